@@ -1,0 +1,75 @@
+"""The project's exceptions: one root, and one-line messages that name the offending place.
+
+A person who gave a bad file reads one line: which file, where in it, what was found there and what
+would be right. The command line turns each class into an exit code (`FlexvizError.exit_code`).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class FlexvizError(Exception):
+    """Root of every error that flexviz raises on purpose; `str(error)` is always a single line."""
+
+    exit_code: int = 1
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
+
+
+class InputError(FlexvizError, ValueError):
+    """Something the user gave is wrong.
+
+    Parameters
+    ----------
+    message: what was found and what would be right, one sentence.
+    file: the file it was found in.
+    place: where in the file: a key ("groups[2].payload"), a row, a column ("row 17, column tau_joint1").
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, *, file: str | Path | None = None, place: str | None = None) -> None:
+        self.message = one_line(message)
+        self.file = None if file is None else str(file)
+        self.place = place
+        where = ", ".join(part for part in (self.file, place) if part)
+        super().__init__(f"{where}: {self.message}" if where else self.message)
+
+
+class ConvergenceError(FlexvizError):
+    """A computation ran but did not arrive at an answer (or diverged)."""
+
+    exit_code = 1
+
+
+class Cancelled(FlexvizError):
+    """The user stopped a computation that has no partial result to give back."""
+
+    exit_code = 130
+
+    def __init__(self, message: str = "stopped by the user") -> None:
+        super().__init__(message)
+
+
+def one_line(text: str) -> str:
+    """`text` with every run of whitespace and control characters turned into one space."""
+    printable = "".join(character if character.isprintable() else " " for character in text)
+    return " ".join(printable.split())
+
+
+def choose_from(found: str, valid: Iterable[str], limit: int = 12) -> str:
+    """The end of an error message: a guess at what was meant, and what would have been valid.
+
+    >>> choose_from("tau_join1", ["tau_joint1", "tau_joint2"])
+    'did you mean "tau_joint1"? valid: tau_joint1, tau_joint2'
+    """
+    names = [str(name) for name in valid]
+    if not names:
+        return "there is nothing to choose from"
+    shown = ", ".join(names[:limit]) + (f", … ({len(names)} in all)" if len(names) > limit else "")
+    guess = difflib.get_close_matches(str(found), names, n=1, cutoff=0.6)
+    return (f'did you mean "{guess[0]}"? ' if guess else "") + f"valid: {shown}"
