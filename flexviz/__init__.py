@@ -1,0 +1,101 @@
+"""flexviz: identify flexible-joint robots from motor-side data.
+
+    import flexviz
+
+    measurements = flexviz.read_set("my_robot")
+    result = flexviz.identify(measurements, refine=True)
+    for p in result.parameters:
+        print(p.name, p.joint, p.value, p.std, p.unit, p.identifiable)
+
+Everything named in ``__all__`` is loaded when it is first used, so ``import flexviz`` itself is fast.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# name -> module that defines it
+_WHERE = {
+    "FlexvizError": "flexviz.errors",
+    "InputError": "flexviz.errors",
+    "ConvergenceError": "flexviz.errors",
+    "Cancelled": "flexviz.errors",
+    "Robot": "flexviz.robot",
+    "PayloadBody": "flexviz.robot",
+    "FlexibleModel": "flexviz.model",
+    "EffectValue": "flexviz.model",
+    "MeasurementSet": "flexviz.measurements",
+    "Group": "flexviz.measurements",
+    "Segment": "flexviz.measurements",
+    "read_set": "flexviz.measurements",
+    "write_set": "flexviz.measurements",
+    "Observer": "flexviz.observers",
+    "OBSERVERS": "flexviz.observers",
+    "make_observer": "flexviz.observers",
+    "sweep": "flexviz.observers",
+    "identify": "flexviz.identification",
+    "Identification": "flexviz.identification",
+    "Iteration": "flexviz.identification",
+    "ParameterEstimate": "flexviz.identification",
+    "ResidualSummary": "flexviz.identification",
+    "simulate_run": "flexviz.simulation",
+    "replay": "flexviz.simulation",
+}
+
+if TYPE_CHECKING:
+    from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
+    from flexviz.identification import (
+        Identification,
+        Iteration,
+        ParameterEstimate,
+        ResidualSummary,
+        identify,
+    )
+    from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
+    from flexviz.model import EffectValue, FlexibleModel
+    from flexviz.observers import OBSERVERS, Observer, make_observer, sweep
+    from flexviz.robot import PayloadBody, Robot
+    from flexviz.simulation import replay, simulate_run
+
+__all__ = [
+    "OBSERVERS",
+    "Cancelled",
+    "ConvergenceError",
+    "EffectValue",
+    "FlexibleModel",
+    "FlexvizError",
+    "Group",
+    "Identification",
+    "InputError",
+    "Iteration",
+    "MeasurementSet",
+    "Observer",
+    "ParameterEstimate",
+    "PayloadBody",
+    "ResidualSummary",
+    "Robot",
+    "Segment",
+    "__version__",
+    "identify",
+    "make_observer",
+    "read_set",
+    "replay",
+    "simulate_run",
+    "sweep",
+    "write_set",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        value = getattr(import_module(_WHERE[name]), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module 'flexviz' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
