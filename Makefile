@@ -1,0 +1,62 @@
+# make install   .venv with the locked versions, and flexviz in it
+# make serve     the app on bundled data   (ARGS="SET --port 9000" for something else)
+# make test      everything that is checked: style, types, tests with coverage
+# make lock      write requirements.lock anew from pyproject.toml
+
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
+BIN := .venv/bin
+JOBS ?= 2
+
+.PHONY: install serve test lint types pytest browser format wheel lock clean
+.DELETE_ON_ERROR:
+
+install: $(BIN)/.installed
+
+$(BIN)/.locked: requirements.lock
+	@test -n "$(PYTHON)" || { echo "flexviz needs Python 3.11 or newer, and none was found:" \
+	  "install it, or say where it is: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11" >&2; exit 2; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is" \
+	  "$$("$(PYTHON)" --version 2>&1); flexviz needs Python 3.11 or newer" >&2; exit 2; }
+	@test -x $(BIN)/pip || "$(PYTHON)" -m venv --clear .venv || { rm -rf .venv; echo "$(PYTHON) cannot make a" \
+	  "virtual environment: install its venv module (Debian, Ubuntu: apt install python3-venv)" >&2; exit 2; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@touch $@
+
+$(BIN)/.installed: $(BIN)/.locked pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+serve: install
+	$(BIN)/flexviz serve $(ARGS)
+
+test: lint types pytest
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: install
+	$(BIN)/pyright
+
+pytest: install browser
+	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term $(ARGS)
+
+browser: install
+	@sh tests/browser/install_chromium.sh $(BIN)/python
+
+format: install
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+wheel: install
+	$(BIN)/python -m hatchling build --target wheel
+
+# needs uv; versions and hashes only, no addresses
+lock:
+	uv pip compile pyproject.toml --group dev --universal --python-version 3.11 --fork-strategy fewest \
+	  --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet \
+	  --output-file requirements.lock
+
+clean:
+	rm -rf .venv build dist .pytest_cache .ruff_cache .hypothesis .coverage
