@@ -1,0 +1,182 @@
+"""What a measurement set is once it is read: groups of uniformly sampled segments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.errors import InputError, choose_from
+
+if TYPE_CHECKING:
+    from flexviz.robot import PayloadBody, Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A stretch of one group without gaps, uniformly sampled.
+
+    Attributes
+    ----------
+    time: (N,) the group's own time [s]; time[i] = time[0] + i · step.
+    theta: (N, n) motor positions at the joint side [rad].
+    tau: (N, n) motor torques at the joint side [Nm].
+    step: sampling step [s].
+    """
+
+    time: Array
+    theta: Array
+    tau: Array
+    step: float
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """One trajectory run with one known payload.
+
+    Attributes
+    ----------
+    name, trajectory, payload: as the measurement set calls them.
+    bodies: the payload's bodies.
+    validation: True when the group is never used for fitting.
+    file: the table it was read from.
+    segments: the usable stretches, in order.
+    time: (N,) every recorded instant [s], as recorded.
+    q: (N, n) link-side positions at `time` [rad], or None; NaN for joints without such a column.
+    tau_joint: (N, n) measured joint torques at `time` [Nm], or None; NaN likewise.
+    theta_ref: (N, n) reference motor positions at `time` [rad], or None; NaN likewise.
+    """
+
+    name: str
+    trajectory: str
+    payload: str
+    bodies: tuple[PayloadBody, ...]
+    validation: bool
+    file: Path
+    segments: tuple[Segment, ...]
+    time: Array
+    q: Array | None = None
+    tau_joint: Array | None = None
+    theta_ref: Array | None = None
+
+    @property
+    def samples(self) -> int:
+        """Number of samples in all segments."""
+        return sum(len(segment) for segment in self.segments)
+
+    @property
+    def duration(self) -> float:
+        """Total length of the segments [s]."""
+        return sum(segment.step * (len(segment) - 1) for segment in self.segments)
+
+    def at(self, name: str, time: Array) -> Array | None:
+        """An optional signal ("q", "tau_joint", "theta_ref") at `time` (M,), linearly interpolated: (M, n)."""
+        values: Array | None = getattr(self, name)
+        if values is None:
+            return None
+        if len(time) == len(self.time) and np.array_equal(time, self.time):
+            return values
+        columns = [np.interp(time, self.time, values[:, j]) for j in range(values.shape[1])]
+        return np.stack(columns, axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementSet:
+    """A robot, its groups, and what is roughly known about its joints (n joints, in the set's order).
+
+    Attributes
+    ----------
+    path: the set's folder.
+    name: its name (the folder's).
+    robot: the robot, reduced to `joints`.
+    joints: names of the n joints; the order of every list and column.
+    torque_hold: h [s]: a torque is sampled at the start of a hold of h, so τ(t − h/2) acts.
+    initial_stiffness: (n,) rough stiffness [Nm/rad], or None.
+    initial_motor_inertia: (n,) rough motor inertia at the joint side [kg m²], or None.
+    kp, kd: (n,) the controller's gains [Nm/rad], [Nm s/rad], or None.
+    effects: names of the effects the model starts with, on every joint.
+    payloads: name -> bodies.
+    groups: all groups, in the file's order.
+    simulated: True when the set was written by a simulator (it then says so in truth.json).
+    warnings: what looked odd while reading, one line each.
+    """
+
+    path: Path
+    name: str
+    robot: Robot
+    joints: tuple[str, ...]
+    torque_hold: float
+    initial_stiffness: Array | None
+    initial_motor_inertia: Array | None
+    kp: Array | None
+    kd: Array | None
+    effects: tuple[str, ...]
+    payloads: dict[str, tuple[PayloadBody, ...]]
+    groups: tuple[Group, ...]
+    simulated: bool = False
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def fit_groups(self) -> tuple[Group, ...]:
+        """Groups that may be fitted."""
+        return tuple(group for group in self.groups if not group.validation)
+
+    @property
+    def validation_groups(self) -> tuple[Group, ...]:
+        """Groups that are never used for fitting."""
+        return tuple(group for group in self.groups if group.validation)
+
+    def group(self, name: str) -> Group:
+        """The group called `name`; InputError listing the valid names when there is none."""
+        for group in self.groups:
+            if group.name == name:
+                return group
+        raise InputError(
+            f'group "{name}" does not exist; {choose_from(name, [g.name for g in self.groups])}',
+            file=self.path,
+        )
+
+    def select(self, names: Sequence[str] | None = None) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
+        """Groups to fit and groups to validate on.
+
+        `names` are the groups to fit (None: all that are not for validation); what is not fitted but marked as
+        validation is validated on. A validation group cannot be asked to be fitted.
+        """
+        if names is None:
+            fit = self.fit_groups
+        else:
+            fit = tuple(dict.fromkeys(self.group(name) for name in names))
+        for group in fit:
+            if group.validation:
+                valid = choose_from(group.name, [g.name for g in self.fit_groups])
+                raise InputError(
+                    f'group "{group.name}" is for validation, never for fitting; {valid}', file=self.path
+                )
+        if not fit:
+            why = "every group is marked as validation" if names is None else "no group was named"
+            raise InputError(
+                f"there is no group to fit: {why}, at least one to fit is needed", file=self.path
+            )
+        return fit, self.validation_groups
+
+    def joint_index(self, joint: str) -> int:
+        """Position of `joint` in every list; InputError listing the valid names when it is not in the set."""
+        if joint not in self.joints:
+            raise InputError(
+                f'joint "{joint}" is not in the set; {choose_from(joint, self.joints)}', file=self.path
+            )
+        return self.joints.index(joint)
