@@ -1,0 +1,65 @@
+"""The model of a flexible-joint robot as plain numbers: what is identified, simulated and saved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from flexviz.errors import InputError
+
+_ARRAYS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction", "inertial")
+
+
+@dataclass(frozen=True)
+class EffectValue:
+    """One effect on one joint (or on none), with the values of its parameters in SI units."""
+
+    effect: str
+    joint: str | None
+    parameters: dict[str, float] = field(default_factory=dict)
+    group: str | None = None
+    payload: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FlexibleModel:
+    """Parameters of a flexible-joint robot, everything at the joint side, in the set's joint order.
+
+    Attributes
+    ----------
+    joints: names of the n joints.
+    stiffness: (n,) K [Nm/rad].
+    motor_inertia: (n,) B [kg m²].
+    link_viscous_friction: (n,) f_lv [Nm s/rad].
+    motor_viscous_friction: (n,) f_mv [Nm s/rad].
+    inertial: (n, 10) m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint frame [kg, kg m, kg m²],
+        without payload.
+    effects: further effects with their values.
+    """
+
+    joints: tuple[str, ...]
+    stiffness: np.ndarray
+    motor_inertia: np.ndarray
+    link_viscous_friction: np.ndarray
+    motor_viscous_friction: np.ndarray
+    inertial: np.ndarray
+    effects: tuple[EffectValue, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "effects", tuple(self.effects))
+        n = len(self.joints)
+        for name in _ARRAYS:
+            shape = (n, 10) if name == "inertial" else (n,)
+            value: Any = np.array(getattr(self, name), dtype=float)
+            if value.shape != shape:
+                raise InputError(f"{name} has shape {value.shape}, {shape} would be right for {n} joints")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)

@@ -1,0 +1,242 @@
+"""A robot: its kinematic tree reduced to the joints of a measurement set, with CAD inertias and payloads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexviz._pinocchio import pin
+from flexviz.errors import InputError, choose_from
+from flexviz.robot_files import find_urdf, mesh_names, read_urdf, resolve_mesh
+from flexviz.robot_settings import SETTINGS, RobotSettings, load_settings
+
+__all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "load_settings"]
+
+GRAVITY = (0.0, 0.0, -9.81)  # [m/s²] along the URDF's z
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class PayloadBody:
+    """A rigid body fixed to a link.
+
+    Attributes
+    ----------
+    link: name of the URDF link it is fixed to.
+    mass: [kg].
+    com: (3,) its centre of mass in the link's frame [m].
+    inertia: (6,) Ixx Iyy Izz Ixy Ixz Iyz about its own centre of mass, along the link's axes [kg m²].
+    """
+
+    link: str
+    mass: float
+    com: np.ndarray
+    inertia: np.ndarray
+
+    def __init__(self, link: str, mass: float, com: ArrayLike, inertia: ArrayLike) -> None:
+        object.__setattr__(self, "link", link)
+        object.__setattr__(self, "mass", float(mass))
+        for name, given, length in (("com", com, 3), ("inertia", inertia, 6)):
+            value = np.array(given, dtype=float)
+            if value.shape != (length,):
+                found = f"{name} has shape {value.shape}, ({length},) would be right"
+                raise InputError(f"payload body on {link}: {found}")
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+
+    @property
+    def inertia_matrix(self) -> np.ndarray:
+        """(3, 3) inertia about the body's own centre of mass [kg m²]."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A robot's tree with n moving joints, in the order of the measurement set.
+
+    Attributes
+    ----------
+    name: the robot's name.
+    source: what it was loaded from, as written in a measurement set.
+    urdf_path: the URDF file.
+    joints: names of the n moving joints; every other joint stays locked at neutral.
+    model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order.
+    order: (n,) Pinocchio's index of the set's joint i.
+    """
+
+    name: str
+    source: str
+    urdf_path: Path
+    joints: tuple[str, ...]
+    model: Any
+    order: np.ndarray
+    urdf: str
+
+    @staticmethod
+    def load(source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None) -> Robot:
+        """Load a URDF by path (relative to `base`), `example-robot-data:<name>` or `robots:<name>`.
+
+        `joints` None takes every revolute, continuous and prismatic joint in tree order.
+        """
+        path = find_urdf(source, base)
+        name, urdf = read_urdf(path)
+        try:
+            full = pin.buildModelFromXML(urdf)
+        except (ValueError, RuntimeError) as error:
+            raise InputError(f"not a usable URDF ({error})", file=path) from None
+        single = [i for i in range(1, full.njoints) if full.joints[i].nq == full.joints[i].nv == 1]
+        movable = [full.names[i] for i in single]
+        chosen = tuple(movable if joints is None else joints)
+        for joint in chosen:
+            if joint not in movable:
+                valid = choose_from(joint, movable)
+                raise InputError(f'joint "{joint}" is not a moving joint of this robot; {valid}', file=path)
+            if chosen.count(joint) > 1:
+                times = chosen.count(joint)
+                raise InputError(f'joint "{joint}" is given {times} times, once would be right', file=path)
+        if not chosen:
+            raise InputError("the robot has no moving joint", file=path)
+        locked = [i for i in range(1, full.njoints) if full.names[i] not in chosen]
+        model = pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
+        model.gravity.linear = np.array(GRAVITY)
+        order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
+        return Robot(name, str(source), path, chosen, model, order, urdf)
+
+    @property
+    def n(self) -> int:
+        """Number of moving joints."""
+        return len(self.joints)
+
+    # -- joint order ---------------------------------------------------------------------------------
+
+    def to_pin(self, x: np.ndarray) -> np.ndarray:
+        """x (..., n) from the set's order to Pinocchio's along the last axis; no copy when they agree."""
+        return x if self._identity else x[..., self._inverse]
+
+    def from_pin(self, x: np.ndarray) -> np.ndarray:
+        """x (..., n) from Pinocchio's order to the set's along the last axis; no copy when they agree."""
+        return x if self._identity else x[..., self.order]
+
+    @cached_property
+    def _identity(self) -> bool:
+        return bool(np.array_equal(self.order, np.arange(self.n)))
+
+    @cached_property
+    def _inverse(self) -> np.ndarray:
+        return np.argsort(self.order)
+
+    # -- inertias ------------------------------------------------------------------------------------
+
+    @cached_property
+    def cad_parameters(self) -> np.ndarray:
+        """(n, 10) the URDF's inertias about the joint frames: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
+        rows = [self.model.inertias[1 + i].toDynamicParameters() for i in range(self.n)]
+        return self._frozen(np.array(rows)[self.order])
+
+    def payload_parameters(self, bodies: Sequence[PayloadBody]) -> np.ndarray:
+        """(n, 10) what `bodies` add to the inertial parameters, in the order of `cad_parameters`."""
+        total = np.zeros((self.n, 10))
+        for body in bodies:
+            joint = self.joint_of_link(body.link)
+            if joint is None or (body.mass == 0.0 and not body.inertia.any()):
+                continue
+            placement = self._link_frame(body.link).placement  # joint -> link
+            centre = placement.act(body.com)  # [m] in the joint's frame
+            rotated = placement.rotation @ body.inertia_matrix @ placement.rotation.T
+            moved = rotated + body.mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+            upper = (moved[0, 0], moved[0, 1], moved[1, 1], moved[0, 2], moved[1, 2], moved[2, 2])
+            total[joint] += np.concatenate(([body.mass], body.mass * centre, upper))
+        return total
+
+    def model_with(
+        self,
+        parameters: np.ndarray,
+        payload: Sequence[PayloadBody] = (),
+        gravity: Sequence[float] = GRAVITY,
+    ) -> Any:
+        """A copy of the model with inertias `parameters` (n, 10) + payload, and this gravity (3,) [m/s²]."""
+        values = np.asarray(parameters, dtype=float) + self.payload_parameters(payload)
+        model = self.model.copy()
+        for i, row in enumerate(values):
+            if row[0] == 0.0 and row.any():
+                name = self.joints[i]
+                raise InputError(f"joint {name}: a body without mass cannot have moments or inertia")
+            inertia = pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
+            model.inertias[1 + int(self.order[i])] = inertia
+        model.gravity.linear = np.asarray(gravity, dtype=float)
+        return model
+
+    # -- links ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names of all links."""
+        return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
+
+    def joint_of_link(self, link: str) -> int | None:
+        """Index of the set's joint that moves `link`, or None when it is fixed to the base."""
+        parent = self._link_frame(link).parentJoint
+        return None if parent == 0 else int(np.flatnonzero(self.order == self.model.idx_vs[parent])[0])
+
+    def link_poses(self, q: np.ndarray) -> dict[str, np.ndarray]:
+        """World pose (4, 4) of every link at the joint positions q (n,) [rad]."""
+        data = self.model.createData()
+        pin.framesForwardKinematics(self.model, data, self.to_pin(np.asarray(q, dtype=float)))
+        return {name: data.oMf[index].homogeneous for name, index in self._link_index.items()}
+
+    def _link_frame(self, link: str) -> Any:
+        if link not in self._link_index:
+            valid = choose_from(link, self.links)
+            raise InputError(f'link "{link}" does not exist; {valid}', file=self.urdf_path)
+        return self.model.frames[self._link_index[link]]
+
+    @cached_property
+    def _link_index(self) -> dict[str, int]:
+        return {f.name: i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY}
+
+    # -- drawing -------------------------------------------------------------------------------------
+
+    @cached_property
+    def lower_limit(self) -> np.ndarray:
+        """(n,) lower position limits [rad]."""
+        return self._frozen(self.from_pin(self.model.lowerPositionLimit))
+
+    @cached_property
+    def upper_limit(self) -> np.ndarray:
+        """(n,) upper position limits [rad]."""
+        return self._frozen(self.from_pin(self.model.upperPositionLimit))
+
+    @cached_property
+    def velocity_limit(self) -> np.ndarray:
+        """(n,) velocity limits [rad/s]."""
+        return self._frozen(self.from_pin(self.model.velocityLimit))
+
+    def yourdf(self, collision: bool = False) -> Any:
+        """The robot as `yourdfpy.URDF` with its visual (and, if asked, collision) meshes loaded.
+
+        A mesh that does not exist is an InputError that names it.
+        """
+        import io
+
+        import yourdfpy
+
+        for name in mesh_names(self.urdf):
+            resolve_mesh(name, self.urdf_path)
+        return yourdfpy.URDF.load(
+            io.BytesIO(self.urdf.encode()),
+            filename_handler=lambda fname: str(resolve_mesh(fname, self.urdf_path)),
+            build_collision_scene_graph=collision,
+            load_collision_meshes=collision,
+        )
+
+    @staticmethod
+    def _frozen(x: np.ndarray) -> np.ndarray:
+        x = np.array(x, dtype=float)
+        x.setflags(write=False)
+        return x

@@ -1,0 +1,135 @@
+"""Find robot descriptions and the meshes they name.
+
+A robot is given as the path of a URDF, as `example-robot-data:<name>` (the collection installed beside
+Pinocchio) or as `robots:<name>` (shipped with flexviz). Meshes are named by plain paths or `package://` ones.
+"""
+
+from __future__ import annotations
+
+import re
+import sysconfig
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+from flexviz.errors import InputError, choose_from
+from flexviz.resources import robots_dir
+
+EXAMPLE_ROBOT_DATA = "example-robot-data"
+_SUFFIXES = ("_robot", "_description")
+
+
+def share_dir() -> Path:
+    """The folder `package://` paths of example-robot-data are relative to."""
+    for key in ("purelib", "platlib"):
+        folder = Path(sysconfig.get_paths()[key]) / "cmeel.prefix" / "share"
+        if folder.is_dir():
+            return folder
+    return Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "share"
+
+
+@lru_cache(maxsize=1)
+def example_robots() -> dict[str, Path]:
+    """Short name -> URDF of every robot in the installed example-robot-data.
+
+    A URDF is named by its file's stem without a closing "_robot" ("panda", "ur5"); where two folders use the
+    same stem, by its folder ("anymal_b_simple").
+    """
+    root = share_dir() / EXAMPLE_ROBOT_DATA / "robots"
+    files = sorted(root.glob("*/*/*.urdf"))
+    stems = [_without_suffix(file.stem) for file in files]
+    folders = [_without_suffix(file.relative_to(root).parts[0]) for file in files]
+    return {
+        stem if stems.count(stem) == 1 else folder: file
+        for stem, folder, file in zip(stems, folders, files, strict=True)
+    }
+
+
+def shipped_robots() -> dict[str, Path]:
+    """Name -> URDF of every robot shipped with flexviz."""
+    files = sorted(robots_dir().glob("*/*.urdf"))
+    return {file.stem: file for file in files}
+
+
+def find_urdf(source: str | Path, base: Path | None = None) -> Path:
+    """The URDF file that `source` names; a plain path is relative to `base`."""
+    text = str(source)
+    scheme, _, name = text.partition(":")
+    if name and scheme in (EXAMPLE_ROBOT_DATA, "robots"):
+        known = example_robots() if scheme == EXAMPLE_ROBOT_DATA else shipped_robots()
+        if not known and scheme == EXAMPLE_ROBOT_DATA:
+            raise InputError(f'robot "{text}": the package example-robot-data is not installed')
+        name = name if name in known else _without_suffix(name)
+        if name not in known:
+            raise InputError(f'robot "{text}" does not exist; {choose_from(name, sorted(known), limit=80)}')
+        return known[name]
+    path = Path(base or ".") / text
+    if not path.is_file():
+        raise InputError(
+            "robot description not found; the path of a URDF, example-robot-data:<name> "
+            "or robots:<name> would be right",
+            file=path,
+        )
+    return path
+
+
+def read_urdf(path: Path) -> tuple[str, str]:
+    """Name of the robot and the URDF's text as it is used here.
+
+    Continuous joints become revolute ones with wide limits (so nq == nv), mimic joints become free ones.
+    """
+    try:
+        root = ElementTree.fromstring(path.read_text(encoding="utf-8-sig"))
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        place = f"line {line}, column {column + 1}"
+        raise InputError(f"not valid XML ({error})", file=path, place=place) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot be read ({error})", file=path) from None
+    if root.tag != "robot":
+        raise InputError(f"the outermost element is <{root.tag}>, <robot> would be right", file=path)
+    for joint in root.findall("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ElementTree.SubElement(joint, "limit", {"effort": "0", "velocity": "0"})
+            limit.set("lower", "-1000")
+            limit.set("upper", "1000")
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    return root.get("name") or path.stem, ElementTree.tostring(root, encoding="unicode")
+
+
+def mesh_names(urdf: str) -> Iterator[str]:
+    """Every mesh file name in a URDF's text, each once."""
+    names = (mesh.get("filename", "") for mesh in ElementTree.fromstring(urdf).iter("mesh"))
+    return iter(dict.fromkeys(names))
+
+
+def resolve_mesh(name: str, urdf_path: Path) -> Path:
+    """The file that a mesh name in `urdf_path` stands for; InputError naming it when there is none."""
+    folder = urdf_path.parent
+    match = re.match(r"(package|file|model)://(.*)", name)
+    tried: list[Path] = []
+    if match is None:
+        tried.append(folder / name)
+    elif match[1] == "file":
+        tried.append(Path(match[2]))
+    else:
+        inside = match[2].split("/", 1)[-1]
+        tried.append(share_dir() / match[2])
+        for parent in folder.resolve().parents:
+            tried.append(parent / match[2])
+        tried += [folder / match[2], folder / inside, folder.parent / inside]
+    for path in tried:
+        if path.is_file():
+            return path
+    raise InputError(f'mesh "{name}" not found (looked for {tried[0]})', file=urdf_path)
+
+
+def _without_suffix(name: str) -> str:
+    for suffix in _SUFFIXES:
+        name = name.removesuffix(suffix)
+    return name

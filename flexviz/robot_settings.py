@@ -1,0 +1,72 @@
+"""Ready flexible-joint settings for robots: stiffness, motor inertia, friction, controller, sensors.
+
+One TOML file a robot in `robots/`; a list has one value a joint, in the order of `joints`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from flexviz.errors import InputError, choose_from
+from flexviz.resources import robots_dir
+
+SETTINGS: tuple[str, ...] = ("planar_2r", "panda", "ur5")
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSettings:
+    """Typical values of a robot with flexible joints, all at the joint side.
+
+    Attributes
+    ----------
+    robot: what to give `Robot.load`.
+    joints: names of the n joints.
+    stiffness: (n,) [Nm/rad].
+    motor_inertia: (n,) [kg m²].
+    link_viscous_friction, motor_viscous_friction: (n,) [Nm s/rad].
+    kp, kd: (n,) controller gains [Nm/rad], [Nm s/rad].
+    cycle: controller cycle [s].
+    theta_noise: (n,) standard deviation of the motor positions' noise [rad].
+    torque_noise: (n,) standard deviation of the torques' noise [Nm].
+    """
+
+    name: str
+    robot: str
+    joints: tuple[str, ...]
+    stiffness: np.ndarray
+    motor_inertia: np.ndarray
+    link_viscous_friction: np.ndarray
+    motor_viscous_friction: np.ndarray
+    kp: np.ndarray
+    kd: np.ndarray
+    cycle: float
+    theta_noise: np.ndarray
+    torque_noise: np.ndarray
+
+
+def load_settings(name: str) -> RobotSettings:
+    """The ready settings `name` ("planar_2r", "panda", "ur5")."""
+    if name not in SETTINGS:
+        raise InputError(f'settings "{name}" do not exist; {choose_from(name, SETTINGS)}')
+    path = robots_dir() / f"{name}.toml"
+    if not path.is_file():
+        raise InputError("settings file not found", file=path)
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    known = [f.name for f in fields(RobotSettings) if f.name != "name"]
+    values: dict[str, Any] = {}
+    for key in known:
+        if key not in table:
+            raise InputError(f'key "{key}" is missing', file=path)
+        value = table[key]
+        if key == "joints":
+            value = tuple(value)
+        elif isinstance(value, list):
+            value = np.array(value, dtype=float)
+            if value.shape != (len(table["joints"]),):
+                raise InputError(f"{len(value)} values, one a joint would be right", file=path, place=key)
+        values[key] = value
+    return RobotSettings(name=name, **values)
