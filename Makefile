@@ -37,7 +37,7 @@ lint: install
 	$(BIN)/ruff format --check .
 
 types: install
-	$(BIN)/pyright
+	$(BIN)/pyright --pythonpath $(BIN)/python
 
 pytest: install browser
 	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term $(ARGS)

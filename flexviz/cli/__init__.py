@@ -1,0 +1,66 @@
+"""The command line: one file per command, no computing here.
+
+Exit codes: 0 done, 1 ran but did not converge, 2 bad input or usage, 130 interrupted. Results go to
+standard output, progress and messages to standard error. Commands import what they need when they run, so
+that `flexviz --help` is quick.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from flexviz import __version__
+from flexviz.cli import identify
+from flexviz.errors import FlexvizError, one_line
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+app = typer.Typer(
+    help="Identify flexible-joint robots from motor-side data, and see what the identified model does.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("identify")(identify.identify)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: bool = typer.Option(False, "--version", help="Print the version and stop."),
+) -> None:
+    if version:
+        print(f"flexviz {__version__}")
+        raise typer.Exit()
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help(), err=True)
+        raise typer.Exit(EXIT_BAD_INPUT)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command (by default that of `sys.argv`) and return its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # type: ignore[union-attr]  # a C locale has no θ
+    try:
+        code = app(args=arguments, prog_name="flexviz", standalone_mode=False)
+    except FlexvizError as error:
+        return _fail(str(error), error.exit_code)
+    except typer.TyperException as error:
+        return _fail(error.format_message(), EXIT_BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{where}{error.strerror or error}", EXIT_BAD_INPUT)
+    return int(code or 0)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"flexviz: {one_line(message)}", file=sys.stderr)
+    return code

@@ -1,0 +1,94 @@
+"""What a person sees while a command works, always on standard error.
+
+A terminal gets one live line; a file or a pipe gets a plain line when the stage changes and at most one every
+few seconds in between.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+SPARSE_SECONDS = 5.0  # [s] between two lines where there is no terminal
+
+
+def note(message: str) -> None:
+    """One plain line on standard error."""
+    print(message, file=sys.stderr, flush=True)
+
+
+class Reporter:
+    """Shows how far a piece of work is; use it as a context manager and call it with news."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._stage = ""
+        self._last = -SPARSE_SECONDS
+        self._bar: Progress | None = None
+        console = Console(stderr=True)
+        if console.is_terminal and not console.is_dumb_terminal:
+            self._bar = Progress(
+                SpinnerColumn(),
+                TextColumn("{task.description}", markup=False),
+                BarColumn(bar_width=24),
+                TextColumn("{task.fields[detail]}", markup=False),
+                TimeElapsedColumn(),
+                console=console,
+                transient=True,
+            )
+            self._task = self._bar.add_task(title, total=None, detail="")
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, stage: str, detail: str = "", fraction: float | None = None) -> None:
+        """Show `stage` and `detail`; `fraction` in 0…1 where the end is known."""
+        if self._bar is not None:
+            self._bar.update(self._task, description=stage or self._title, detail=detail)
+            if fraction is not None:
+                self._bar.update(self._task, total=1.0, completed=min(max(fraction, 0.0), 1.0))
+            return
+        now = time.monotonic()
+        if stage == self._stage and now - self._last < SPARSE_SECONDS:
+            return
+        self._stage, self._last = stage, now
+        share = "" if fraction is None else f" {100 * fraction:.0f} %"
+        note(" ".join(part for part in (f"{stage or self._title}{share}", detail) if part))
+
+
+@contextmanager
+def interruptible() -> Iterator[Callable[[], bool]]:
+    """A `should_stop` that becomes true at the first Ctrl+C; the second one ends the program at once."""
+    asked = threading.Event()
+
+    def on_interrupt(number: int, frame: FrameType | None) -> Any:
+        if asked.is_set():
+            raise KeyboardInterrupt
+        asked.set()
+        note("stopping; what was found so far is kept (Ctrl+C again to end at once)")
+
+    if threading.current_thread() is not threading.main_thread():
+        yield asked.is_set
+        return
+    previous = signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield asked.is_set
+    finally:
+        signal.signal(signal.SIGINT, previous)
