@@ -1,0 +1,196 @@
+"""What holds for the whole source tree: who may import whom, and what must not stand in any file."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "flexviz"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+LONGEST = 400  # lines in one Python file
+
+# Data flow one way: a module may import from its own row and from rows above it.
+LAYERS = (
+    ("errors", "resources", "jobs"),
+    ("_pinocchio", "robot", "robot_files", "robot_settings", "model"),
+    ("measurements", "noise"),
+    ("observers", "effects"),
+    ("equation",),
+    ("identification",),
+    ("simulation", "session"),
+    ("view",),
+    ("app", "recording"),
+    ("cli",),
+)
+RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row}
+
+
+def unit(path: Path) -> str:
+    """The module or package directly under flexviz/ that a file belongs to; "" for flexviz/__init__.py."""
+    first = path.relative_to(PACKAGE).parts[0]
+    return "" if first == "__init__.py" else first.removesuffix(".py")
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
+def imports(path: Path) -> Iterator[tuple[str, int]]:
+    """Every absolute module name a file imports, wherever in it, with its line."""
+    package = ("flexviz", *path.relative_to(PACKAGE).parts[:-1])
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, node.lineno
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(package[: len(package) - node.level + 1]) if node.level else ""
+            module = ".".join(part for part in (base, node.module or "") if part)
+            yield module, node.lineno
+            for alias in node.names:
+                yield f"{module}.{alias.name}", node.lineno
+
+
+def tracked() -> list[Path]:
+    try:
+        names = subprocess.run(
+            ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout.split("\0")
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("not a git checkout")
+    return [ROOT / name for name in names if name and (ROOT / name).is_file()]
+
+
+@pytest.mark.parametrize("module, home", [("viser", "app"), ("rerun", "recording")])
+def test_only_one_place_imports(module: str, home: str) -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in SOURCES
+        if unit(path) != home
+        for name, line in imports(path)
+        if name.split(".")[0] == module
+    ]
+    assert not found, f"only flexviz/{home} may import {module}"
+
+
+def test_every_module_has_its_layer() -> None:
+    unknown = {unit(path) for path in SOURCES} - RANK.keys() - {""}
+    assert not unknown, "put it where it belongs in LAYERS"
+
+
+def test_data_flow_one_way() -> None:
+    wrong = []
+    for path in SOURCES:
+        here = unit(path)
+        if not here:  # flexviz/__init__.py re-exports
+            continue
+        for name, line in imports(path):
+            parts = name.split(".")
+            if parts[0] == "flexviz" and len(parts) > 1 and RANK.get(parts[1], -1) > RANK.get(here, len(LAYERS)):
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}")
+    assert not wrong
+
+
+def test_simulator_is_independent_of_the_identification() -> None:
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line} imports {name}"
+        for path in SOURCES
+        if unit(path) == "simulation"
+        for name, line in imports(path)
+        if name.startswith(("flexviz.equation", "flexviz.identification"))
+    ]
+    assert not wrong, "a simulator built on the identification's equation would only confirm it"
+
+
+def test_nothing_runs_text_or_unpickles() -> None:
+    wrong = []
+    for path in SOURCES:
+        for name, line in imports(path):
+            if name.split(".")[0] in {
+                "pickle",
+                "cPickle",
+                "dill",
+                "cloudpickle",
+                "shelve",
+                "marshal",
+                "joblib",
+            }:
+                wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}")
+        for node in ast.walk(tree(path)):
+            if not isinstance(node, ast.Call):
+                continue
+            if isinstance(node.func, ast.Name) and node.func.id in {"eval", "exec", "compile", "__import__"}:
+                wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} calls {node.func.id}")
+            for keyword in node.keywords:
+                on = isinstance(keyword.value, ast.Constant) and keyword.value.value is True
+                if keyword.arg in {"allow_pickle", "shell"} and on:
+                    wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} passes {keyword.arg}=True")
+    assert not wrong
+
+
+def test_no_address_of_a_package_registry_and_no_local_path() -> None:
+    # written in parts, so that this file does not contain them
+    hosts = [
+        ".".join(parts)
+        for parts in (
+            ("pypi", "org"),
+            ("pythonhosted", "org"),
+            ("anaconda", "org"),
+            ("npmjs", "org"),
+            ("npmjs", "com"),
+            ("debian", "org/debian"),
+        )
+    ]
+    places = [
+        "/" + "/".join(parts)
+        for parts in (("opt", "pypi"), ("work", "main"), ("work", "shared"), ("tmp", "w/"))
+    ]
+    forbidden = [text.encode() for text in hosts + places]
+    wrong = [
+        f"{path.relative_to(ROOT)} contains {text.decode()}"
+        for path in tracked()
+        for text in forbidden
+        if text in path.read_bytes()
+    ]
+    assert not wrong
+
+
+def test_lock_file_has_hashes_and_no_addresses() -> None:
+    text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    assert "://" not in text and "--find-links" not in text
+    requirements = [block for block in text.replace("\\\n", " ").splitlines() if block and block[0].isalnum()]
+    assert len(requirements) > 50
+    assert all("==" in block and "--hash=sha256:" in block for block in requirements)
+
+
+def test_files_are_short() -> None:
+    files = [path for folder in ("flexviz", "tests", "benchmarks") for path in (ROOT / folder).rglob("*.py")]
+    lengths = {
+        str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in files
+    }
+    assert not {name: length for name, length in lengths.items() if length > LONGEST}
+
+
+@pytest.mark.parametrize("code", ["import flexviz", "import flexviz.cli"])
+def test_import_is_light(code: str) -> None:
+    heavy = "viser rerun pyarrow pandas pinocchio scipy numpy trimesh yourdfpy"
+    program = f"{code}, sys; print([m for m in {heavy.split()} if m in sys.modules])"
+    out = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_everything_exported_exists() -> None:
+    import flexviz
+
+    for name in flexviz.__all__:
+        assert getattr(flexviz, name) is not None
+    assert set(flexviz._WHERE) | {"__version__"} == set(flexviz.__all__)
+    with pytest.raises(AttributeError, match="no_such_thing"):
+        flexviz.no_such_thing  # noqa: B018
