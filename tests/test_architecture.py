@@ -96,7 +96,9 @@ def test_data_flow_one_way() -> None:
             parts = name.split(".")
             if name.startswith(CONSTANTS):
                 continue
-            if parts[0] == "flexviz" and len(parts) > 1 and RANK.get(parts[1], -1) > RANK.get(here, len(LAYERS)):
+            if parts[0] != "flexviz" or len(parts) == 1:
+                continue
+            if RANK.get(parts[1], -1) > RANK.get(here, len(LAYERS)):
                 wrong.append(f"{path.relative_to(ROOT)}:{line} imports {name}")
     assert not wrong
 
