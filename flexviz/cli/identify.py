@@ -46,13 +46,14 @@ def identify(
 
     output.check_output_file(json_file)
     width = parse_bandwidth(bandwidth)
-    _check_observer(observer, width)
 
     with Reporter("reading") as report:
         report(f"reading {measurement_set}")
         from flexviz.identification import identify as run
         from flexviz.measurements import read_set
+        from flexviz.observers import make_observer
 
+        make_observer(observer, width)  # a wrong name is better said before a long file is read
         measurements = read_set(measurement_set)
         _check_choices(measurements, group, width)
         with interruptible() as should_stop:
@@ -105,14 +106,6 @@ def parse_bandwidth(text: str | None) -> float | list[float] | None:
         if not (math.isfinite(values[-1]) and values[-1] > 0.0):
             raise InputError(f"--bandwidth {text}: {part} is not a positive number of rad/s")
     return values[0] if len(values) == 1 else values
-
-
-def _check_observer(name: str, bandwidth: float | list[float] | None) -> None:
-    from flexviz.observers import OBSERVERS, make_observer
-
-    if name not in OBSERVERS:
-        raise InputError(f"--observer {name}: unknown observer; {choose_from(name, OBSERVERS)}")
-    make_observer(name, bandwidth)
 
 
 def _check_choices(

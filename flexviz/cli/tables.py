@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from rich import box
 from rich.table import Table
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from flexviz.identification import Identification, ParameterEstimate, ResidualSummary
 
 TWO_SIDED_95 = 1.96  # standard errors in half a 95 % interval
@@ -69,10 +71,10 @@ def summary(result: Identification) -> list[str]:
     return lines
 
 
-def bandwidth_text(bandwidth: object) -> str:
+def bandwidth_text(bandwidth: float | Sequence[float] | np.ndarray) -> str:
     """One number or one a joint, in rad/s."""
-    values = [bandwidth] if isinstance(bandwidth, int | float) else list(bandwidth or ())  # type: ignore[call-overload]
-    return ", ".join(f"{float(value):.4g}" for value in values) + " rad/s" if values else "bandwidth not set"
+    values = [bandwidth] if isinstance(bandwidth, int | float) else list(bandwidth)
+    return ", ".join(f"{float(value):.4g}" for value in values) + " rad/s"
 
 
 def number(value: float | None, half_width: float | None = None) -> str:
