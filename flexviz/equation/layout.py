@@ -1,0 +1,115 @@
+"""Where each parameter stands in the solver's vector.
+
+The solver works with the compliance c = 1/K: q = θ − c s is linear in it, a rigid joint is c = 0, and the residual
+is nearly linear, so that a start value ten times off is one good step away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.model import EffectValue, FlexibleModel
+
+Array = NDArray[np.float64]
+
+INERTIAL_NAMES = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²", "kg m²")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), then the effects' parameters.
+
+    Attributes:
+        joints: names of the joints.
+        effects: the model's effects.
+    """
+
+    joints: tuple[str, ...]
+    effects: tuple[ChosenEffect, ...] = ()
+
+    @property
+    def n(self) -> int:
+        return len(self.joints)
+
+    @property
+    def inertial(self) -> slice:
+        return slice(0, 10 * self.n)
+
+    @property
+    def compliance(self) -> slice:
+        return slice(10 * self.n, 11 * self.n)
+
+    @property
+    def motor_inertia(self) -> slice:
+        return slice(11 * self.n, 12 * self.n)
+
+    @property
+    def link_viscous(self) -> slice:
+        return slice(12 * self.n, 13 * self.n)
+
+    @property
+    def motor_viscous(self) -> slice:
+        return slice(13 * self.n, 14 * self.n)
+
+    @property
+    def effect_start(self) -> int:
+        return 14 * self.n
+
+    def effect_slices(self) -> list[tuple[ChosenEffect, slice]]:
+        """Each effect with the place of its parameters."""
+        out, at = [], self.effect_start
+        for effect in self.effects:
+            width = len(EFFECTS[effect.effect].parameters)
+            out.append((effect, slice(at, at + width)))
+            at += width
+        return out
+
+    @property
+    def size(self) -> int:
+        return self.effect_start + sum(len(EFFECTS[e.effect].parameters) for e in self.effects)
+
+    def names(self) -> list[tuple[str, str, str]]:
+        """(name, joint, unit) of every entry as the JSON contract calls it; c stands for the stiffness."""
+        rows = [(INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)]
+        rows += [("stiffness", j, "Nm/rad") for j in self.joints]
+        rows += [("motor_inertia", j, "kg m²") for j in self.joints]
+        rows += [("link_viscous_friction", j, "Nm s/rad") for j in self.joints]
+        rows += [("motor_viscous_friction", j, "Nm s/rad") for j in self.joints]
+        for effect in self.effects:
+            specs = EFFECTS[effect.effect].parameters
+            rows += [(f"{effect.effect}.{p.name}", self.joints[effect.joint], p.unit) for p in specs]
+        return rows
+
+    def model(self, x: Array) -> FlexibleModel:
+        """The vector as a model."""
+        values = [
+            EffectValue(
+                effect.effect,
+                self.joints[effect.joint],
+                {p.name: float(v) for p, v in zip(EFFECTS[effect.effect].parameters, x[where], strict=True)},
+            )
+            for effect, where in self.effect_slices()
+        ]
+        return FlexibleModel(
+            self.joints, 1 / x[self.compliance], x[self.motor_inertia], x[self.link_viscous],
+            x[self.motor_viscous], x[self.inertial].reshape(self.n, 10), tuple(values),
+        )  # fmt: skip
+
+    def vector(self, model: FlexibleModel) -> Array:
+        """The model as a vector; effects that it does not have are zero."""
+        x = np.zeros(self.size)
+        x[self.inertial] = model.inertial.ravel()
+        x[self.compliance] = 1 / model.stiffness
+        x[self.motor_inertia] = model.motor_inertia
+        x[self.link_viscous] = model.link_viscous_friction
+        x[self.motor_viscous] = model.motor_viscous_friction
+        known = {(e.effect, e.joint): e.parameters for e in model.effects}
+        for effect, where in self.effect_slices():
+            values = known.get((effect.effect, self.joints[effect.joint]), {})
+            x[where] = [values.get(p.name, 0.0) for p in EFFECTS[effect.effect].parameters]
+        return x

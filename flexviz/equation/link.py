@@ -1,0 +1,88 @@
+"""The link side's rigid-body terms at many samples: one pass of Pinocchio calls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz._pinocchio import pin
+from flexviz.robot import Robot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinkTerms:
+    """Rigid-body terms at N samples, in the set's joint order.
+
+    Attributes:
+        regressor: shape (N, n, 10n), Y(q, q̇, q̈).
+        dq: shape (N, n, n), ∂(YΓ)/∂q [Nm/rad].
+        dv: shape (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad].
+        mass: shape (N, n, n), M(q) [kg m²].
+    """
+
+    regressor: Array
+    dq: Array
+    dv: Array
+    mass: Array
+
+
+class LinkDynamics:
+    """Evaluates Y(q, q̇, q̈) and the derivatives of Y Γ."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._model = robot.model.copy()
+        self._data = self._model.createData()
+        self._order = robot.order
+        self._sorted = bool(np.array_equal(robot.order, np.arange(robot.n)))
+        self._columns = (10 * robot.order[:, None] + np.arange(10)).ravel()
+
+    def evaluate(self, blocks: Sequence[tuple[slice, Array]], q: Array, v: Array, a: Array) -> LinkTerms:
+        """All terms.
+
+        Args:
+            blocks: samples and their inertial parameters, payload included, shape (n, 10); a body's mass is
+                positive.
+            q, v, a: shape (N, n) [rad, rad/s, rad/s²].
+        """
+        count, n = q.shape
+        terms = LinkTerms(
+            np.empty((count, n, 10 * n)), np.empty((count, n, n)), np.empty((count, n, n)), np.empty((count, n, n))
+        )
+        q, v, a = (np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a))
+        model, data = self._model, self._data
+        regressor, dq, dv, mass = terms.regressor, terms.dq, terms.dv, terms.mass
+        derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
+        for rows, parameters in blocks:
+            self._set(parameters)
+            for k in range(*rows.indices(count)):
+                dq[k], dv[k], mass[k] = derivatives(model, data, q[k], v[k], a[k])
+                regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
+        if self._sorted:
+            return terms
+        o = self._order
+        square = np.ix_(o, o)
+        return LinkTerms(
+            regressor[:, o][:, :, self._columns], dq[:, square[0], square[1]], dv[:, square[0], square[1]],
+            mass[:, square[0], square[1]],
+        )  # fmt: skip
+
+    def regressor(self, q: Array, v: Array, a: Array) -> Array:
+        """Y alone, shape (N, n, 10n)."""
+        count, n = q.shape
+        out = np.empty((count, n, 10 * n))
+        q, v, a = (np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a))
+        for k in range(count):
+            out[k] = pin.computeJointTorqueRegressor(self._model, self._data, q[k], v[k], a[k])
+        return out if self._sorted else out[:, self._order][:, :, self._columns]
+
+    def _to_pin(self, x: Array) -> Array:
+        return x if self._sorted else x[:, np.argsort(self._order)]
+
+    def _set(self, parameters: Array) -> None:
+        for i, row in enumerate(parameters):
+            self._model.inertias[1 + int(self._order[i])] = pin.Inertia.FromDynamicParameters(row)

@@ -1,0 +1,120 @@
+"""What is assumed where the data are silent.
+
+Inertial parameters: the log-determinant divergence between a body's pseudo-inertia P and its CAD value P₀,
+D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification, IEEE T-RO 36(2),
+2020). It does not depend on the frame, grows without bound towards bodies that cannot exist (P not positive
+definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker than data that see a
+parameter at all. Everything else: normal around the start values, wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Layout
+
+Array = NDArray[np.float64]
+
+
+def _basis() -> Array:
+    """E_k with P = Σ_k φ_k E_k for φ = m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz: shape (10, 4, 4)."""
+    e = np.zeros((10, 4, 4))
+    e[0, 3, 3] = 1.0
+    for k in range(3):
+        e[1 + k, k, 3] = e[1 + k, 3, k] = 1.0
+    for index, (i, j) in zip((4, 5, 6, 7, 8, 9), ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)), strict=True):
+        if i == j:  # Σ = ½ tr(I) 1 − I
+            e[index, :3, :3] += 0.5 * np.eye(3)
+            e[index, i, i] -= 1.0
+        else:
+            e[index, i, j] = e[index, j, i] = -1.0
+    return e
+
+
+BASIS = _basis()
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """P of bodies with inertial parameters (..., 10): shape (..., 4, 4)."""
+    return np.tensordot(parameters, BASIS, axes=(-1, 0))
+
+
+def physically_consistent(parameters: Array) -> Array:
+    """The nearest parameters (…, 10) whose pseudo-inertia is comfortably positive definite.
+
+    CAD values are often rounded or invented so that no real body has them; bodies without mass get a small one.
+    """
+    p = pseudo_inertia(parameters)
+    total = np.max(parameters[..., 0]) if parameters.size else 1.0
+    out = np.array(parameters, float)
+    for index in np.ndindex(parameters.shape[:-1]):
+        mass = max(parameters[index][0], 1e-3 * total, 1e-3)
+        centre = parameters[index][1:4] / mass
+        spread = p[index][:3, :3] - mass * np.outer(centre, centre)  # second moment about the centre of mass
+        values, vectors = np.linalg.eigh(spread)
+        # at least a body of the mass's own size: 2 % of the arm's length, never below a centimetre
+        size = max(0.01, 0.02 * float(np.linalg.norm(centre)))
+        raised = (vectors * np.maximum(values, mass * size**2)) @ vectors.T + mass * np.outer(centre, centre)
+        inertia = np.trace(raised) * np.eye(3) - raised
+        out[index][0] = mass
+        out[index][4:] = inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+    return out
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Negative log density of the parameters.
+
+    Attributes:
+        layout: the solver's vector.
+        cad: shape (n, 10), positive definite.
+        centre: shape (P,), of the normal part.
+        spread: shape (P,), its standard deviations; infinite where there is none. The inertial entries are unused.
+        weight: of the inertial part.
+    """
+
+    layout: Layout
+    cad: Array
+    centre: Array
+    spread: Array
+    weight: float = 1.0
+
+    def feasible(self, x: Array) -> bool:
+        """Whether every body of x could exist."""
+        p = pseudo_inertia(x[self.layout.inertial].reshape(-1, 10))
+        try:
+            np.linalg.cholesky(p)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def value(self, x: Array) -> float:
+        """−log density up to a constant; infinite for bodies that cannot exist."""
+        if not self.feasible(x):
+            return np.inf
+        p = pseudo_inertia(x[self.layout.inertial].reshape(-1, 10))
+        relative = np.linalg.solve(pseudo_inertia(self.cad), p)
+        divergence = np.trace(relative, axis1=1, axis2=2) - np.linalg.slogdet(relative)[1] - 4.0
+        normal = ((x - self.centre) / self.spread)[self.layout.compliance.start :]
+        return float(self.weight * divergence.sum() + 0.5 * normal @ normal)
+
+    def gradient_and_hessian(self, x: Array) -> tuple[Array, Array]:
+        """Derivatives of `value`, shapes (P,) and (P, P)."""
+        size = self.layout.size
+        gradient, hessian = np.zeros(size), np.zeros((size, size))
+        inverse = np.linalg.inv(pseudo_inertia(x[self.layout.inertial].reshape(-1, 10)))
+        inverse_cad = np.linalg.inv(pseudo_inertia(self.cad))
+        for body in range(len(self.cad)):
+            rows = slice(10 * body, 10 * body + 10)
+            gradient[rows] = self.weight * np.tensordot(BASIS, inverse_cad[body] - inverse[body], axes=2)
+            moved = inverse[body] @ BASIS  # (10, 4, 4)
+            hessian[rows, rows] = self.weight * np.einsum("kab,lba->kl", moved, moved)
+        rest = slice(self.layout.compliance.start, size)
+        precision = 1 / self.spread[rest] ** 2
+        gradient[rest] = precision * (x - self.centre)[rest]
+        index = np.arange(rest.start, size)
+        hessian[index, index] = precision
+        return gradient, hessian

@@ -1,0 +1,183 @@
+"""Start values as in the paper: rigid least squares, inertia and friction shared half and half."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Equation, Layout
+from flexviz.equation.link import LinkDynamics
+from flexviz.identification.prior import Prior, physically_consistent, pseudo_inertia
+from flexviz.identification.solver import Bounds
+from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
+
+DEFLECTION_GUESS = 5e-3  # [rad] a joint without a rough stiffness is taken to deflect by this under its rms torque
+SPREAD_LOG = 3.0  # a stiffness or motor inertia a factor e³ = 20 from its start value is one standard deviation off
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the solver begins, and what it may assume.
+
+    Attributes:
+        x: shape (P,).
+        prior: around it.
+        bounds: of the parameters.
+        rigid_rms: shape (n,), residual of the rigid least-squares fit [Nm].
+    """
+
+    x: Array
+    prior: Prior
+    bounds: Bounds
+    rigid_rms: Array
+
+
+def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
+    """Rigid least squares on the observer's θ, θ̇, θ̈ and τ, then the paper's shares.
+
+    Motor inertia: the set's rough value, else half of the rigid fit's mean inertia about the joint. Stiffness: the
+    set's rough value, else a guess from the torque.
+    """
+    lay, sig, robot = equation.layout, equation.signals, measurements.robot
+    n = lay.n
+    cad = physically_consistent(robot.cad_parameters)
+    for effect in lay.effects:
+        # rigid: link and motor side are the same
+        equation.prepare(np.full(n, 1e12))
+        break
+    regressor = LinkDynamics(robot).regressor(sig.theta[0], sig.theta[1], sig.theta[2])
+    torque = sig.tau[0].copy()
+    for block in sig.blocks:
+        torque[block.rows] -= regressor[block.rows] @ sig.payload[block.group].ravel()
+
+    columns = np.zeros((sig.count, n, 12 * n + lay.size - lay.effect_start))
+    columns[:, :, : 10 * n] = regressor
+    for j in range(n):
+        columns[:, j, 10 * n + j] = sig.theta[2, :, j]
+        columns[:, j, 11 * n + j] = sig.theta[1, :, j]
+    for effect, where in lay.effect_slices():
+        shifted = slice(where.start - 2 * n, where.stop - 2 * n)
+        columns[:, effect.joint, shifted] = equation.columns_of(effect)[:, 0].T
+
+    given = measurements.initial_motor_inertia
+    joint_inertia = _joint_inertia(regressor, cad, n)
+    solution, residual = _rigid_fit(columns, torque, cad, None, n)
+    fitted = solution[: 10 * n].reshape(n, 10)
+    if given is not None:
+        motor_inertia = np.array(given, float)
+    else:
+        total = np.maximum(_joint_inertia(regressor, fitted, n) + solution[10 * n : 11 * n], 0.1 * joint_inertia)
+        motor_inertia = 0.5 * total
+    solution, residual = _rigid_fit(columns, torque, cad, motor_inertia, n)
+    inertial = _feasible_between(cad, solution[: 10 * n].reshape(n, 10))
+    viscous = solution[11 * n : 12 * n]
+
+    rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
+    stiffness = (
+        np.array(measurements.initial_stiffness, float)
+        if measurements.initial_stiffness is not None
+        else np.maximum(rms_torque, 1e-3) / DEFLECTION_GUESS
+    )
+    x = np.zeros(lay.size)
+    x[lay.inertial] = inertial.ravel()
+    x[lay.compliance] = 1 / stiffness
+    x[lay.motor_inertia] = motor_inertia
+    x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
+    x[lay.effect_start :] = solution[12 * n :]
+    bounds = _bounds(lay, stiffness, motor_inertia)
+    x = bounds.clip(x)
+    prior = Prior(lay, cad, x.copy(), _spread(lay, x, rms_torque, sig.theta[1]))
+    return Start(x, prior, bounds, np.sqrt(np.mean(residual**2, axis=0)))
+
+
+def _rigid_fit(
+    columns: Array, torque: Array, cad: Array, motor_inertia: Array | None, n: int
+) -> tuple[Array, Array]:
+    """Weighted least squares of τ on all columns, drawn weakly to CAD; optionally with B fixed.
+
+    Returns:
+        the solution (B included) and the residual, shape (N, n).
+    """
+    size = columns.shape[2]
+    centre, scale = np.zeros(size), np.full(size, np.inf)
+    centre[: 10 * n] = cad.ravel()
+    for body in range(n):
+        from flexviz.identification.prior import BASIS
+
+        inverse = np.linalg.inv(pseudo_inertia(cad[body]))
+        moved = inverse @ BASIS
+        hessian = np.einsum("kab,lba->kl", moved, moved)
+        scale[10 * body : 10 * body + 10] = 1 / np.sqrt(np.diag(hessian))
+    centre[10 * n : 11 * n] = 0.0
+    free = np.ones(size, bool)
+    x = centre.copy()
+    if motor_inertia is not None:
+        free[10 * n : 11 * n] = False
+        x[10 * n : 11 * n] = motor_inertia
+    sigma = np.sqrt(np.mean(torque**2, axis=0)) + 1e-9
+    residual = torque
+    for _ in range(3):
+        weighted = (columns / sigma[:, None]).reshape(-1, size)
+        target = (torque / sigma).ravel() - weighted @ x
+        precision = np.where(np.isfinite(scale), 1 / scale**2, 1e-12 * (weighted**2).sum(axis=0) + 1e-12)
+        a = weighted[:, free]
+        matrix = a.T @ a + np.diag(precision[free])
+        right = a.T @ target + precision[free] * (centre - x)[free]
+        d = 1 / np.sqrt(np.diag(matrix))
+        x[free] += d * np.linalg.solve(matrix * d[:, None] * d, d * right)
+        residual = torque - columns @ x
+        sigma = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9 * (1 + sigma)
+    return x, residual
+
+
+def _joint_inertia(regressor: Array, inertial: Array, n: int) -> Array:
+    """Mean inertia about each joint [kg m²], from the regressor's own Izz-like part: M_jj = Y(q, 0, e_j)·Γ − g."""
+    # the body's inertia about its own joint axis bounds M_jj from below and needs no further dynamics calls
+    tensor = np.zeros((n, 3, 3))
+    upper = inertial[:, 4:]
+    for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
+        tensor[:, i, j] = tensor[:, j, i] = upper[:, k]
+    return np.max(np.linalg.eigvalsh(tensor), axis=1)
+
+
+def _feasible_between(cad: Array, fitted: Array) -> Array:
+    """The point closest to the fit, on the way from CAD, at which every body can exist."""
+    out = cad.copy()
+    for body in range(len(cad)):
+        for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1):
+            trial = cad[body] + share * (fitted[body] - cad[body])
+            p = pseudo_inertia(trial)
+            if np.linalg.eigvalsh(p)[0] > 1e-6 * np.trace(p):
+                out[body] = trial
+                break
+    return out
+
+
+def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array) -> Bounds:
+    from flexviz.effects import EFFECTS
+
+    lower, upper = np.full(lay.size, -np.inf), np.full(lay.size, np.inf)
+    lower[lay.compliance], upper[lay.compliance] = 1e-3 / stiffness, 1e3 / stiffness
+    lower[lay.motor_inertia], upper[lay.motor_inertia] = 1e-3 * motor_inertia, 1e3 * motor_inertia
+    lower[lay.link_viscous] = lower[lay.motor_viscous] = 0.0
+    for effect, where in lay.effect_slices():
+        specs = EFFECTS[effect.effect].parameters
+        lower[where], upper[where] = [p.lower for p in specs], [p.upper for p in specs]
+    return Bounds(lower, upper)
+
+
+def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
+    spread = np.full(lay.size, np.inf)
+    factor = np.exp(SPREAD_LOG)
+    spread[lay.compliance] = factor * x[lay.compliance]
+    spread[lay.motor_inertia] = factor * x[lay.motor_inertia]
+    speed = np.sqrt(np.mean(velocity**2, axis=0)) + 1e-9
+    spread[lay.link_viscous] = np.maximum(2 * x[lay.link_viscous], 0.05 * rms_torque / speed)
+    spread[lay.motor_viscous] = np.maximum(2 * x[lay.motor_viscous], 0.05 * rms_torque / speed)
+    for effect, where in lay.effect_slices():
+        spread[where] = 3 * rms_torque[effect.joint] + 1e-6
+    return spread

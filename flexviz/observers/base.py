@@ -1,0 +1,165 @@
+"""What every observer is: a linear filter that turns a sampled signal into its smoothed derivatives."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.errors import InputError
+from flexviz.measurements import Segment
+
+Array = NDArray[np.float64]
+
+THETA_DERIVATIVES = 5  # θ … θ⁗
+TAU_DERIVATIVES = 3  # τ, τ̇, τ̈
+BANDWIDTH_LIMITS = (0.05, 20000.0)  # [rad/s]
+
+
+@dataclass(frozen=True)
+class ObserverStates:
+    """Derivatives of one segment at its own sampling rate.
+
+    Attributes:
+        time: shape (N,) [s].
+        theta: shape (5, N, n), the motor angle and its derivatives up to the fourth [rad/s^k].
+        tau: shape (3, N, n), the motor torque and its derivatives up to the second [Nm/s^k].
+        disturbance: shape (N, n), the sixth ESO state of θ [rad/s⁵]; None for observers without one.
+        valid: shape (N,), False within the start-up or end transients.
+    """
+
+    time: Array
+    theta: Array
+    tau: Array
+    disturbance: Array | None
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Derivatives of one segment at the (lower) rate at which the identification equation is evaluated.
+
+    Attributes:
+        time: shape (N,) [s].
+        theta: shape (5, N, n) [rad/s^k].
+        tau: shape (3, N, n) [Nm/s^k].
+    """
+
+    time: Array
+    theta: Array
+    tau: Array
+
+
+class Observer(ABC):
+    """A linear time-invariant filter with transfer functions y → x̂_k, k = 0 … 4.
+
+    Attributes:
+        bandwidth: one number for all joints or one a joint [rad/s].
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    default_bandwidth: ClassVar[float]
+    zero_phase: ClassVar[bool] = False
+
+    def __init__(self, bandwidth: float | Sequence[float] | Array | None = None) -> None:
+        value = np.atleast_1d(np.asarray(self.default_bandwidth if bandwidth is None else bandwidth, float))
+        low, high = BANDWIDTH_LIMITS
+        if value.ndim != 1 or not np.all(np.isfinite(value)) or np.any(value < low) or np.any(value > high):
+            raise InputError(
+                f"observer bandwidth {bandwidth!r} is not between {low:g} and {high:g} rad/s (one number or one a joint)"
+            )
+        self._bandwidth = value
+
+    @property
+    def bandwidth(self) -> float | Array:
+        """The bandwidth [rad/s]: a float where common to all joints, else shape (n,)."""
+        return float(self._bandwidth[0]) if self._bandwidth.size == 1 else self._bandwidth
+
+    def bandwidth_of(self, joints: int) -> Array:
+        """The bandwidth of each joint, shape (joints,) [rad/s]."""
+        if self._bandwidth.size not in (1, joints):
+            raise InputError(
+                f"{self._bandwidth.size} bandwidths were given for {joints} joints: give one number or {joints} numbers"
+            )
+        return np.broadcast_to(self._bandwidth, (joints,)).astype(float)
+
+    @abstractmethod
+    def transfer(self, omega: Array, order: int) -> Array:
+        """Complex gain from the signal to its `order`-th derivative estimate at ω [rad/s], shape (len(ω),).
+
+        Uses the first joint's bandwidth.
+        """
+
+    @abstractmethod
+    def derivatives(self, y: Array, step: float, count: int, *, delay: float = 0.0, stride: int = 1) -> Array:
+        """Smoothed derivatives 0 … count−1 of a signal.
+
+        Args:
+            y: shape (N, n), uniformly sampled.
+            step: sampling step [s].
+            count: number of derivatives including the zeroth, up to 5.
+            delay: the signal is delayed by this [s] (used for a torque held by its controller).
+            stride: only every stride-th sample is returned.
+
+        Returns:
+            shape (count, ceil(N / stride), n).
+        """
+
+    @abstractmethod
+    def settling(self) -> tuple[float, float]:
+        """Time [s] after the start and before the end of a segment within which the states are transients."""
+
+    def disturbance(self, theta: Array, step: float) -> Array | None:
+        """The disturbance state, shape (N, n) [rad/s⁵]; None where the observer has none."""
+        return None
+
+    def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
+        """All states at the segment's own rate, for looking at."""
+        return ObserverStates(
+            time=segment.time,
+            theta=self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES),
+            tau=self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2),
+            disturbance=self.disturbance(segment.theta, segment.step),
+            valid=self.valid(segment.time),
+        )
+
+    def samples(self, segment: Segment, stride: int, torque_hold: float = 0.0) -> Samples:
+        """States at every stride-th sample (filtered first, then decimated), transients dropped."""
+        time = segment.time[::stride]
+        keep = self.valid(segment.time)[::stride]
+        theta = self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, stride=stride)
+        tau = self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2, stride=stride)
+        return Samples(time[keep], theta[:, keep], tau[:, keep])
+
+    def valid(self, time: Array) -> NDArray[np.bool_]:
+        """Samples outside the transients, shape (N,)."""
+        start, end = self.settling()
+        edge = 1e-9 * max(1.0, abs(float(time[-1])))
+        return (time >= time[0] + start - edge) & (time <= time[-1] - end + edge)
+
+    def lag(self, step: float, frequency: float = 1.0) -> float:
+        """Largest phase delay of the five θ states at a frequency [Hz], in seconds."""
+        omega = np.array([2 * np.pi * frequency])
+        delays = []
+        for k in range(THETA_DERIVATIVES):
+            relative = self.transfer(omega, k)[0] / (1j * omega[0]) ** k
+            delays.append(-np.angle(relative) / omega[0])
+        return float(max(delays, key=abs))
+
+    def noise_gain(self, step: float) -> Array:
+        """Standard deviation of each θ derivative per unit of white measurement noise, shape (5,) [1/s^k]."""
+        omega = np.linspace(0.0, np.pi / step, 8193)
+        gains = [np.abs(self.transfer(omega, k)) ** 2 for k in range(THETA_DERIVATIVES)]
+        return np.sqrt([np.trapezoid(g, omega) * step / np.pi for g in gains])
+
+
+def shifted(y: Array, step: float, delay: float) -> Array:
+    """y(t − delay) by linear interpolation, shape (N, n); the first samples are held."""
+    if delay == 0.0:
+        return y
+    whole, part = divmod(delay / step, 1.0)
+    index = np.maximum(np.arange(len(y)) - int(whole), 0)
+    return (1 - part) * y[index] + part * y[np.maximum(index - 1, 0)]

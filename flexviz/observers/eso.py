@@ -1,0 +1,108 @@
+"""The paper's linear extended-state observer, causal, and the equally delayed variant.
+
+Paper, section 3.1, with g(e) = e:  x̂̇_i = x̂_{i+1} + β_i e,  x̂̇₆ = β₆ e,  β_i = C(6, i) wⁱ.
+"""
+
+from math import comb
+from typing import ClassVar
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from flexviz.observers.base import Observer, shifted
+from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
+
+Array = NDArray[np.float64]
+
+# an error in a repeated-pole filter's initial state fades as (wt)⁵e^(−wt)/5!: 5e-5·… is left at wt = 18
+SETTLED = 18.0
+
+
+def gains(bandwidth: float) -> Array:
+    """β_1 … β_6, shape (6,)."""
+    return np.array([comb(ORDER, i) * bandwidth**i for i in range(1, ORDER + 1)])
+
+
+def _eso_coefficients() -> Array:
+    """x̂_{k+1} / w^k as polynomials in Z = w/(s+w), k = 0 … 5: shape (6, 6), column j−1 for Z^j.
+
+    e = (1−Z)⁶ y; x̂₁ = (1 − (1−Z)⁶) y; s/w = (1−Z)/Z turns the observer's equations into
+    x̂_{k+1} = (1−Z)/Z x̂_k − C(6, k) e. The constant terms cancel: no state feeds through.
+    """
+    error = polynomial.polypow([1.0, -1.0], ORDER)
+    state = -error
+    state[0] += 1.0
+    rows = [state]
+    for k in range(1, ORDER):
+        state = polynomial.polymul([1.0, -1.0], rows[-1][1:]) - comb(ORDER, k) * error
+        rows.append(state)
+    return np.array([row[1:] for row in rows])
+
+
+def _equal_delay_coefficients() -> Array:
+    """(s/w)^k F with F = Z⁶, k = 0 … 5: (1−Z)^k Z^(6−k), shape (6, 6)."""
+    rows = []
+    for k in range(ORDER):
+        row = polynomial.polymul(polynomial.polypow([1.0, -1.0], k), np.eye(ORDER + 1)[ORDER - k])
+        rows.append(row[1 : ORDER + 1])
+    return np.array(rows)
+
+
+class _PoleObserver(Observer):
+    """All poles at −w: the states are combinations of the cascade's sections."""
+
+    coefficients: ClassVar[Array]
+
+    def transfer(self, omega: Array, order: int) -> Array:
+        w = float(self._bandwidth[0])
+        return w**order * evaluate(self.coefficients[order], omega, w)  # type: ignore[return-value]
+
+    def settling(self) -> tuple[float, float]:
+        return SETTLED / float(self._bandwidth.min()), 0.0
+
+    def _states(self, y: Array, step: float, orders: range) -> Array:
+        bandwidth = self.bandwidth_of(y.shape[1])
+        groups = [np.flatnonzero(bandwidth == w) for w in np.unique(bandwidth)]
+        parts = []
+        for columns in groups:
+            w = float(bandwidth[columns[0]])
+            scaled = self.coefficients[orders.start : orders.stop] * (w ** np.array(orders))[:, None]
+            parts.append(combine(cascade(y[:, columns] if len(groups) > 1 else y, step, w), scaled))
+        if len(parts) == 1:
+            return parts[0]
+        out = np.empty((len(orders), *y.shape))
+        for columns, part in zip(groups, parts, strict=True):
+            out[:, :, columns] = part
+        return out
+
+    def derivatives(self, y: Array, step: float, count: int, *, delay: float = 0.0, stride: int = 1) -> Array:
+        return self._states(shifted(y, step, delay), step, range(count))[:, ::stride]
+
+
+class CausalEso(_PoleObserver):
+    """The paper's observer. Its states lag differently, which makes equation (6) inconsistent with itself."""
+
+    name = "eso"
+    title = "Extended-state observer (the paper's, causal)"
+    default_bandwidth = 20.0
+    coefficients = _eso_coefficients()
+
+    def disturbance(self, theta: Array, step: float) -> Array:
+        return self._states(theta, step, range(ORDER - 1, ORDER))[0]
+
+    def states(self, segment, torque_hold=0.0):  # noqa: ANN001, ANN201 - one pass for all six states
+        states = self._states(segment.theta, segment.step, range(ORDER))
+        tau = self.derivatives(segment.tau, segment.step, 3, delay=torque_hold / 2)
+        from flexviz.observers.base import ObserverStates
+
+        return ObserverStates(segment.time, states[:5], tau, states[5], self.valid(segment.time))
+
+
+class EqualDelayEso(_PoleObserver):
+    """One filter F = (w/(s+w))⁶ on θ and τ alike, derivatives sᵏF: everything is equally late, F droops 3(ω/w)²."""
+
+    name = "eso-equal-delay"
+    title = "Extended-state observer with equal delay"
+    default_bandwidth = 50.0
+    coefficients = _equal_delay_coefficients()
