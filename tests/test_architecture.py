@@ -27,7 +27,7 @@ LAYERS = (
     ("simulation", "session"),
     ("view",),
     ("app", "recording"),
-    ("cli",),
+    ("cli", "__main__"),
 )
 CONSTANTS = ("flexviz.effects.names",)  # names only, for everybody
 RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row}

@@ -47,8 +47,7 @@ def identify(
     output.check_output_file(json_file)
     width = parse_bandwidth(bandwidth)
 
-    with Reporter("reading") as report:
-        report(f"reading {measurement_set}")
+    with Reporter(f"reading {measurement_set}") as report:
         from flexviz.identification import identify as run
         from flexviz.measurements import read_set
         from flexviz.observers import make_observer

@@ -1,0 +1,272 @@
+"""The command line as scripts see it: exit codes, one-line errors, the JSON contract."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from pydantic import BaseModel, ConfigDict
+
+from flexviz.cli import main, output, progress, tables
+from flexviz.cli.identify import parse_bandwidth
+from flexviz.errors import InputError
+
+COMMANDS = ("identify", "simulate", "serve", "record")
+
+
+@pytest.fixture(scope="session")
+def demo_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The planar arm's demonstration set, simulated."""
+    folder = tmp_path_factory.mktemp("cli") / "demo"
+    assert main(["simulate", "planar-2r", "--out", str(folder), "--seed", "1"]) == 0
+    return folder
+
+
+class Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class ObserverEntry(Strict):
+    name: str
+    bandwidth: float | list[float]
+
+
+class Parameter(Strict):
+    name: str
+    joint: str | None
+    value: float
+    std: float | None
+    unit: str
+    identifiable: Literal["yes", "weak", "no"]
+    tied_to: list[str]
+
+
+class Residual(Strict):
+    joints: list[str]
+    rms: list[float]
+    rms_validation: list[float] | None
+    noise_floor: list[float]
+
+
+class IdentifyContract(BaseModel):
+    """What scripts rely on; further keys are allowed at the top."""
+
+    model_config = ConfigDict(strict=True)
+
+    format: Literal[1]
+    set: str
+    observer: ObserverEntry
+    groups: list[str]
+    validation_groups: list[str]
+    converged: bool
+    iterations: int
+    seconds: float
+    parameters: list[Parameter]
+    residual: Residual
+
+
+def lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.strip()]
+
+
+# -- help and usage
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("flexviz ")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_every_command(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([command, "--help"]) == 0
+    assert f"flexviz {command}" in capsys.readouterr().out
+
+
+def test_without_a_command_the_help_goes_to_stderr(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == "" and all(command in captured.err for command in COMMANDS)
+
+
+def test_help_is_quick() -> None:
+    best = math.inf
+    for _ in range(3):
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "flexviz", "--help"], check=True, capture_output=True)
+        best = min(best, time.perf_counter() - start)
+    assert best < 1.0  # 0.12 s on an idle machine
+
+
+@pytest.mark.parametrize(
+    "arguments, says",
+    [
+        (["frobnicate"], "frobnicate"),
+        (["identify"], "SET"),
+        (["identify", "{set}", "--bandwith", "3"], "--bandwidth"),
+        (["identify", "nowhere"], "nowhere"),
+        (["identify", "{set}", "--bandwidth", "fast"], "fast"),
+        (["identify", "{set}", "--bandwidth", "-3"], "-3"),
+        (["identify", "{set}", "--bandwidth", "nan"], "nan"),
+        (["identify", "{set}", "--bandwidth", "30,40,50"], "3 numbers"),
+        (["identify", "{set}", "--observer", "esso"], "eso"),
+        (["identify", "{set}", "--group", "g99"], "g99"),
+        (["identify", "{set}", "--effect", "coulomb"], "coulomb_friction"),
+        (["identify", "{set}", "--effect", "coulomb_friction:elbow"], "elbow"),
+        (["identify", "{set}", "--json", "{set}/no/such/folder.json"], "does not exist"),
+        (["identify", "{set}", "--json", "{set}"], "is a folder"),
+        (["simulate", "planar-3r", "--out", "{set}/x"], "planar-2r"),
+        (["simulate", "planar-2r"], "--out"),
+        (["simulate", "planar-2r", "--out", "{set}"], "{set}"),
+        (["simulate", "planar-2r", "--out", "{set}/x", "--effect", "backslash"], "backlash"),
+        (["simulate", "paper-b", "--out", "{set}/x", "--start", "sideways"], "sideways"),
+        (["serve", "nowhere", "--no-browser"], "nowhere"),
+        (["record", "nowhere", "--out", "{set}/x.rrd"], "nowhere"),
+        (["record", "{set}"], "--out"),
+        (["record", "{set}", "--out", "{set}/no/folder.rrd"], "folder"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    arguments: list[str], says: str, demo_set: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    filled = [argument.replace("{set}", str(demo_set)) for argument in arguments]
+    before = sorted(demo_set.rglob("*"))
+    assert main(filled) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(lines(captured.err)) == 1, captured.err
+    assert says.replace("{set}", str(demo_set)) in captured.err
+    assert sorted(demo_set.rglob("*")) == before
+
+
+# -- identify
+
+
+@pytest.fixture(scope="session")
+def identified(demo_set: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, str, str]:
+    """The JSON, standard output and standard error of one run."""
+    file = tmp_path_factory.mktemp("json") / "result.json"
+    run = subprocess.run(
+        [sys.executable, "-m", "flexviz", "identify", str(demo_set), "--refine", "--json", str(file)],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    return json.loads(file.read_text()), run.stdout, run.stderr
+
+
+def test_json_follows_the_contract(identified: tuple[dict, str, str], demo_set: Path) -> None:
+    result = IdentifyContract.model_validate(identified[0])
+    joints = result.residual.joints
+    assert joints == ["joint1", "joint2"] and result.converged
+    assert result.observer.name == "butterworth-zero-phase"
+    assert not set(result.groups) & set(result.validation_groups)
+    found = {(p.name, p.joint) for p in result.parameters}
+    for joint in joints:
+        for name in ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction"):
+            assert (name, joint) in found
+        assert {("viscous_friction_sum", joint), ("mass", joint), ("mx", joint), ("izz", joint)} <= found
+    for column in (result.residual.rms, result.residual.noise_floor):
+        assert len(column) == len(joints) and all(value > 0.0 for value in column)
+
+
+def test_json_agrees_with_truth(identified: tuple[dict, str, str], demo_set: Path) -> None:
+    truth = json.loads((demo_set / "truth.json").read_text())
+    true = {(p["name"], p["joint"]): p["value"] for p in truth["parameters"]}
+    checked = 0
+    for p in identified[0]["parameters"]:
+        if p["name"] in ("stiffness", "motor_inertia") and p["identifiable"] == "yes":
+            assert p["value"] == pytest.approx(true[p["name"], p["joint"]], rel=0.01)
+            checked += 1
+    assert checked >= 2
+
+
+def test_results_on_stdout_progress_on_stderr(identified: tuple[dict, str, str]) -> None:
+    _, out, err = identified
+    for text in ("stiffness", "motor_inertia", "Nm/rad", "rms fit", "converged", "joint2"):
+        assert text in out
+    assert "iteration" in err and "stiffness" not in err
+    assert "\x1b" not in out + err
+
+
+def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
+    """Ctrl+C at the first sign of an iteration: exit code 130, and the JSON is there."""
+    file = tmp_path / "result.json"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flexviz", "identify", str(demo_set), "--refine", "--json", str(file)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    first = process.stderr.readline()
+    assert "iteration" in first
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "stopping" in err and "Traceback" not in err
+    result = IdentifyContract.model_validate(json.loads(file.read_text()))
+    assert not result.converged and result.parameters
+    assert "stopped" in out
+
+
+# -- pieces
+
+
+@pytest.mark.parametrize("text, value", [(None, None), ("50", 50.0), ("40,60", [40.0, 60.0]), ("1e2", 100.0)])
+def test_parse_bandwidth(text: str | None, value: object) -> None:
+    assert parse_bandwidth(text) == value
+
+
+def test_json_is_whole_or_absent(tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    output.write_json(file, {"x": [1.0, math.nan, math.inf], "y": (1, None)})
+    assert json.loads(file.read_text()) == {"x": [1.0, None, None], "y": [1, None]}
+    with pytest.raises(TypeError):
+        output.write_json(file, {"x": object()})
+    assert json.loads(file.read_text())["y"] == [1, None]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+    umask = os.umask(0)
+    os.umask(umask)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o666 & ~umask
+
+
+def test_output_file_is_checked_before_the_work(tmp_path: Path) -> None:
+    output.check_output_file(tmp_path / "new.json")
+    with pytest.raises(InputError, match="does not exist"):
+        output.check_output_file(tmp_path / "no" / "new.json")
+
+
+@pytest.mark.parametrize(
+    "value, half, text",
+    [
+        (1000.2345, 0.8123, "1000.23"),
+        (0.8123, 0.8123, "0.81"),
+        (3.0, None, "3"),
+        (math.nan, None, "–"),
+        (None, 1.0, "–"),
+        (123.4, 456.0, "120"),
+        (1e-9, 3e-10, "1e-09"),
+        (2.5, 0.0, "2.5"),
+    ],
+)
+def test_numbers_of_tables(value: float | None, half: float | None, text: str) -> None:
+    assert tables.number(value, half) == text
+
+
+def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.Reporter("work") as report:
+        for count in range(100):
+            report("first", f"step {count}", count / 100)
+        report("second", "step 0")
+    assert lines(capsys.readouterr().err) == ["first 0 % step 0", "second step 0"]
