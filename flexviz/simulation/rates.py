@@ -1,0 +1,55 @@
+"""How fine the integration must be: the fastest motion the plant can make."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+
+from flexviz._pinocchio import pin
+from flexviz.simulation.plant import Array, Plant
+
+OSCILLATION = 0.3  # [rad] largest phase of the fastest vibration in one step
+DECAY = 1.0  # [-] largest step times the fastest decay rate
+
+
+def fastest(plant: Plant, positions: Array) -> tuple[float, float]:
+    """Fastest vibration [rad/s] and fastest decay [1/s] of the plant around `positions` (M, n)."""
+    n = plant.n
+    data = plant.model.createData()
+    inverse = np.linalg.inv(plant.motor_inertia)
+    vibration = decay = 0.0
+    for q in positions:
+        load = pin.computeGeneralizedGravity(plant.model, data, q).copy()
+        load = 3.0 * np.abs(load) + 1e-9
+        mobility = pin.computeMinverse(plant.model, data, q)
+        mobility = np.triu(mobility) + np.triu(mobility, 1).T
+        k = np.array([plant.joint(i).tangent(float(load[i])) for i in range(n)])
+        system = np.block([[mobility * k, -mobility * k], [-inverse * k, inverse * k]])
+        vibration = max(vibration, float(np.sqrt(np.abs(np.linalg.eigvals(system)).max())))
+        link, motor = plant.link_viscous.copy(), plant.motor_viscous.copy()
+        for i, joint in plant.elastic.items():
+            link[i] += joint.damping
+            motor[i] += joint.damping
+        e = 1e-5  # [rad/s]
+        for i, law in plant.link_laws:
+            link[i] += abs(law(0.0, q[i], e) - law(0.0, q[i], -e)) / (2 * e)
+        for i, law in plant.motor_laws:
+            motor[i] += abs(law(0.0, q[i], e, load[i]) - law(0.0, q[i], -e, load[i])) / (2 * e)
+        presliding = max((2.0 * d.presliding_stiffness / d.coulomb for _, d in plant.presliding), default=0.0)
+        extra = np.zeros(n)
+        for i, d in plant.presliding:
+            extra[i] += d.presliding_stiffness
+        vibration = max(vibration, float(np.sqrt(np.abs(np.diag(inverse) * (extra + k)).max())))
+        decay = max(decay, _largest(mobility, link), _largest(inverse, motor), presliding)
+    return vibration, decay
+
+
+def substeps(plant: Plant, positions: Array, interval: float) -> int:
+    """Number of integration steps in `interval` [s] that resolves the fastest motion."""
+    vibration, decay = fastest(plant, positions)
+    return max(1, ceil(interval * vibration / OSCILLATION), ceil(interval * decay / DECAY))
+
+
+def _largest(inverse: Array, damping: Array) -> float:
+    return float(np.abs(np.linalg.eigvals(inverse * damping)).max())

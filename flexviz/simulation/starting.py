@@ -1,0 +1,88 @@
+"""States to start from: at rest in static equilibrium, or moving without exciting the elastic joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexviz._pinocchio import pin
+from flexviz.simulation.plant import Array, Plant
+
+
+def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
+    """The state at rest in which the PD holds the arm near θ_d (n,), and the torque that it gives (n,) [Nm].
+
+    Link: g(q) + f_l(q, 0) = τ_j. Motor: τ = τ_j + f_m(θ, 0). Controller: τ = k_p (θ_d − θ).
+    """
+    n = plant.n
+    data = plant.model.createData()
+    theta, q, tau = theta_ref.copy(), theta_ref.copy(), np.zeros(n)
+    for _ in range(200):
+        load = pin.computeGeneralizedGravity(plant.model, data, q).copy()
+        for i, law in plant.link_laws:
+            load[i] += law(0.0, float(q[i]), 0.0)
+        for i, torque, start, end in plant.contacts:
+            load[i] -= torque * (start <= 0.0 < end)
+        new = load.copy()
+        for i, law in plant.motor_laws:
+            new[i] += law(0.0, float(theta[i]), 0.0, float(load[i]))
+        theta_new = theta_ref - np.where(kp > 0, new / np.where(kp > 0, kp, 1.0), 0.0)
+        shift = [
+            plant.joint(i).shift(float(theta_new[i])) - plant.joint(i).opening(float(load[i]))
+            for i in range(n)
+        ]
+        q_new = theta_new + np.array(shift)
+        change = np.abs(q_new - q).max() + np.abs(theta_new - theta).max()
+        theta, q, tau = theta_new, q_new, new
+        if change < 1e-14:
+            break
+    x = plant.empty_state()
+    x[:n], x[n : 2 * n] = q, theta
+    return x, tau
+
+
+def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.3, degree: int = 14) -> Array:
+    """The state at t = 0 with the motors on θ = `motion`(t) (M, n) and the links following without ringing.
+
+    The link's motion is the slow one: from q = θ, torque by inverse dynamics, q = θ + error − opening(τ_j), a
+    few times over, with derivatives of the Chebyshev polynomial of `degree` on −width … width [s].
+    """
+    n = plant.n
+    data = plant.model.createData()
+    angle = np.pi * np.arange(degree + 1) / degree
+    time = -width * np.cos(angle)
+    slope = _differentiation(np.cos(angle[::-1])) / width  # (M, M)
+    middle = degree // 2
+    theta = motion(time)
+    shift = np.zeros_like(theta)
+    for i, joint in plant.elastic.items():
+        shift[:, i] = [joint.shift(float(value)) for value in theta[:, i]]
+    q = theta + shift
+    for _ in range(4):
+        qv = slope @ q
+        qa = slope @ qv
+        torque = np.array([pin.rnea(plant.model, data, *row).copy() for row in zip(q, qv, qa, strict=True)])
+        torque += plant.link_viscous * qv
+        for i, law in plant.link_laws:
+            rows = zip(time.tolist(), q[:, i].tolist(), qv[:, i].tolist(), strict=True)
+            torque[:, i] += [law(*row) for row in rows]
+        opening = [[plant.joint(i).opening(s) for s in torque[:, i].tolist()] for i in range(n)]
+        q = theta + shift - np.array(opening).T
+    x = plant.empty_state()
+    x[:n], x[n : 2 * n] = q[middle], theta[middle]
+    x[2 * n : 3 * n] = (slope @ q)[middle]
+    x[3 * n : 4 * n] = (slope @ theta)[middle]
+    return x
+
+
+def _differentiation(nodes: Array) -> Array:
+    """Matrix (M, M) that differentiates the polynomial through values at Chebyshev `nodes` (M,), ascending."""
+    m = len(nodes)
+    weight = (-1.0) ** np.arange(m)
+    weight[[0, -1]] *= 0.5  # barycentric weights
+    difference = nodes[:, None] - nodes[None, :] + np.eye(m)
+    matrix = weight[None, :] / weight[:, None] / difference
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, -matrix.sum(axis=1))
+    return matrix
