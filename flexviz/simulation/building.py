@@ -91,9 +91,8 @@ def check_effect(effect: EffectValue, joints: Sequence[str]) -> None:
     if effect.effect not in LAWS:
         raise InputError(f'effect "{effect.effect}" does not exist; {choose_from(effect.effect, LAWS, 30)}')
     if effect.joint is not None and effect.joint not in joints:
-        raise InputError(
-            f'effect {effect.effect}: joint "{effect.joint}" does not exist; {choose_from(effect.joint, joints)}'
-        )
+        valid = choose_from(effect.joint, joints)
+        raise InputError(f'effect {effect.effect}: joint "{effect.joint}" does not exist; {valid}')
     units = LAWS[effect.effect].units
     for name in effect.parameters:
         if name not in units:

@@ -1,4 +1,4 @@
-"""The simulated robot's controller: PD on the motor side with its own cycle, and an optional torque filter."""
+"""The simulated robot's controller: PD on the motor side with its own cycle, optionally a torque filter."""
 
 from __future__ import annotations
 

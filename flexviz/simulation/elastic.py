@@ -50,7 +50,7 @@ class ElasticJoint:
         return sum(a * sin(n * theta + phase) for a, n, phase in self.errors)
 
     def opening(self, torque: float) -> float:
-        """The δ = θ + error − q at which the joint at rest carries `torque` [Nm]; inverse of the static law."""
+        """The δ = θ + error − q at which the joint at rest carries `torque` [Nm]."""
         k, k3 = self.stiffness, self.cubic
         x = torque / k
         if k3:

@@ -21,7 +21,7 @@ LinkLaw = Callable[[float, float, float], float]
 
 @dataclass(frozen=True)
 class LawInfo:
-    """Where an effect acts, the units of its parameters, and what it belongs to ("joint", "payload", "set")."""
+    """Where an effect acts, its parameters' units, and what it belongs to ("joint", "payload", "set")."""
 
     where: str
     units: dict[str, str]

@@ -15,13 +15,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
 
-Array = NDArray[np.float64]
+Array = np.ndarray
 Advance = Callable[[Array, float, float, int], None]
 
 

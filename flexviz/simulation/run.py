@@ -52,7 +52,8 @@ class Run:
 
     def measured(self, sensors: Sensors, seed: int | np.random.Generator | None = None) -> Run:
         """This run as recorded by `sensors`: θ and τ get noise and resolution."""
-        theta_noise, torque_noise = sensors.noise(*self.theta.shape, seed)
+        samples, n = self.theta.shape
+        theta_noise, torque_noise = sensors.noise(samples, n, seed)
         theta = sensors.quantise(self.theta + theta_noise)
         return replace(self, theta=theta, tau=self.tau + torque_noise)
 

@@ -77,7 +77,7 @@ def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.3, d
 
 
 def _differentiation(nodes: Array) -> Array:
-    """Matrix (M, M) that differentiates the polynomial through values at Chebyshev `nodes` (M,), ascending."""
+    """Matrix (M, M) that differentiates the polynomial through values at Chebyshev `nodes` (M,)."""
     m = len(nodes)
     weight = (-1.0) ** np.arange(m)
     weight[[0, -1]] *= 0.5  # barycentric weights
