@@ -79,7 +79,7 @@ class Group:
         return sum(segment.step * (len(segment) - 1) for segment in self.segments)
 
     def at(self, name: str, time: Array) -> Array | None:
-        """An optional signal ("q", "tau_joint", "theta_ref") at `time` (M,), linearly interpolated: (M, n)."""
+        """An optional signal ("q", "tau_joint", "theta_ref") at `time` (M,) by linear interpolation."""
         values: Array | None = getattr(self, name)
         if values is None:
             return None
@@ -153,13 +153,10 @@ class MeasurementSet:
     def select(self, names: Sequence[str] | None = None) -> tuple[tuple[Group, ...], tuple[Group, ...]]:
         """Groups to fit and groups to validate on.
 
-        `names` are the groups to fit (None: all that are not for validation); what is not fitted but marked as
-        validation is validated on. A validation group cannot be asked to be fitted.
+        `names` are the groups to fit (None: all that are not for validation). A group marked as validation is
+        always validated on, and asking to fit it is an error.
         """
-        if names is None:
-            fit = self.fit_groups
-        else:
-            fit = tuple(dict.fromkeys(self.group(name) for name in names))
+        fit = self.fit_groups if names is None else tuple(dict.fromkeys(self.group(name) for name in names))
         for group in fit:
             if group.validation:
                 valid = choose_from(group.name, [g.name for g in self.fit_groups])

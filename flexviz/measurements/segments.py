@@ -1,0 +1,173 @@
+"""From recorded instants to uniformly sampled segments: time checks, gaps, jitter.
+
+A *gap* is an interval longer than 2.5 times the median one; it ends a segment. Within a segment the instants
+are compared with the best uniform clock t₀ + i·h:
+
+- no farther from it than 0.1 % of h, or than the rounding of the recorded numbers (floating point, or a
+  fixed count of decimals): the clock was uniform, the values stay and only `time` is made exact;
+- farther: the clock jittered (or single samples are missing), and the signals are resampled to the uniform
+  clock by polynomials through the six nearest samples. Their error is below 1e-6 of the amplitude of what
+  moves slower than 1/30 of the sampling rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.errors import InputError
+from flexviz.measurements.data import Array, Segment
+from flexviz.measurements.tables import row_name
+
+GAP = 2.5  # intervals longer than this many median ones separate segments
+JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
+SHORTEST = 32  # samples: shorter segments are not used
+POINTS = 6  # samples an interpolated value is made of
+_DECIMALS = range(1, 10)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A uniform clock: instants `start` + i · `step`, i = 0 … `count` − 1 [s]."""
+
+    start: float
+    step: float
+    count: int
+    jitters: bool
+
+    def instants(self) -> Array:
+        """(count,) [s]."""
+        return self.start + self.step * np.arange(self.count, dtype=float)
+
+
+def check_time(time: Array, file: Path) -> None:
+    """InputError naming the row unless `time` (N,) increases strictly and is long enough."""
+    if len(time) < SHORTEST:
+        found = "no rows" if len(time) == 0 else f"too few rows: {len(time)}"
+        raise InputError(f"{found}, at least {SHORTEST} samples would be right", file=file)
+    backward = np.flatnonzero(time[1:] <= time[:-1])
+    if len(backward):
+        i = int(backward[0])
+        what = "repeats" if time[i + 1] == time[i] else "decreases to"
+        after = "" if time[i + 1] == time[i] else f" after {time[i]:.9g}"
+        more = f" ({len(backward)} such rows)" if len(backward) > 1 else ""
+        raise InputError(
+            f"time {what} {time[i + 1]:.9g}{after}{more}, strictly increasing seconds would be right",
+            file=file,
+            place=f"row {row_name(file, i + 1)}, column time",
+        )
+
+
+def median_step(time: Array) -> float:
+    """The median interval [s]."""
+    return float(np.median(np.diff(time)))
+
+
+def pieces(time: Array) -> list[slice]:
+    """Stretches of `time` (N,) without gaps."""
+    steps = np.diff(time)
+    cuts = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    edges = [0, *(int(cut) for cut in cuts), len(time)]
+    return [slice(first, last) for first, last in pairwise(edges)]
+
+
+def find_clock(time: Array) -> Clock:
+    """The uniform clock of a stretch of `time` (N,), or one within it when its own jitters."""
+    span, last = float(time[-1] - time[0]), len(time) - 1
+    index = np.arange(last + 1, dtype=float)
+    start, step = float(time[0]), span / last
+    if is_uniform(time, start + step * index, step):
+        return Clock(start, step, last + 1, jitters=False)
+    # the first and the last instant are rounded like all others: a line through all of them is closer
+    centred = index - last / 2
+    fitted = float(centred @ (time - start)) / float(centred @ centred)
+    middle = float(np.mean(time - start)) + start
+    if is_uniform(time, middle + fitted * centred, fitted):
+        return Clock(middle - fitted * last / 2, fitted, last + 1, jitters=False)
+    steps = np.diff(time)
+    usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))  # without the missing samples
+    count = max(round(span / usual), SHORTEST)
+    return Clock(start, span / count, count + 1, jitters=True)
+
+
+def is_uniform(time: Array, clock: Array, step: float) -> bool:
+    """Whether `time` is `clock` up to what rounding explains (see the module's text)."""
+    deviation = float(np.max(np.abs(time - clock)))
+    largest = float(max(abs(time[0]), abs(time[-1])))
+    if deviation <= max(JITTER * step, 2 * np.spacing(largest)):
+        return True
+    if deviation <= np.spacing(np.float32(largest)) and np.array_equal(time, time.astype(np.float32)):
+        return True
+    return deviation <= 0.55 * decimal_resolution(time, step)
+
+
+def decimal_resolution(time: Array, step: float) -> float:
+    """10^-k when every instant is written with k decimals and that is coarse beside the step, else 0 [s]."""
+    for decimals in _DECIMALS:
+        unit = 10.0**-decimals
+        if unit > step:
+            continue
+        tolerance = 4 * float(np.spacing(max(abs(time[0]), abs(time[-1]))))
+        sample = time[:: max(1, len(time) // 1000)]
+        if np.all(np.abs(np.round(sample, decimals) - sample) <= tolerance):
+            return unit if np.all(np.abs(np.round(time, decimals) - time) <= tolerance) else 0.0
+    return 0.0
+
+
+def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], int, bool]:
+    """Split and, where the clock jitters, resample.
+
+    Parameters
+    ----------
+    time: (N,) strictly increasing [s].
+    signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm].
+
+    Returns
+    -------
+    The segments (views of `signals` where nothing had to be resampled), the number of samples in stretches
+    that are too short, and whether anything was resampled.
+    """
+    segments: list[Segment] = []
+    dropped, resampled = 0, False
+    for piece in pieces(time):
+        if piece.stop - piece.start < SHORTEST:
+            dropped += piece.stop - piece.start
+            continue
+        clock = find_clock(time[piece])
+        instants, values = clock.instants(), signals[piece]
+        if clock.jitters:
+            values, resampled = interpolate(time[piece], values, instants), True
+        segments.append(Segment(instants, values[:, :n], values[:, n:], clock.step))
+    return segments, dropped, resampled
+
+
+def interpolate(time: Array, values: Array, instants: Array, block: int = 1 << 16) -> Array:
+    """`values` (N, k) at `instants` (M,) in the same span, by polynomials through the 6 nearest samples.
+
+    Works in blocks of instants, so that no temporary array is as large as the data. The result is (M, k),
+    each column contiguous.
+    """
+    result = np.empty((values.shape[1], len(instants)))
+    nearest = np.arange(POINTS)
+    for begin in range(0, len(instants), block):
+        wanted = instants[begin : begin + block]
+        first = np.searchsorted(time, wanted, side="right") - POINTS // 2
+        first = np.clip(first, 0, len(time) - POINTS)
+        rows = first[:, None] + nearest  # (m, 6)
+        weights = lagrange(time[rows], wanted)
+        for column in range(values.shape[1]):
+            result[column, begin : begin + block] = np.einsum("mp,mp->m", weights, values[rows, column])
+    return result.T
+
+
+def lagrange(nodes: Array, wanted: Array) -> Array:
+    """(m, 6) weights of the samples at `nodes` (m, 6) for the value at `wanted` (m,)."""
+    weights = np.ones_like(nodes)
+    for i in range(POINTS):
+        for j in range(POINTS):
+            if i != j:
+                weights[:, i] *= (wanted - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
+    return weights

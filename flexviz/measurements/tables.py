@@ -1,0 +1,247 @@
+"""Read the wanted columns of a CSV or Parquet table straight into one array.
+
+The table streams through in blocks: the array is the only full copy of the data that ever exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as papq
+
+from flexviz.errors import InputError, one_line
+from flexviz.measurements.data import Array
+
+CSV_BLOCK = 1 << 22  # [bytes]
+PARQUET_ROWS = 1 << 16  # rows a block
+CSV_SUFFIXES = (".csv",)
+PARQUET_SUFFIXES = (".parquet", ".pq")
+
+
+def column_names(file: Path) -> list[str]:
+    """Names of the columns of a table (CSV: spaces around a name do not count)."""
+    with translated(file):
+        if is_parquet(file):
+            with papq.ParquetFile(file) as table:
+                names = list(table.schema_arrow.names)
+        else:
+            names = [name.strip() for name in raw_csv_header(file)]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f'{names.count(name)} columns are called "{name}", one would be right',
+                file=file,
+                place="header",
+            )
+    return names
+
+
+def read_columns(file: Path, names: Sequence[str]) -> Array:
+    """The columns `names` as a (N, len(names)) array, each column contiguous.
+
+    Raises InputError naming file, row and column for anything that is not a finite number.
+    """
+    parquet = is_parquet(file)
+    with translated(file):
+        rows = parquet_rows(file) if parquet else most_csv_rows(file)
+        values = np.empty((len(names), rows))
+        filled = 0
+        try:
+            for batch in parquet_blocks(file, names) if parquet else csv_blocks(file, names):
+                block = values[:, filled : filled + batch.num_rows]
+                for index, name in enumerate(names):
+                    fill(block[index], batch.column(index), name, filled, file)
+                filled += batch.num_rows
+        except pa.ArrowInvalid:
+            if not parquet:
+                explain_csv(file, names)
+            raise
+    if filled < rows:
+        # give the unused end back (the number of rows of a CSV was only known from above)
+        values = values[:, :filled] if filled > 0.9 * rows else values[:, :filled].copy()
+    return values.T
+
+
+def fill(target: Array, column: pa.Array, name: str, offset: int, file: Path) -> None:
+    """Copy a block of one column into `target` (M,), refusing empty cells, NaN and infinity."""
+    place = "row {row}, column {name}"
+    if not (
+        pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_null(column.type)
+    ):
+        raise InputError(
+            f"the column holds {column.type}, numbers would be right", file=file, place=f"column {name}"
+        )
+    if column.null_count:
+        row = int(np.flatnonzero(column.is_null().to_numpy(zero_copy_only=False))[0]) + offset
+        raise InputError(
+            "the cell is empty, a number would be right",
+            file=file,
+            place=place.format(row=row_name(file, row), name=name),
+        )
+    target[:] = column.to_numpy(zero_copy_only=False)
+    if not np.isfinite(target).all():
+        bad = int(np.flatnonzero(~np.isfinite(target))[0])
+        raise InputError(
+            f"found {target[bad]:g}, a finite number would be right",
+            file=file,
+            place=place.format(row=row_name(file, bad + offset), name=name),
+        )
+
+
+def row_name(file: Path, row: int) -> str:
+    """A data row (counted from 0) as messages call it: from 1, and for CSV also the line of the file."""
+    return f"{row + 1}" if is_parquet(file) else f"{row + 1} (line {row + 2})"
+
+
+def is_parquet(file: Path) -> bool:
+    """Whether a table is Parquet (else it is CSV), by its suffix."""
+    suffix = file.suffix.lower()
+    if suffix in PARQUET_SUFFIXES:
+        return True
+    if suffix in CSV_SUFFIXES:
+        return False
+    raise InputError(
+        f"a table called *{suffix or ''} is not known; *.csv or *.parquet would be right", file=file
+    )
+
+
+@contextmanager
+def translated(file: Path) -> Iterator[None]:
+    """Turn what the libraries raise for a file that cannot be read into one-line InputErrors."""
+    kind = "Parquet" if is_parquet(file) else "CSV"
+    try:
+        yield
+    except InputError:
+        raise
+    except UnicodeDecodeError:
+        raise InputError(f"not a readable {kind} table: not a text in UTF-8", file=file) from None
+    except MemoryError:
+        raise InputError("the table does not fit into memory", file=file) from None
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"not a readable {kind} table: {one_line(str(reason))[:200]}", file=file) from None
+
+
+# -- Parquet -----------------------------------------------------------------------------------------
+
+
+def parquet_rows(file: Path) -> int:
+    """Number of rows."""
+    with papq.ParquetFile(file) as table:
+        return table.metadata.num_rows
+
+
+def parquet_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
+    """Blocks of rows with the columns in the order of `names`."""
+    with papq.ParquetFile(file) as table:
+        for batch in table.iter_batches(batch_size=PARQUET_ROWS, columns=list(names), use_threads=False):
+            yield batch.select(list(names))
+
+
+# -- CSV ---------------------------------------------------------------------------------------------
+
+
+def raw_csv_header(file: Path) -> list[str]:
+    """The first line's names, as they stand."""
+    with file.open("rb") as stream:
+        start = stream.read(4)
+    if start.startswith(b"PAR1"):
+        raise InputError("this is a Parquet table, *.parquet would be right as its name", file=file)
+    if not start:
+        raise InputError("the file is empty, a header and rows of numbers would be right", file=file)
+    with pacsv.open_csv(file, convert_options=options({})) as reader:
+        names = list(reader.schema.names)
+    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+        raise InputError(
+            "the columns are not separated by commas, commas would be right", file=file, place="header"
+        )
+    return names
+
+
+def options(types: dict[str, pa.DataType]) -> pacsv.ConvertOptions:
+    """How cells become values: only an empty cell is empty; "nan" is NaN and refused later."""
+    return pacsv.ConvertOptions(
+        include_columns=list(types), column_types=types, null_values=[""], strings_can_be_null=True
+    )
+
+
+def most_csv_rows(file: Path) -> int:
+    """At least as many as there are rows: the number of line ends."""
+    ends = returns = 0
+    with file.open("rb") as stream:
+        while block := stream.read(CSV_BLOCK):
+            ends += block.count(b"\n")
+            returns += 0 if ends else block.count(b"\r")
+    return max(ends, returns) + 1
+
+
+def csv_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
+    """Blocks of rows with the columns in the order of `names`."""
+    raw = {name.strip(): name for name in raw_csv_header(file)}
+    types = {raw[name]: pa.float64() for name in names}
+    reading = pacsv.ReadOptions(use_threads=False, block_size=CSV_BLOCK)
+    with pacsv.open_csv(file, read_options=reading, convert_options=options(types)) as reader:
+        yield from reader
+
+
+def explain_csv(file: Path, names: Sequence[str]) -> None:
+    """Find the first row that could not be read, and raise an InputError that names it."""
+    header: list[str] = []
+    with file.open("rb") as stream:
+        row = -1
+        for line, content in enumerate(stream, start=1):
+            if not content.strip():
+                continue
+            cells = [
+                cell.strip().strip('"')
+                for cell in content.decode("utf-8-sig", "replace").strip("\r\n").split(",")
+            ]
+            if not header:
+                header = cells
+                continue
+            row += 1
+            where = f"row {row + 1} (line {line})"
+            if len(cells) != len(header):
+                raise InputError(
+                    f"{len(cells)} values for {len(header)} columns, one a column would be right",
+                    file=file,
+                    place=where,
+                )
+            for name in names:
+                cell = cells[header.index(name)]
+                if not is_number(cell):
+                    raise InputError(
+                        f'found "{cell[:40]}", a number would be right',
+                        file=file,
+                        place=f"{where}, column {name}",
+                    )
+
+
+def is_number(cell: str) -> bool:
+    """Whether a CSV cell holds a number."""
+    try:
+        float(cell or "0")
+    except ValueError:
+        return False
+    return True
+
+
+def require(names: Sequence[str], wanted: Sequence[str], file: Path) -> None:
+    """InputError for the first of the `wanted` columns that is not there."""
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        others = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
+        guess = get_close_matches(missing[0], [name for name in names if name not in wanted], n=1)
+        meant = f' did you mean "{guess[0]}"?' if guess else ""
+        found = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
+        raise InputError(
+            f'column "{missing[0]}" is missing{others};{meant} the table has {found}',
+            file=file,
+            place="header",
+        )

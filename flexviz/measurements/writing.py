@@ -1,0 +1,256 @@
+"""Write a measurement set: all of it or nothing."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as papq
+
+from flexviz.errors import InputError
+from flexviz.measurements import toml
+from flexviz.measurements.data import Array, Group, MeasurementSet
+from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
+
+if TYPE_CHECKING:
+    from flexviz.robot import PayloadBody
+
+SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
+
+
+@dataclass(frozen=True, eq=False)
+class GroupTable:
+    """One group to be written (n joints, N samples).
+
+    Attributes
+    ----------
+    name, trajectory, payload, validation: as in the format.
+    time: (N,) [s].
+    theta, tau: (N, n) [rad], [Nm].
+    q, tau_joint, theta_ref: (N, n) [rad], [Nm], [rad], or None; a column that is all NaN is left out.
+    file: name of its table; None: `<name>.parquet` or `.csv`.
+    """
+
+    name: str
+    trajectory: str
+    payload: str
+    time: Array
+    theta: Array
+    tau: Array
+    q: Array | None = None
+    tau_joint: Array | None = None
+    theta_ref: Array | None = None
+    validation: bool = False
+    file: str | None = None
+
+    @staticmethod
+    def of(group: Group) -> GroupTable:
+        """A group that was read, with its signals as they were used (jitter resampled)."""
+        time = np.concatenate([segment.time for segment in group.segments])
+        if len(group.segments) == 1 and len(time) == len(group.time):
+            time = group.time  # as recorded: no rounding is added
+        theta = np.concatenate([segment.theta for segment in group.segments])
+        tau = np.concatenate([segment.tau for segment in group.segments])
+        optional = {name: group.at(name, time) for name in ("q", "tau_joint", "theta_ref")}
+        return GroupTable(
+            group.name,
+            group.trajectory,
+            group.payload,
+            time,
+            theta,
+            tau,
+            validation=group.validation,
+            file=group.file.name,
+            **optional,
+        )
+
+
+def write_set(
+    folder: str | Path,
+    *,
+    robot: str,
+    joints: Sequence[str],
+    groups: Sequence[GroupTable],
+    payloads: Mapping[str, Sequence[PayloadBody]],
+    torque_hold: float = 0.0,
+    initial_stiffness: Sequence[float] | Array | None = None,
+    initial_motor_inertia: Sequence[float] | Array | None = None,
+    kp: Sequence[float] | Array | None = None,
+    kd: Sequence[float] | Array | None = None,
+    effects: Sequence[str] = (),
+    files: Mapping[str, str | bytes | Path] | None = None,
+    table_format: str = "parquet",
+    single: bool = False,
+    overwrite: bool = False,
+) -> Path:
+    """Write a measurement set that `read_set` gives back exactly, and return its folder.
+
+    Everything is written to a temporary folder beside `folder`, which then takes its place: whoever looks
+    sees the whole set or none.
+
+    Parameters
+    ----------
+    robot: as in the format; a URDF's path is relative to `folder`, and the URDF is one of `files`.
+    files: further files of the set: name -> text, bytes, or the path of a file to copy.
+    table_format: "parquet" or "csv".
+    single: store the signals (never the time) as float32.
+    overwrite: replace a set that already is there. Anything else that is there is never touched.
+    """
+    folder = Path(folder).absolute()
+    if table_format not in SUFFIXES:
+        raise InputError(f'table format "{table_format}" is not known; csv or parquet would be right')
+    make_way(folder, overwrite)
+    initial = numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia)
+    controller = numbers(kp=kp, kd=kd)
+    document = {
+        "format": FORMAT,
+        "robot": robot,
+        "joints": list(joints),
+        "torque_hold": float(torque_hold),
+        **({"initial": initial} if initial else {}),
+        **({"controller": controller} if controller else {}),
+        "model": {"effects": list(effects)},
+        "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
+        "groups": [group_entry(group, SUFFIXES[table_format]) for group in groups],
+    }
+    parse(document, folder / FILE_NAME)  # what could not be read back is not written
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
+            new = Path(temporary) / "new"
+            new.mkdir()
+            for name, content in (files or {}).items():
+                write_file(within(new, name), content)
+            for group, entry in zip(groups, document["groups"], strict=True):
+                path = within(new, entry["file"])
+                if path.exists():
+                    raise InputError(f'two files of the set are called "{entry["file"]}"', file=folder)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_table(path, table_of(group, joints, single))
+            write_file(new / FILE_NAME, toml.dumps(document))
+            if folder.exists():
+                os.replace(folder, Path(temporary) / "old")
+            os.replace(new, folder)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
+    return folder
+
+
+def copy_set(measurements: MeasurementSet, folder: str | Path, *, table_format: str = "parquet") -> Path:
+    """Write a set that was read to another folder, with its robot description."""
+    source = measurements.robot.source
+    local = ":" not in source
+    return write_set(
+        folder,
+        robot=source,
+        joints=measurements.joints,
+        groups=[
+            GroupTable.of(group)
+            if group.file.suffix == SUFFIXES[table_format]
+            else renamed(group, table_format)
+            for group in measurements.groups
+        ],
+        payloads=measurements.payloads,
+        torque_hold=measurements.torque_hold,
+        initial_stiffness=measurements.initial_stiffness,
+        initial_motor_inertia=measurements.initial_motor_inertia,
+        kp=measurements.kp,
+        kd=measurements.kd,
+        effects=measurements.effects,
+        files={source: measurements.robot.urdf_path} if local else None,
+        table_format=table_format,
+    )
+
+
+def renamed(group: Group, table_format: str) -> GroupTable:
+    """A group whose table gets the suffix of another format."""
+    return replace(GroupTable.of(group), file=group.file.stem + SUFFIXES[table_format])
+
+
+def make_way(folder: Path, overwrite: bool) -> None:
+    """InputError unless `folder` is free, empty, or a measurement set that may be replaced."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise InputError("this is a file, a new folder would be right", file=folder)
+    if not any(folder.iterdir()):
+        return
+    if not (folder / FILE_NAME).is_file():
+        raise InputError("the folder is not empty, a new or empty folder would be right", file=folder)
+    if not overwrite:
+        raise InputError(
+            "a measurement set is already there, a new or empty folder would be right", file=folder
+        )
+
+
+def numbers(**lists: Sequence[float] | Array | None) -> dict[str, list[float]]:
+    """Those of the lists that there are."""
+    return {key: [float(x) for x in value] for key, value in lists.items() if value is not None}
+
+
+def body_entry(body: PayloadBody) -> dict[str, Any]:
+    """A payload's body, as in the format."""
+    return {"link": body.link, "mass": float(body.mass), **numbers(com=body.com, inertia=body.inertia)}
+
+
+def group_entry(group: GroupTable, suffix: str) -> dict[str, Any]:
+    """A group, as in the format."""
+    entry = {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
+    entry["file"] = group.file or group.name + suffix
+    return entry | ({"validation": True} if group.validation else {})
+
+
+def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table:
+    """The group's columns, in the format's names."""
+    kind = pa.float32() if single else pa.float64()
+    columns: dict[str, pa.Array] = {"time": pa.array(np.asarray(group.time, dtype=float))}
+    for name in ("theta", "tau", "q", "tau_joint", "theta_ref"):
+        signal = getattr(group, name)
+        if signal is None:
+            continue
+        signal = np.asarray(signal, dtype=float)
+        if signal.shape != (len(group.time), len(joints)):
+            wanted = (len(group.time), len(joints))
+            raise InputError(
+                f'group "{group.name}": {name} has shape {signal.shape}, {wanted} would be right'
+            )
+        for j, joint in enumerate(joints):
+            if not np.isnan(signal[:, j]).all():
+                columns[f"{name}_{joint}"] = pa.array(np.ascontiguousarray(signal[:, j])).cast(kind)
+    return pa.table(columns)
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table so that every number is read back exactly."""
+    if path.suffix == ".csv":
+        exact = pa.table({name: table[name].cast(pa.float64()) for name in table.column_names})
+        pacsv.write_csv(exact, path, pacsv.WriteOptions(quoting_style="none"))
+    else:
+        papq.write_table(table, path, compression="zstd", use_dictionary=False)
+
+
+def write_file(path: Path, content: str | bytes | Path) -> None:
+    """Write text or bytes, or copy a file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(content, Path):
+        shutil.copyfile(content, path)
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        path.write_text(content, encoding="utf-8")
+
+
+def within(folder: Path, name: str) -> Path:
+    """The path of a file of the set; InputError when it would lie outside."""
+    path = Path(os.path.normpath(folder / name))
+    if Path(name).is_absolute() or folder not in path.parents:
+        raise InputError(f'"{name}" lies outside the set\'s folder, a path inside it would be right')
+    return path
