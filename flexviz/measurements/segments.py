@@ -17,6 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.errors import InputError
 from flexviz.measurements.data import Array, Segment
@@ -26,6 +27,8 @@ GAP = 2.5  # intervals longer than this many median ones separate segments
 JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
 SHORTEST = 32  # samples: shorter segments are not used
 POINTS = 6  # samples an interpolated value is made of
+POSITIONS = np.arange(POINTS)
+BLOCK = 1 << 16  # rows handled at once, so that no temporary array is as large as the data
 _DECIMALS = range(1, 10)
 
 
@@ -77,31 +80,41 @@ def pieces(time: Array) -> list[slice]:
 def find_clock(time: Array) -> Clock:
     """The uniform clock of a stretch of `time` (N,), or one within it when its own jitters."""
     span, last = float(time[-1] - time[0]), len(time) - 1
-    index = np.arange(last + 1, dtype=float)
     start, step = float(time[0]), span / last
-    if is_uniform(time, start + step * index, step):
+    if is_uniform(time, start, step):
         return Clock(start, step, last + 1, jitters=False)
     # the first and the last instant are rounded like all others: a line through all of them is closer
-    centred = index - last / 2
-    fitted = float(centred @ (time - start)) / float(centred @ centred)
+    centred = np.arange(last + 1) - last / 2
+    step = float(centred @ (time - start)) / float(centred @ centred)
     middle = float(np.mean(time - start)) + start
-    if is_uniform(time, middle + fitted * centred, fitted):
-        return Clock(middle - fitted * last / 2, fitted, last + 1, jitters=False)
+    if is_uniform(time, middle - step * last / 2, step):
+        return Clock(middle - step * last / 2, step, last + 1, jitters=False)
     steps = np.diff(time)
     usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))  # without the missing samples
     count = max(round(span / usual), SHORTEST)
     return Clock(start, span / count, count + 1, jitters=True)
 
 
-def is_uniform(time: Array, clock: Array, step: float) -> bool:
-    """Whether `time` is `clock` up to what rounding explains (see the module's text)."""
-    deviation = float(np.max(np.abs(time - clock)))
+def is_uniform(time: Array, start: float, step: float) -> bool:
+    """Whether `time` is `start` + i · `step` up to what rounding explains (see the module's text)."""
+    error = deviation(time, start, step)
     largest = float(max(abs(time[0]), abs(time[-1])))
-    if deviation <= max(JITTER * step, 2 * np.spacing(largest)):
+    if error <= max(JITTER * step, 2 * np.spacing(largest)):
         return True
-    if deviation <= np.spacing(np.float32(largest)) and np.array_equal(time, time.astype(np.float32)):
+    if error <= np.spacing(np.float32(largest)) and np.array_equal(time, time.astype(np.float32)):
         return True
-    return deviation <= 0.55 * decimal_resolution(time, step)
+    return error <= 0.55 * decimal_resolution(time, step)
+
+
+def deviation(time: Array, start: float, step: float) -> float:
+    """Largest distance of `time` (N,) from `start` + i · `step` [s]."""
+    largest = 0.0
+    for begin in range(0, len(time), BLOCK):
+        part = time[begin : begin + BLOCK]
+        largest = max(
+            largest, float(np.max(np.abs(part - start - step * np.arange(begin, begin + len(part)))))
+        )
+    return largest
 
 
 def decimal_resolution(time: Array, step: float) -> float:
@@ -123,12 +136,12 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
     Parameters
     ----------
     time: (N,) strictly increasing [s].
-    signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm].
+    signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm]; overwritten when resampled.
 
     Returns
     -------
-    The segments (views of `signals` where nothing had to be resampled), the number of samples in stretches
-    that are too short, and whether anything was resampled.
+    The segments (views of `signals` where possible), the number of samples in stretches that are too short,
+    and whether anything was resampled.
     """
     segments: list[Segment] = []
     dropped, resampled = 0, False
@@ -136,31 +149,49 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
         if piece.stop - piece.start < SHORTEST:
             dropped += piece.stop - piece.start
             continue
-        clock = find_clock(time[piece])
-        instants, values = clock.instants(), signals[piece]
+        recorded, values = time[piece], signals[piece]
+        clock = find_clock(recorded)
         if clock.jitters:
-            values, resampled = interpolate(time[piece], values, instants), True
+            values, resampled = resample(recorded, values, clock), True
+        exact = not clock.jitters and deviation(recorded, clock.start, clock.step) < 1e-9 * clock.step
+        instants = recorded if exact else clock.instants()
         segments.append(Segment(instants, values[:, :n], values[:, n:], clock.step))
     return segments, dropped, resampled
 
 
-def interpolate(time: Array, values: Array, instants: Array, block: int = 1 << 16) -> Array:
-    """`values` (N, k) at `instants` (M,) in the same span, by polynomials through the 6 nearest samples.
+def resample(time: Array, values: Array, clock: Clock) -> Array:
+    """`values` (N, k) at `time` as they are at the instants of `clock`: (M, k), in place where M ≤ N."""
+    in_place = clock.count <= len(time)
+    result = values[: clock.count] if in_place else np.empty((values.shape[1], clock.count)).T
+    saved, since = (
+        values[:0],
+        0,
+    )  # rows since … since + len(saved), of which the first are overwritten already
 
-    Works in blocks of instants, so that no temporary array is as large as the data. The result is (M, k),
-    each column contiguous.
-    """
-    result = np.empty((values.shape[1], len(instants)))
-    nearest = np.arange(POINTS)
-    for begin in range(0, len(instants), block):
-        wanted = instants[begin : begin + block]
-        first = np.searchsorted(time, wanted, side="right") - POINTS // 2
-        first = np.clip(first, 0, len(time) - POINTS)
-        rows = first[:, None] + nearest  # (m, 6)
-        weights = lagrange(time[rows], wanted)
+    def rows(low: int, high: int) -> Array:
+        """Rows low … high as they were recorded."""
+        until = since + len(saved)
+        return np.concatenate([saved[low - since : high - since], values[max(low, until) : high]])
+
+    for begin in range(0, clock.count, BLOCK):
+        end = min(begin + BLOCK, clock.count)
+        first, weights = stencil(time, clock.start + clock.step * np.arange(begin, end))
+        low, high = int(first[0]), int(first[-1]) + POINTS
+        source = rows(low, high)
+        if in_place:  # later blocks need nothing before this one's last stencil
+            after = int(first[-1])
+            saved, since = rows(after, max(high, end, since + len(saved))), after
         for column in range(values.shape[1]):
-            result[column, begin : begin + block] = np.einsum("mp,mp->m", weights, values[rows, column])
-    return result.T
+            around = source[first[:, None] - low + POSITIONS, column]
+            result[begin:end, column] = np.einsum("mp,mp->m", weights, around)
+    return result
+
+
+def stencil(time: Array, wanted: Array) -> tuple[NDArray[np.intp], Array]:
+    """For instants `wanted` (m,): the first of the samples around each (m,), and their weights (m, 6)."""
+    first = np.searchsorted(time, wanted, side="right") - POINTS // 2
+    first = np.clip(first, 0, len(time) - POINTS)
+    return first, lagrange(time[first[:, None] + POSITIONS], wanted)
 
 
 def lagrange(nodes: Array, wanted: Array) -> Array:

@@ -18,7 +18,7 @@ import pyarrow.parquet as papq
 from flexviz.errors import InputError, one_line
 from flexviz.measurements.data import Array
 
-CSV_BLOCK = 1 << 22  # [bytes]
+CSV_BLOCK = 1 << 20  # [bytes]
 PARQUET_ROWS = 1 << 16  # rows a block
 CSV_SUFFIXES = (".csv",)
 PARQUET_SUFFIXES = (".parquet", ".pq")
@@ -47,21 +47,43 @@ def read_columns(file: Path, names: Sequence[str]) -> Array:
 
     Raises InputError naming file, row and column for anything that is not a finite number.
     """
-    parquet = is_parquet(file)
     with translated(file):
-        rows = parquet_rows(file) if parquet else most_csv_rows(file)
-        values = np.empty((len(names), rows))
+        if is_parquet(file):
+            return read_parquet(file, names)
+        return read_csv(file, names)
+
+
+def read_parquet(file: Path, names: Sequence[str]) -> Array:
+    """The columns of a Parquet table (N, len(names)): one column of one row group at a time."""
+    with papq.ParquetFile(file, pre_buffer=False) as table:
+        values = np.empty((len(names), table.metadata.num_rows))
         filled = 0
-        try:
-            for batch in parquet_blocks(file, names) if parquet else csv_blocks(file, names):
-                block = values[:, filled : filled + batch.num_rows]
-                for index, name in enumerate(names):
-                    fill(block[index], batch.column(index), name, filled, file)
-                filled += batch.num_rows
-        except pa.ArrowInvalid:
-            if not parquet:
-                explain_csv(file, names)
-            raise
+        for group in range(table.num_row_groups):
+            rows = table.metadata.row_group(group).num_rows
+            for index, name in enumerate(names):
+                done = filled
+                for batch in table.iter_batches(PARQUET_ROWS, [group], [name], use_threads=False):
+                    target = values[index, done : done + batch.num_rows]
+                    fill(target, batch.column(0), name, done, file)
+                    done += batch.num_rows
+            filled += rows
+    return values.T
+
+
+def read_csv(file: Path, names: Sequence[str]) -> Array:
+    """The columns of a CSV table (N, len(names)): a block of rows at a time."""
+    rows = most_csv_rows(file)
+    values = np.empty((len(names), rows))
+    filled = 0
+    try:
+        for batch in csv_blocks(file, names):
+            block = values[:, filled : filled + batch.num_rows]
+            for index, name in enumerate(names):
+                fill(block[index], batch.column(index), name, filled, file)
+            filled += batch.num_rows
+    except pa.ArrowInvalid:
+        explain_csv(file, names)
+        raise
     if filled < rows:
         # give the unused end back (the number of rows of a CSV was only known from above)
         values = values[:, :filled] if filled > 0.9 * rows else values[:, :filled].copy()
@@ -126,22 +148,6 @@ def translated(file: Path) -> Iterator[None]:
     except (pa.ArrowException, OSError, ValueError, KeyError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"not a readable {kind} table: {one_line(str(reason))[:200]}", file=file) from None
-
-
-# -- Parquet -----------------------------------------------------------------------------------------
-
-
-def parquet_rows(file: Path) -> int:
-    """Number of rows."""
-    with papq.ParquetFile(file) as table:
-        return table.metadata.num_rows
-
-
-def parquet_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
-    """Blocks of rows with the columns in the order of `names`."""
-    with papq.ParquetFile(file) as table:
-        for batch in table.iter_batches(batch_size=PARQUET_ROWS, columns=list(names), use_threads=False):
-            yield batch.select(list(names))
 
 
 # -- CSV ---------------------------------------------------------------------------------------------
