@@ -1,0 +1,91 @@
+"""What is to be simulated: a robot, its true parameters, payloads, groups, controller and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from flexviz.model import FlexibleModel
+from flexviz.robot import PayloadBody, Robot
+from flexviz.simulation.control import Controller
+from flexviz.simulation.plant import Array
+from flexviz.simulation.references import Reference
+from flexviz.simulation.run import Run, simulate_run
+from flexviz.simulation.sensors import Sensors
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGroup:
+    """One trajectory with one payload.
+
+    Attributes
+    ----------
+    duration: [s].
+    record_step: the recording's step [s]; None: every controller cycle.
+    """
+
+    name: str
+    trajectory: str
+    payload: str
+    reference: Reference
+    duration: float
+    record_step: float | None = None
+    validation: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A whole measurement set before it is simulated.
+
+    Attributes
+    ----------
+    robot: the robot as the set will give it (CAD inertias).
+    source: the robot as written in the set.
+    model: the true parameters and effects.
+    initial_stiffness, initial_motor_inertia: (n,) rough values that the set gives.
+    single: write the signals as float32.
+    extra: also write link positions and joint torques.
+    """
+
+    name: str
+    robot: Robot
+    source: str
+    model: FlexibleModel
+    payloads: dict[str, tuple[PayloadBody, ...]]
+    groups: tuple[PlannedGroup, ...]
+    controller: Controller
+    sensors: Sensors
+    initial_stiffness: Array | None = None
+    initial_motor_inertia: Array | None = None
+    start: str = "rest"
+    effects: tuple[str, ...] = ()
+    single: bool = False
+    extra: bool = True
+    files: dict[str, str] = field(default_factory=dict)
+
+    def run(
+        self,
+        group: PlannedGroup,
+        *,
+        seed: object = None,
+        progress: Callable[[float], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> Run:
+        """Simulate one group without sensors' noise, unless the controller feels it (then `seed` matters)."""
+        sensors = self.sensors if self.sensors.feedback else None
+        return simulate_run(
+            self.robot,
+            self.model,
+            payload=self.payloads[group.payload],
+            reference=group.reference,
+            controller=self.controller,
+            duration=group.duration,
+            record_step=group.record_step,
+            start=self.start,
+            sensors=sensors,
+            seed=seed,  # type: ignore[arg-type]
+            group=group.name,
+            payload_name=group.payload,
+            progress=progress,
+            should_stop=should_stop,
+        )

@@ -1,0 +1,106 @@
+"""A plan that repeats an existing measurement set in simulation: its robot, payloads and trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from flexviz._pinocchio import pin
+from flexviz.errors import InputError
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.model import FlexibleModel
+from flexviz.noise import segments_noise
+from flexviz.robot import Robot
+from flexviz.simulation.control import Controller
+from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.plant import Array
+from flexviz.simulation.references import Sampled
+from flexviz.simulation.sensors import Sensors
+
+BAND = 10.0  # [Hz] of the motor motion that becomes the reference where a set has none
+LONGEST_CYCLE = 0.001  # [s] of the simulated controller
+
+
+def plan_from_set(measurements: MeasurementSet) -> Plan:
+    """A plan with the set's robot, payloads and trajectories.
+
+    The truth is what the set says (CAD inertias, `[initial]` values) or, where it says nothing, values in
+    proportion to the robot's inertia. Sensor noise is estimated from the recordings.
+    """
+    robot = measurements.robot
+    inertia = mean_inertia(robot, measurements)
+    b = (
+        measurements.initial_motor_inertia
+        if measurements.initial_motor_inertia is not None
+        else 0.5 * inertia
+    )
+    k = measurements.initial_stiffness
+    k = (2 * np.pi * 8.0) ** 2 * inertia if k is None else k  # [Nm/rad] a joint that vibrates at 8 Hz
+    friction = 0.5 * np.asarray(b)  # [Nm s/rad]
+    step = measurements.groups[0].segments[0].step
+    hold = measurements.torque_hold
+    cycle = step / max(1, round(step / (hold if 0 < hold <= step else min(step, LONGEST_CYCLE))))
+    if measurements.kp is not None and measurements.kd is not None:
+        kp, kd = measurements.kp, measurements.kd
+    else:
+        speed = 2 * np.pi * 8.0  # [rad/s] bandwidth of the motor's position loop
+        kp, kd = (b + inertia) * speed**2, 2.0 * (b + inertia) * speed
+    segments = [segment for group in measurements.groups for segment in group.segments]
+    theta_noise, torque_noise = segments_noise(segments)
+    return Plan(
+        name=measurements.name,
+        robot=robot,
+        source=robot.source,
+        model=FlexibleModel(robot.joints, k, b, friction, friction, robot.cad_parameters),
+        payloads=dict(measurements.payloads),
+        groups=tuple(planned(group) for group in measurements.groups),
+        controller=Controller(kp, kd, cycle),
+        sensors=Sensors(theta_noise, torque_noise),
+        initial_stiffness=measurements.initial_stiffness,
+        initial_motor_inertia=measurements.initial_motor_inertia,
+        effects=measurements.effects,
+        files={} if ":" in robot.source else {robot.source: robot.urdf_path.read_text(encoding="utf-8")},
+    )
+
+
+def planned(group: Group) -> PlannedGroup:
+    """The group again, with its reference, or its smoothed motor motion as one."""
+    if not group.segments:
+        raise InputError(f'group "{group.name}" has no usable samples', file=group.file)
+    step = group.segments[0].step
+    start, end = group.segments[0].time[0], group.segments[-1].time[-1]
+    time = np.arange(round((end - start) / step) + 1) * step
+    wanted = group.at("theta_ref", start + time)
+    if wanted is None or not np.isfinite(wanted).all():
+        recorded = np.concatenate([segment.time for segment in group.segments]) - start
+        theta = np.concatenate([segment.theta for segment in group.segments])
+        wanted = np.column_stack([np.interp(time, recorded, column) for column in theta.T])
+        wanted = smooth(wanted, step)
+    return PlannedGroup(
+        group.name,
+        group.trajectory,
+        group.payload,
+        Sampled(time, wanted),
+        duration=len(time) * step,
+        record_step=step,
+        validation=group.validation,
+    )
+
+
+def smooth(theta: Array, step: float) -> Array:
+    """θ (N, n) low-passed at `BAND` without delay."""
+    if 0.4 / step <= BAND or len(theta) < 60:
+        return theta
+    return sosfiltfilt(butter(4, BAND, fs=1.0 / step, output="sos"), theta, axis=0)
+
+
+def mean_inertia(robot: Robot, measurements: MeasurementSet) -> Array:
+    """(n,) diagonal of the mass matrix along the set's motion [kg m²], a little at least."""
+    data = robot.model.createData()
+    diagonal = []
+    for group in measurements.groups:
+        theta = robot.to_pin(group.segments[0].theta)
+        for q in theta[:: max(1, len(theta) // 20)]:
+            diagonal.append(np.diag(pin.crba(robot.model, data, np.ascontiguousarray(q))).copy())
+    mean = robot.from_pin(np.mean(diagonal, axis=0))
+    return np.maximum(mean, 1e-3 * mean.max())

@@ -1,0 +1,139 @@
+"""Simulate a whole measurement set and write it, with its truth beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.errors import InputError, choose_from
+from flexviz.measurements import GroupTable, read_set, write_set
+from flexviz.simulation.hiding import hide
+from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.presets import PRESETS, make_preset
+from flexviz.simulation.resimulating import plan_from_set
+from flexviz.simulation.run import STARTS, Run
+from flexviz.simulation.truth import FILE_NAME, truth
+
+SetProgress = Callable[[str, float], None]  # what is being done, share of all done (0…1)
+
+
+@dataclass(frozen=True)
+class SimulatedSet:
+    """What was simulated and where it lies."""
+
+    folder: Path
+    plan: Plan
+    seed: int
+
+
+def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str = "rest") -> Plan:
+    """The plan of a preset, or of an existing set repeated in simulation, with effects hidden in it."""
+    if start not in STARTS:
+        raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
+    name = str(preset_or_set)
+    if name in PRESETS:
+        plan = make_preset(name, start)
+    elif Path(name).exists():
+        from dataclasses import replace
+
+        plan = replace(plan_from_set(read_set(name)), start=start)
+    else:
+        valid = choose_from(name, PRESETS)
+        raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
+    return hide(plan, effects)
+
+
+def simulate_preset(
+    preset_or_set: str | Path,
+    out: str | Path,
+    effects: Sequence[str] = (),
+    seed: int = 0,
+    start: str = "rest",
+    progress: SetProgress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    *,
+    overwrite: bool = False,
+    table_format: str = "parquet",
+) -> SimulatedSet:
+    """Simulate a preset, or an existing set anew, and write it to `out`: all of it, or nothing.
+
+    Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
+    """
+    plan = make_plan(preset_or_set, effects, start)
+    runs = simulate_plan(plan, seed, progress, should_stop)
+    return SimulatedSet(
+        write_plan(plan, runs, out, seed, overwrite=overwrite, table_format=table_format), plan, seed
+    )
+
+
+def simulate_plan(
+    plan: Plan,
+    seed: int = 0,
+    progress: SetProgress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> dict[str, Run]:
+    """Group name -> what its sensors recorded."""
+    runs: dict[str, Run] = {}
+    total = sum(group.duration for group in plan.groups)
+    done = 0.0
+    for group in plan.groups:
+
+        def report(share: float, group: PlannedGroup = group, done: float = done) -> None:
+            if progress is not None:
+                progress(f"simulating {group.name}", (done + share * group.duration) / total)
+
+        rng = np.random.default_rng([seed, plan.groups.index(group)])
+        run = plan.run(group, seed=rng, progress=report, should_stop=should_stop)
+        runs[group.name] = run if plan.sensors.feedback else run.measured(plan.sensors, rng)
+        done += group.duration
+    return runs
+
+
+def write_plan(
+    plan: Plan,
+    runs: dict[str, Run],
+    out: str | Path,
+    seed: int = 0,
+    *,
+    overwrite: bool = False,
+    table_format: str = "parquet",
+) -> Path:
+    """Write simulated groups as a measurement set with its truth.json."""
+    tables = [
+        GroupTable(
+            name=group.name,
+            trajectory=group.trajectory,
+            payload=group.payload,
+            time=runs[group.name].time,
+            theta=runs[group.name].theta,
+            tau=runs[group.name].tau,
+            q=runs[group.name].q if plan.extra else None,
+            tau_joint=runs[group.name].tau_joint if plan.extra else None,
+            theta_ref=runs[group.name].theta_ref,
+            validation=group.validation,
+        )
+        for group in plan.groups
+    ]
+    text = json.dumps(truth(plan, seed), indent=1, ensure_ascii=False) + "\n"
+    controller = plan.controller
+    return write_set(
+        out,
+        robot=plan.source,
+        joints=plan.robot.joints,
+        groups=tables,
+        payloads=plan.payloads,
+        torque_hold=controller.cycle,
+        initial_stiffness=plan.initial_stiffness,
+        initial_motor_inertia=plan.initial_motor_inertia,
+        kp=np.broadcast_to(controller.kp, plan.robot.n),
+        kd=np.broadcast_to(controller.kd, plan.robot.n),
+        effects=plan.effects,
+        files={**plan.files, FILE_NAME: text},
+        table_format=table_format,
+        single=plan.single,
+        overwrite=overwrite,
+    )
