@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import typer
 
 from flexviz import __version__
-from flexviz.cli import identify
+from flexviz.cli import identify, serve, simulate
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -25,6 +25,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("identify")(identify.identify)
+app.command("simulate")(simulate.simulate)
+app.command("serve")(serve.serve)
 
 
 @app.callback(invoke_without_command=True)

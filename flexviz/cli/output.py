@@ -11,7 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
-from flexviz.errors import InputError
+from flexviz.errors import InputError, choose_from
 
 PIPE_WIDTH = 140  # columns where standard output is not a terminal
 
@@ -32,6 +32,15 @@ def check_output_file(path: Path | None) -> None:
         raise InputError("is a folder; a file name is needed", file=path)
     if not path.absolute().parent.is_dir():
         raise InputError(f"the folder {path.absolute().parent} does not exist", file=path)
+
+
+def check_new_folder(folder: Path, table_format: str) -> None:
+    """Say before the work that a set cannot be written to this folder or in this format."""
+    from flexviz.measurements.writing import SUFFIXES, make_way
+
+    if table_format not in SUFFIXES:
+        raise InputError(f"--format {table_format}: {choose_from(table_format, SUFFIXES)}")
+    make_way(folder.absolute(), overwrite=False)
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -74,7 +74,7 @@ class Reporter:
 
 
 @contextmanager
-def interruptible() -> Iterator[Callable[[], bool]]:
+def interruptible(consequence: str = "what was found so far is kept") -> Iterator[Callable[[], bool]]:
     """A `should_stop` that becomes true at the first Ctrl+C; the second one ends the program at once."""
     asked = threading.Event()
 
@@ -82,7 +82,7 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         if asked.is_set():
             raise KeyboardInterrupt
         asked.set()
-        note("stopping; what was found so far is kept (Ctrl+C again to end at once)")
+        note(f"stopping; {consequence} (Ctrl+C again to end at once)")
 
     if threading.current_thread() is not threading.main_thread():
         yield asked.is_set

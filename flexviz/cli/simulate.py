@@ -1,0 +1,67 @@
+"""`flexviz simulate PRESET --out DIR`: measurement sets whose truth is known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from flexviz.simulation.sets import SimulatedSet
+
+
+def simulate(
+    preset: str = typer.Argument(
+        ...,
+        metavar="PRESET|SET",
+        help="paper-a … paper-f, planar-2r, panda, or the folder of a set to repeat.",
+    ),
+    out: Path = typer.Option(..., "--out", metavar="DIR", help="Folder to write the set to."),
+    effect: list[str] = typer.Option(
+        [],
+        "--effect",
+        metavar="NAME[:joint][:param=value,...]",
+        help="Hide an effect in the robot; repeat for more; none hides nothing.",
+    ),
+    start: str = typer.Option("rest", "--start", metavar="rest|moving", help="How the motion starts."),
+    seed: int = typer.Option(0, "--seed", metavar="N", min=0, help="Seed of the measurement noise."),
+    table_format: str = typer.Option("parquet", "--format", metavar="parquet|csv", help="Kind of tables."),
+) -> int:
+    """Simulate a flexible-joint robot; write its measurement set and, beside it, truth.json."""
+    from flexviz.cli import output
+    from flexviz.cli.progress import Reporter, interruptible
+
+    with Reporter(f"simulating {preset}") as report:
+        from flexviz.simulation.sets import simulate_preset
+
+        output.check_new_folder(out, table_format)
+        with interruptible("nothing is written") as should_stop:
+            done = simulate_preset(
+                preset,
+                out,
+                effect,
+                seed,
+                start,
+                progress=lambda what, share: report(what, fraction=share),
+                should_stop=should_stop,
+                table_format=table_format,
+            )
+    console = output.results()
+    for line in summary(done):
+        console.print(line, soft_wrap=True)
+    return 0
+
+
+def summary(done: SimulatedSet) -> list[str]:
+    """What was written where, in a few lines of text."""
+    plan = done.plan
+    lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
+    for group in plan.groups:
+        use = "validation" if group.validation else "fit"
+        lines.append(f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s, {use}")
+    for effect in plan.model.effects:
+        values = ", ".join(f"{name} {value:g}" for name, value in effect.parameters.items())
+        place = effect.joint or effect.payload or "all joints"
+        lines.append(f"  hidden: {effect.effect} on {place}: {values}")
+    return lines
