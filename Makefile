@@ -28,7 +28,7 @@ $(BIN)/.installed: $(BIN)/.locked pyproject.toml
 	@touch $@
 
 serve: install
-	$(BIN)/flexviz serve $(ARGS)
+	$(BIN)/flexviz serve $(ARGS) || test $$? -eq 130  # Ctrl+C ends it
 
 test: lint types pytest
 
