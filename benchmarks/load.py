@@ -25,8 +25,9 @@ RATE = 1000.0  # [1/s]
 URDF_LINK = """
   <link name="link{i}"><inertial><mass value="1"/><origin xyz="0.1 0 0"/>
     <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="joint{i}" type="revolute"><parent link="{parent}"/><child link="link{i}"/>
-    <origin xyz="0.2 0 0"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1000" velocity="10"/></joint>"""
+  <joint name="joint{i}" type="revolute"><origin xyz="0.2 0 0"/><axis xyz="0 1 0"/>
+    <parent link="{parent}"/><child link="link{i}"/>
+    <limit lower="-3" upper="3" effort="1000" velocity="10"/></joint>"""
 
 CHILD = """
 import resource, sys, time
@@ -62,7 +63,7 @@ def write(folder: Path, kind: str, rows: int, joints: int) -> None:
     if kind == "jitter":
         time = time + rng.uniform(-1e-4, 1e-4, rows)
     kept = np.float32 if kind == "parquet32" else np.float64
-    columns = {"time": time}
+    columns: dict[str, np.ndarray] = {"time": time}
     for i in range(joints):
         columns[f"theta_joint{i + 1}"] = np.round(0.5 * np.sin(time * (1 + 0.1 * i)), 7).astype(kept)
         columns[f"tau_joint{i + 1}"] = np.round(20 * np.cos(time * (1 + 0.1 * i)), 4).astype(kept)

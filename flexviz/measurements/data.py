@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from flexviz.errors import InputError, choose_from
 if TYPE_CHECKING:
     from flexviz.robot import PayloadBody, Robot
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  # float64 unless it is said otherwise
 
 
 @dataclass(frozen=True, eq=False)

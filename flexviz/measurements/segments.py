@@ -1,6 +1,6 @@
 """From recorded instants to uniformly sampled segments: time checks, gaps, jitter.
 
-A *gap* is an interval longer than 2.5 times the median one; it ends a segment. Within a segment the instants
+A *gap* is an interval longer than 2.75 times the median one; it ends a segment. Within a segment the instants
 are compared with the best uniform clock t₀ + i·h:
 
 - no farther from it than 0.1 % of h, or than the rounding of the recorded numbers (floating point, or a
@@ -23,7 +23,7 @@ from flexviz.errors import InputError
 from flexviz.measurements.data import Array, Segment
 from flexviz.measurements.tables import row_name
 
-GAP = 2.5  # intervals longer than this many median ones separate segments
+GAP = 2.75  # intervals longer than this many median ones separate segments
 JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
 SHORTEST = 32  # samples: shorter segments are not used
 POINTS = 6  # samples an interpolated value is made of
@@ -121,7 +121,7 @@ def decimal_resolution(time: Array, step: float) -> float:
     """10^-k when every instant is written with k decimals and that is coarse beside the step, else 0 [s]."""
     for decimals in _DECIMALS:
         unit = 10.0**-decimals
-        if unit > step:
+        if unit > 0.7 * step:  # with unit = step, a lost sample would pass for rounding
             continue
         tolerance = 4 * float(np.spacing(max(abs(time[0]), abs(time[-1]))))
         sample = time[:: max(1, len(time) // 1000)]
@@ -175,7 +175,7 @@ def resample(time: Array, values: Array, clock: Clock) -> Array:
 
     for begin in range(0, clock.count, BLOCK):
         end = min(begin + BLOCK, clock.count)
-        first, weights = stencil(time, clock.start + clock.step * np.arange(begin, end))
+        first, weights = stencil(time, clock.start + clock.step * np.arange(begin, end, dtype=float))
         low, high = int(first[0]), int(first[-1]) + POINTS
         source = rows(low, high)
         if in_place:  # later blocks need nothing before this one's last stencil
