@@ -1,0 +1,126 @@
+"""Plots on the page: a `view.plots.Plot` as a uPlot chart that is updated in place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import viser
+
+from flexviz.view.colours import PLAYHEAD
+from flexviz.view.plots import Plot
+from flexviz.view.text import escape
+
+
+class Chart:
+    """One chart; `show` brings it to a new plot by sending only what changed."""
+
+    def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
+        self._server = server
+        self._plot = plot
+        self._handle = server.gui.add_uplot(
+            plot.data(),
+            series=_series(plot),  # type: ignore[arg-type]
+            title=plot.title,
+            scales=_scales(plot),  # type: ignore[arg-type]
+            axes=_axes(plot),  # type: ignore[arg-type]
+            legend={"show": True},  # type: ignore[arg-type]
+            cursor={"sync": {"key": "time"}} if plot.playhead is not None else None,  # type: ignore[arg-type]
+            height=plot.height,
+            padding=(10, 14, 0, 0),
+        )
+
+    def show(self, plot: Plot) -> None:
+        """Draw this plot instead of the one before."""
+        before, self._plot = self._plot, plot
+        with self._server.atomic():
+            if _look(before) != _look(plot):
+                self._handle.series = _series(plot)  # type: ignore[assignment]
+                self._handle.scales = _scales(plot)  # type: ignore[assignment]
+                self._handle.axes = _axes(plot)  # type: ignore[assignment]
+            if before.title != plot.title:
+                self._handle.title = plot.title
+            self._handle.data = plot.data()
+
+    def visible(self, on: bool) -> None:
+        """Show or hide the chart."""
+        if self._handle.visible != on:
+            self._handle.visible = on
+
+    def move(self, time: float) -> None:
+        """Move the playhead [s]; nothing is sent for a plot without one or when it stays where it is."""
+        moved = self._plot.at(time)
+        if moved is self._plot or moved.playhead is None or self._plot.playhead is None:
+            return
+        if moved.playhead.argmax() == self._plot.playhead.argmax() and self._plot.playhead.any():
+            return
+        self._plot = moved
+        self._handle.data = moved.data()
+
+
+class ChartColumn:
+    """The charts of one tab, by key; charts appear when first shown and are hidden when no longer given."""
+
+    def __init__(self, server: viser.ViserServer, tab: Any) -> None:
+        self._server = server
+        self._tab = tab
+        self._charts: dict[str, Chart] = {}
+        with tab:
+            self._notes = server.gui.add_html("")
+
+    def show(self, plots: tuple[Plot, ...]) -> None:
+        """Bring the tab to these plots; one without lines is only its note."""
+        notes = "".join(f'<div class="fv fv-dim">{escape(plot.note)}</div>' for plot in plots if plot.note)
+        if notes != self._notes.content:
+            self._notes.content = notes
+        drawn = [plot for plot in plots if plot.lines]
+        for key, chart in self._charts.items():
+            chart.visible(any(plot.key == key for plot in drawn))
+        for plot in drawn:
+            chart = self._charts.get(plot.key)
+            if chart is None:
+                with self._tab:
+                    self._charts[plot.key] = Chart(self._server, plot)
+            else:
+                chart.show(plot)
+
+    def move(self, time: float) -> None:
+        """Move every playhead [s]."""
+        with self._server.atomic():
+            for chart in self._charts.values():
+                chart.move(time)
+
+
+def _look(plot: Plot) -> tuple[Any, ...]:
+    lines = tuple((line.label, line.colour, line.width, line.dashed) for line in plot.lines)
+    return lines, plot.playhead is not None, plot.logarithmic, plot.x_label
+
+
+def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
+    series: list[dict[str, Any]] = [{"label": plot.x_label}]
+    for line in plot.lines:
+        entry: dict[str, Any] = {
+            "label": line.label,
+            "stroke": line.colour,
+            "width": line.width,
+            "scale": "y",
+        }
+        if line.dashed:
+            entry["dash"] = [6, 4]
+        entry["points"] = {"show": False}
+        series.append(entry)
+    if plot.playhead is not None:
+        series.append(
+            {"label": "now", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
+        )
+    return tuple(series)
+
+
+def _scales(plot: Plot) -> dict[str, Any]:
+    scales: dict[str, Any] = {"x": {"time": False}, "y": {"distr": 3} if plot.logarithmic else {}}
+    if plot.playhead is not None:
+        scales["now"] = {"range": (0.02, 1.0)}  # its zeros lie below the chart
+    return scales
+
+
+def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
+    return ({"scale": "x", "size": 42, "space": 60}, {"scale": "y", "size": 58})

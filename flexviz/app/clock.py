@@ -1,0 +1,78 @@
+"""The playback clock: where in the group's time one is. No viser here."""
+
+from __future__ import annotations
+
+import threading
+import time as wall
+from collections.abc import Callable
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+
+
+class Clock:
+    """Runs from `start` to `end` [s] at `speed` and begins again; usable from any thread."""
+
+    def __init__(self, now: Callable[[], float] = wall.monotonic) -> None:
+        self._now = now
+        self._lock = threading.Lock()
+        self._start, self._end = 0.0, 1.0
+        self._time = 0.0
+        self._speed = 1.0
+        self._since: float | None = None  # wall time when it was set going, None while it stands
+
+    def span(self, start: float, end: float) -> None:
+        """A new group's time; keeps playing or standing, from its beginning."""
+        with self._lock:
+            self._start, self._end = start, max(end, start + 1e-6)
+            self._set(start)
+
+    def play(self) -> None:
+        """Go on from where it stands."""
+        with self._lock:
+            if self._since is None:
+                self._since = self._now()
+
+    def pause(self) -> None:
+        """Stand still."""
+        with self._lock:
+            self._time, self._since = self._at(), None
+
+    def seek(self, time: float) -> None:
+        """Go to an instant [s], clipped to the span."""
+        with self._lock:
+            self._set(min(max(time, self._start), self._end))
+
+    def step(self, by: float) -> None:
+        """Pause and move by so many seconds."""
+        with self._lock:
+            time = min(max(self._at() + by, self._start), self._end)
+            self._since = None
+            self._set(time)
+
+    def set_speed(self, speed: float) -> None:
+        """Seconds of the group per second of wall time."""
+        with self._lock:
+            self._set(self._at())
+            self._speed = speed
+
+    @property
+    def playing(self) -> bool:
+        """True while it runs."""
+        return self._since is not None
+
+    @property
+    def time(self) -> float:
+        """The present instant [s]."""
+        with self._lock:
+            return self._at()
+
+    def _at(self) -> float:
+        if self._since is None:
+            return self._time
+        run = self._time + self._speed * (self._now() - self._since) - self._start
+        return self._start + run % (self._end - self._start)
+
+    def _set(self, time: float) -> None:
+        self._time = time
+        if self._since is not None:
+            self._since = self._now()

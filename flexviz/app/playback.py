@@ -1,0 +1,73 @@
+"""Playback: a thread that moves both robots 30 times a second, whatever else goes on."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from dataclasses import dataclass
+
+from flexviz.app.clock import Clock
+from flexviz.app.scene import Scene
+from flexviz.view.motion import Motion
+
+RATE = 30.0  # [1/s]
+
+
+@dataclass(frozen=True, eq=False)
+class Showing:
+    """What is drawn and by how much it is exaggerated; replaced as a whole."""
+
+    motion: Motion
+    deflection: float
+    error: float
+
+
+class Playback:
+    """Draws `showing` at the clock's time; draws nothing while nothing moves."""
+
+    def __init__(self, scene: Scene, clock: Clock) -> None:
+        self._scene = scene
+        self._clock = clock
+        self._showing: Showing | None = None
+        self._drawn: tuple[Showing | None, float] = (None, -1.0)
+        self._lock = threading.Lock()  # the scene is not rebuilt while it is drawn
+        self._stop = threading.Event()
+        self.frames = 0
+        self._thread = threading.Thread(target=self._run, name="flexviz-playback", daemon=True)
+
+    def start(self) -> None:
+        """Begin to draw."""
+        self._thread.start()
+
+    def show(self, showing: Showing | None) -> None:
+        """Draw this from now on; None draws nothing."""
+        self._showing = showing
+
+    def hold(self) -> threading.Lock:
+        """Hold this while the scene is rebuilt."""
+        return self._lock
+
+    def close(self) -> None:
+        """End the thread."""
+        self._stop.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._stop.is_set():
+            due = max(due + 1.0 / RATE, time.monotonic() - 0.1)
+            try:
+                with self._lock:
+                    self._draw()
+            except Exception:  # one bad frame must not end the playback
+                traceback.print_exc()
+            self._stop.wait(max(due - time.monotonic(), 0.0))
+
+    def _draw(self) -> None:
+        showing, now = self._showing, self._clock.time
+        if showing is None or (showing, now) == self._drawn:
+            return
+        self._scene.pose(*showing.motion.pose(now, showing.deflection, showing.error))
+        self._drawn = (showing, now)
+        self.frames += 1

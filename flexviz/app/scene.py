@@ -1,0 +1,203 @@
+"""The 3D scene: measured robot (solid), identified robot (ghost), their trails, payloads and labels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import viser
+import viser.transforms as tf
+
+from flexviz.robot import PayloadBody, Robot
+from flexviz.view.colours import BODY, MEASURED, MODEL, rgb
+from flexviz.view.geometry import Shape
+from flexviz.view.stage import FIELD_OF_VIEW, Stage
+
+GHOST_OPACITY = 0.45
+
+
+class RobotNodes:
+    """One robot in the scene: a mesh for each body under `/<name>`."""
+
+    def __init__(
+        self, server: viser.ViserServer, name: str, robot: Robot, shape: Shape, colour: tuple[int, int, int],
+        opacity: float | None, on_click: Callable[[int], None],
+    ) -> None:  # fmt: skip
+        self.name = name
+        self._server = server
+        self._robot = robot
+        self._shape = shape
+        self._frame = server.scene.add_frame(f"/{name}", show_axes=False)
+        self._bodies: list[Any] = []
+        self._payload: list[Any] = []
+        for body in shape.bodies:
+            label = "base" if body.joint is None else robot.joints[body.joint].replace("/", "_")
+            mesh = server.scene.add_mesh_simple(
+                f"/{name}/{label}", body.vertices, body.faces, color=colour, opacity=opacity,
+                flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
+            if body.joint is not None:
+                _on_click(mesh, body.joint, on_click)
+            self._bodies.append(mesh)
+        self._trail: Any = None
+
+    def place(self, offset: np.ndarray) -> None:
+        """Stand at `offset` (3,) [m]."""
+        self._frame.position = offset
+
+    def pose(self, q: np.ndarray) -> None:
+        """Take the joint positions q (n,) [rad]."""
+        poses = self._robot.link_poses(q)
+        for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
+            pose = poses[body.link]
+            handle.wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
+            handle.position = pose[:3, 3]
+
+    def colour(self, colours: Sequence[tuple[int, int, int]]) -> None:
+        """Give each joint's body its colour; the base stays grey."""
+        for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
+            handle.color = BODY if body.joint is None else colours[body.joint]
+
+    def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
+        """Show the payload's bodies as balls of their mass (density of stone)."""
+        for handle in self._payload:
+            handle.remove()
+        self._payload = []
+        neutral = self._robot.link_poses(np.zeros(self._robot.n))
+        for number, load in enumerate(payload):
+            joint = self._robot.joint_of_link(load.link)
+            index = next((i for i, body in enumerate(self._shape.bodies) if body.joint == joint), None)
+            if index is None or load.mass <= 0:
+                continue
+            relative = np.linalg.inv(neutral[self._shape.bodies[index].link]) @ neutral[load.link]
+            at = relative[:3, :3] @ load.com + relative[:3, 3]
+            radius = min((3.0 * load.mass / (4.0 * np.pi * 2500.0)) ** (1 / 3), 0.15 * self._shape.reach)
+            ball = self._server.scene.add_icosphere(
+                f"{self._bodies[index].name}/payload{number}", radius=radius, color=colour, position=at,
+                subdivisions=2, cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
+            self._payload.append(ball)
+
+    def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
+        """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
+        path = np.array(
+            [self._robot.link_poses(q)[self._shape.tip][:3, 3] for q in positions], dtype=np.float32
+        )
+        segments = np.stack([path[:-1], path[1:]], axis=1)
+        if self._trail is None:
+            self._trail = self._server.scene.add_line_segments(
+                f"/{self.name}/trail", segments, colors=colour, line_width=1.5
+            )
+        else:
+            self._trail.points = segments
+
+    def remove(self) -> None:
+        """Take the robot out of the scene."""
+        self._frame.remove()
+
+
+class Scene:
+    """Both robots on their stage."""
+
+    def __init__(self, server: viser.ViserServer, on_click: Callable[[int], None]) -> None:
+        self._server = server
+        self._on_click = on_click
+        self._grid: Any = None
+        self._labels: dict[str, Any] = {}
+        self.measured: RobotNodes | None = None
+        self.identified: RobotNodes | None = None
+        server.scene.set_up_direction("+z")
+        server.scene.configure_default_lights(cast_shadow=False)
+
+    def build(self, robot: Robot, shape: Shape, stage: Stage, layout: str) -> None:
+        """Put a new set's robot on the stage, twice."""
+        self.clear()
+        self._stage = stage
+        size = 6.0 * max(stage.size, stage.width)
+        self._grid = self._server.scene.add_grid(
+            "/floor", width=size, height=size, cell_size=size / 24, section_size=size / 6,
+            position=(stage.centre[0], stage.centre[1], stage.floor), plane="xy",
+        )  # fmt: skip
+        self.measured = RobotNodes(self._server, "measured", robot, shape, BODY, None, self._on_click)
+        self.identified = RobotNodes(
+            self._server, "identified", robot, shape, rgb(MODEL), GHOST_OPACITY, self._on_click
+        )
+        self.place(layout)
+
+    def place(self, layout: str) -> None:
+        """Stand the robots side by side or in one another."""
+        if self.measured is None or self.identified is None:
+            return
+        for nodes, offset in zip((self.measured, self.identified), self._stage.offsets(layout), strict=True):
+            nodes.place(offset)
+        self._layout = layout
+        camera, look = self._stage.camera(layout)
+        self._server.initial_camera.position = tuple(camera)  # type: ignore[assignment]
+        self._server.initial_camera.look_at = tuple(look)  # type: ignore[assignment]
+        self._server.initial_camera.fov = FIELD_OF_VIEW
+        for client in self._server.get_clients().values():
+            self.aim(client)
+
+    def aim(self, client: viser.ClientHandle) -> None:
+        """Let one browser look at both robots, as large as its window allows."""
+        if self.measured is None:
+            return
+        width, height = client.camera.image_width, client.camera.image_height
+        hidden = min(230.0 / max(height, 1), 0.4)
+        camera, look = self._stage.camera(self._layout, width / max(height, 1), hidden)
+        with client.atomic():
+            client.camera.position = camera
+            client.camera.look_at = look
+
+    def labels(self, measured: str, identified: str) -> None:
+        """Write what each robot shows, and by how much it is exaggerated, above it."""
+        left, right = self._stage.offsets(self._layout)
+        height = np.array([0.0, 0.0, self._stage.label_height()])
+        middle = np.array([self._stage.centre[0], self._stage.centre[1], 0.0])
+        raised = np.array([0.0, 0.0, 0.22 * self._stage.size]) if self._layout == "Overlaid" else np.zeros(3)
+        for name, text, at in (
+            ("measured", measured, left + middle + height),
+            ("identified", identified, right + middle + height + raised),
+        ):
+            if name in self._labels:
+                self._labels[name].text = text
+                self._labels[name].position = at
+            else:
+                self._labels[name] = self._server.scene.add_label(
+                    f"/labels/{name}",
+                    text,
+                    position=tuple(at),
+                    anchor="bottom-center",
+                    font_screen_scale=0.95,
+                )
+
+    def pose(self, measured: np.ndarray, identified: np.ndarray) -> None:
+        """Both robots' joint positions (n,) [rad], applied together."""
+        if self.measured is None or self.identified is None:
+            return
+        with self._server.atomic():
+            self.measured.pose(measured)
+            self.identified.pose(identified)
+
+    def clear(self) -> None:
+        """Empty the stage."""
+        for nodes in (self.measured, self.identified):
+            if nodes is not None:
+                nodes.remove()
+        self.measured = self.identified = None
+        if self._grid is not None:
+            self._grid.remove()
+            self._grid = None
+        for label in self._labels.values():
+            label.remove()
+        self._labels = {}
+
+
+def _on_click(mesh: Any, joint: int, on_click: Callable[[int], None]) -> None:
+    @mesh.on_click
+    async def _(_: Any) -> None:
+        on_click(joint)
+
+
+__all__ = ["MEASURED", "RobotNodes", "Scene"]

@@ -1,0 +1,159 @@
+"""Step 3, Identify: effects in the model, Run and Stop, the parameter table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from flexviz.app.controls import watch
+from flexviz.app.work import identify_set
+from flexviz.effects import EFFECTS
+from flexviz.jobs import JobEvent
+from flexviz.view.convergence import progress_text
+from flexviz.view.tables import parameters_html
+from flexviz.view.text import number, plural
+
+if TYPE_CHECKING:
+    from flexviz.app.application import Application
+
+
+class IdentifyStep:
+    """The solver's controls and its result."""
+
+    def __init__(self, app: Application) -> None:
+        self._app = app
+        gui = app.server.gui
+        self._effects: dict[str, Any] = {}
+        self._running: tuple[Any, ...] | None = None
+        self.iterations: list[Any] = []
+        self._new_iterations = False
+        self.folder = gui.add_folder(None, visible=False)
+        with self.folder:
+            with gui.add_folder("Effects in the model"):
+                for name, effect in EFFECTS.items():
+                    box = gui.add_checkbox(name, False, hint=f"{effect.explanation} {effect.equation}")
+                    watch(box, app.queue, f"effect-{name}")
+                    app.on(f"effect-{name}", lambda on, name=name: self._effect(name, on))
+                    self._effects[name] = box
+            self._refine = gui.add_checkbox(
+                "Refine", False, hint="a second stage that removes the observer's bias; takes longer"
+            )
+            self._run = gui.add_button("Run", color="blue")
+            self._stop = gui.add_button("Stop", color="red", disabled=True)
+            self._bar = gui.add_progress_bar(100.0, animated=True, visible=False)
+            self._why = gui.add_html("")
+            self._truth = gui.add_checkbox(
+                "Show truth", False, visible=False, hint="the values the set was made with"
+            )
+            self._table = gui.add_html("")
+        app.press(self._run, "run", self.run)
+        app.press(self._stop, "stop", self.stop)
+        watch(self._refine, app.queue, "refine")
+        watch(self._truth, app.queue, "truth")
+        app.on("refine", lambda on: app.change("refine", replace(app.session.analysis, refine=on)))
+        app.on("truth", lambda _: self._draw_table())
+
+    @property
+    def running(self) -> bool:
+        """True while an identification runs."""
+        return self._running is not None
+
+    def opened(self) -> None:
+        """A new set is shown: its own effects are in the model and stay there."""
+        own = self._app.measurements.effects
+        for name, box in self._effects.items():
+            box.disabled = name in own
+            box.value = name in own
+        self.iterations = []
+        self._draw_convergence()
+        self._truth.visible = self._app.truth is not None
+        self._truth.value = False
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the session's effects and result, and what may be pressed."""
+        analysis = self._app.session.analysis
+        own = self._app.measurements.effects
+        for name, box in self._effects.items():
+            box.value = name in own or name in analysis.effects
+        self._refine.value = analysis.refine
+        nothing = not analysis.groups_with("fit")
+        self._run.disabled = self.running or nothing
+        self._stop.disabled = not self.running
+        self._bar.visible = self.running
+        if self.running:
+            text = "Run waits for the running identification; Stop keeps what it has."
+        elif nothing:
+            text = "Run is off: no group is set to Fit in step Data."
+        elif analysis.identification is not None and not analysis.up_to_date:
+            text = "The settings have changed since this result: press Run again."
+        else:
+            text = f"Fits {plural(len(analysis.groups_with('fit')), 'group')}, " + (
+                f"validates on {len(analysis.groups_with('validate'))}."
+                if analysis.groups_with("validate")
+                else "no validation."
+            )
+        self._why.content = f'<div class="fv fv-dim">{text}</div>'
+        self._draw_table()
+
+    def run(self) -> None:
+        """Start the identification of the present settings."""
+        analysis = self._app.session.analysis
+        if self.running or not analysis.groups_with("fit"):
+            return
+        self._running = analysis.settings
+        self.iterations = []
+        self._draw_convergence()
+        self._app.say("running", "busy")
+        self._app.submit("identify", identify_set, replace(analysis, identification=None, fitted=None))
+        self.refresh()
+
+    def stop(self) -> None:
+        """Stop the identification; it gives back what it has."""
+        if self.running:
+            self._app.worker.stop("identify")
+            self._app.say("stopping", "busy")
+
+    def tick(self) -> None:
+        """Let the convergence plots follow a running identification."""
+        if self._new_iterations:
+            self._draw_convergence()
+
+    def heard(self, event: JobEvent) -> None:
+        """What the identification has to say."""
+        if event.kind == "progress":
+            self.iterations.append(event.value)
+            self._app.say(progress_text(self.iterations), "busy")
+            self._new_iterations = True
+            return
+        if event.kind == "started":
+            return
+        settings, self._running = self._running, None
+        if event.kind == "done" and settings is not None and settings[0] == self._app.session.analysis.path:
+            result = event.value
+            self._app.change("identified", self._app.session.analysis.with_identification(result, settings))
+            self._app.say(self._summary(result), "" if result.converged else "bad")
+        elif event.kind == "failed":
+            self._app.fail(event.value)
+        elif event.kind == "stopped":
+            self._app.say("stopped before a first result")
+        self.refresh()
+
+    def _summary(self, result: Any) -> str:
+        count = plural(len(result.iterations), "iteration")
+        how = "stopped" if result.stopped else "converged" if result.converged else "did not converge"
+        message = f": {result.message}" if result.message and not result.converged else ""
+        return f"{how} after {count} in {number(result.seconds, 3)} s{message}"
+
+    def _effect(self, name: str, on: bool) -> None:
+        analysis = self._app.session.analysis.with_effect(name, on)
+        self._app.change(f"{'with' if on else 'without'} {name}", analysis)
+
+    def _draw_convergence(self) -> None:
+        self._new_iterations = False
+        self._app.show.plots.show_convergence(self.iterations)
+
+    def _draw_table(self) -> None:
+        result = self._app.session.analysis.identification
+        truth = self._app.truth if self._truth.value else None
+        self._table.content = parameters_html(result, truth)

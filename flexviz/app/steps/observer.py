@@ -1,0 +1,81 @@
+"""Step 2, Observer: which filter turns θ and τ into derivatives, and how wide it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from flexviz.app.controls import watch
+from flexviz.app.style import no_number_box
+from flexviz.observers import OBSERVERS, make_observer
+from flexviz.view.states import numbers_html, observer_for, observer_numbers
+from flexviz.view.text import number
+
+if TYPE_CHECKING:
+    from flexviz.app.application import Application
+
+LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s]
+MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
+
+
+class ObserverStep:
+    """Observer type and bandwidth; lag and noise gain as numbers."""
+
+    def __init__(self, app: Application) -> None:
+        self._app = app
+        gui = app.server.gui
+        names = tuple(OBSERVERS)
+        self.folder = gui.add_folder(None, visible=False)
+        with self.folder:
+            self._type = gui.add_dropdown("Observer type", names, initial_value=names[0])
+            self._bandwidth = gui.add_slider(
+                "Bandwidth [rad/s]", math.log10(LOWEST), math.log10(HIGHEST), 0.01, math.log10(50.0),
+                marks=tuple((math.log10(mark), f"{mark:g}") for mark in MARKS),
+                hint="logarithmic; the states on the right follow at once",
+            )  # fmt: skip
+            self._exact = gui.add_number(
+                "exactly", 50.0, min=LOWEST, max=HIGHEST, step=0.1, hint="the same bandwidth [rad/s], typed"
+            )
+            self._default = gui.add_button("Use the observer's own bandwidth", color="gray")
+            self._numbers = gui.add_html("")
+        app.add_style(no_number_box(self._bandwidth._impl.uuid))
+        watch(self._type, app.queue, "observer")
+        watch(self._bandwidth, app.queue, "bandwidth-log")
+        watch(self._exact, app.queue, "bandwidth")
+        app.press(self._default, "bandwidth-default", self._own)
+        app.on("observer", self._observer)
+        app.on("bandwidth-log", lambda value: self._set(10.0**value))
+        app.on("bandwidth", self._set)
+
+    def opened(self) -> None:
+        """A new set is shown."""
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Show the session's observer, its bandwidth and its numbers."""
+        analysis = self._app.session.analysis
+        observer = observer_for(analysis.observer, analysis.bandwidth, self._app.show.joint)
+        width = float(observer.bandwidth)  # type: ignore[arg-type]
+        self._type.value = analysis.observer
+        shown = min(max(width, LOWEST), HIGHEST)
+        if abs(10.0**self._bandwidth.value / shown - 1.0) > 0.005:
+            self._bandwidth.value = math.log10(shown)
+        self._exact.value = float(f"{shown:.4g}")
+        own = " (its own)" if analysis.bandwidth is None else ""
+        numbers = observer_numbers(observer, self._app.show.group.segments[0].step)
+        self._numbers.content = (
+            f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
+            f"bandwidth {number(width, 4)} rad/s{own}</div>" + numbers_html(numbers)
+        )
+
+    def _observer(self, name: str) -> None:
+        make_observer(name)
+        self._app.change(f"observer {name}", replace(self._app.session.analysis, observer=name))
+
+    def _set(self, bandwidth: float) -> None:
+        width = float(f"{min(max(bandwidth, LOWEST), HIGHEST):.4g}")
+        self._app.change("bandwidth", replace(self._app.session.analysis, bandwidth=width))
+
+    def _own(self) -> None:
+        self._app.change("the observer's own bandwidth", replace(self._app.session.analysis, bandwidth=None))

@@ -1,0 +1,71 @@
+"""The look of our own HTML, for light and dark, and small corrections of viser's controls."""
+
+from __future__ import annotations
+
+CSS = """
+.fv { font-size: 12.5px; line-height: 1.45; padding: 0 0.75em 0.45em; color: var(--mantine-color-text); }
+.fv-dim { color: var(--mantine-color-dimmed); }
+.fv-tag { background: #56B4E9; color: #000; border-radius: 3px; padding: 0 0.4em; font-size: 11px; }
+.fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; }
+.fv-steps { padding-top: 0.6em; }
+.fv-steps span { white-space: nowrap; }
+.fv-steps .fv-now { font-weight: 700; border-bottom: 2px solid #0072B2; }
+.fv-steps .fv-later { color: var(--mantine-color-dimmed); font-style: italic; cursor: help; }
+.fv-status { margin: 0 0.75em 0.5em; padding: 0.35em 0.6em; border-left: 3px solid #009E73;
+  background: rgba(128, 128, 128, 0.12); overflow-wrap: anywhere; }
+.fv-status.busy { border-color: #0072B2; }
+.fv-status.bad { border-color: #D55E00; }
+.fv-table { border-collapse: collapse; width: 100%; font-size: 11.5px; font-variant-numeric: tabular-nums; }
+.fv-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: right; padding: 1px 3px; }
+.fv-table td { text-align: right; padding: 1px 3px; white-space: nowrap; }
+.fv-table td:first-child, .fv-table th:first-child { text-align: left; padding-left: 0; }
+.fv-left td { text-align: left; white-space: normal; }
+.fv-group td { font-weight: 600; border-top: 1px solid rgba(128, 128, 128, 0.35); padding-top: 3px; }
+.fv-tied td { color: var(--mantine-color-dimmed); white-space: normal; font-size: 10.5px; }
+.fv-truth { font-style: italic; }
+.fv details { margin-top: 0.4em; } .fv summary { cursor: pointer; }
+.fv-box { display: inline-block; width: 0.8em; height: 0.8em; border-radius: 2px; margin-right: 0.3em;
+  border: 1px solid rgba(128, 128, 128, 0.6); vertical-align: -0.05em; }
+.fv-ghost { opacity: 0.55; margin-left: 0.8em; }
+.fv-map { display: inline-block; width: 5em; height: 0.7em; vertical-align: -0.05em; border-radius: 2px; }
+.fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
+.fv-joints { max-height: 3.2em; overflow-y: auto; }
+.uplot .u-legend { white-space: normal; }
+"""
+
+
+def flex(uuid: str) -> str:
+    """CSS selector of the row that holds the control with this id."""
+    return f'div.mantine-Flex-root:has(> div > p > label[for="{uuid}"])'
+
+
+def no_label(uuid: str) -> str:
+    """A rule that gives a control the whole width."""
+    return f"{flex(uuid)} > div:first-child {{ display: none; }}"
+
+
+def no_number_box(uuid: str) -> str:
+    """A rule that hides the number beside a slider (whose scale is not the slider's own number)."""
+    return f"{flex(uuid)} .mantine-NumberInput-root {{ display: none; }}"
+
+
+def half(uuid: str) -> str:
+    """Rules that put a control into half the panel's width, two in a row, with a short label."""
+    return (
+        f'div:has(> div.mantine-Flex-root > div > p > label[for="{uuid}"]) '
+        f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n"
+        f"{flex(uuid)} > div:first-child {{ width: 5.4em; }}"
+    )
+
+
+def pressed(uuid: str, index: int) -> str:
+    """A rule that shows button `index` of a button group as the chosen one."""
+    return (
+        f"{flex(uuid)} button:nth-of-type({index + 1}) "
+        "{ background: #0072B2; color: #fff; border-color: #0072B2; }"
+    )
+
+
+def style(*rules: str) -> str:
+    """The rules as HTML."""
+    return "<style>" + "\n".join(rules) + "</style>"

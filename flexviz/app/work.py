@@ -1,0 +1,112 @@
+"""The long jobs: open a set, identify, simulate the identified model. Module-level functions, no viser."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexviz.errors import InputError
+from flexviz.session import Analysis, with_roles
+from flexviz.view.geometry import Shape, robot_shape
+from flexviz.view.tables import truth_values
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+    from flexviz.model import FlexibleModel
+
+Progress = Callable[[Any], None]
+Stop = Callable[[], bool]
+WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.simulation")
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A measurement set, ready to be shown."""
+
+    measurements: MeasurementSet
+    shape: Shape
+    truth: dict[tuple[str, str | None], float] | None
+
+
+def open_set(path: Path, *, progress: Progress = print, should_stop: Stop = bool) -> Opened:
+    """Read a set and its robot's shape."""
+    from flexviz.measurements import read_set
+
+    measurements = read_set(path)
+    return Opened(measurements, robot_shape(measurements.robot), read_truth(measurements.path))
+
+
+def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
+    """The values a simulated set was made with, or None; only shown when asked for."""
+    file = folder / "truth.json"
+    if not file.is_file():
+        return None
+    try:
+        return truth_values(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"not a usable truth file ({error})", file=file) from None
+
+
+def identify_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -> Identification:
+    """Identify as the analysis says; `progress` gets every iteration."""
+    from flexviz.identification import identify
+
+    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
+    return identify(
+        measurements,
+        effects=analysis.effects,
+        observer=analysis.observer,
+        bandwidth=analysis.bandwidth,
+        refine=analysis.refine,
+        progress=progress,
+        should_stop=should_stop,
+    )
+
+
+def replay_group(
+    path: Path, model: FlexibleModel, group: str, *, progress: Progress, should_stop: Stop
+) -> Any:
+    """Simulate the identified model along one group's recording."""
+    from flexviz.simulation import replay
+
+    measurements = cached_set(path)
+    return replay(
+        measurements.robot,
+        model,
+        measurements.group(group),
+        measurements.kp,
+        measurements.kd,
+        progress=progress,
+        should_stop=should_stop,
+    )
+
+
+def cached_set(path: Path) -> MeasurementSet:
+    """The set as this process read it last; read again when its file has changed."""
+    stamp = (path / "measurements.toml").stat().st_mtime_ns
+    return _read(path, stamp)
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path, stamp: int) -> MeasurementSet:
+    from flexviz.measurements import read_set
+
+    return read_set(path)
+
+
+def sets_beside(path: Path) -> dict[str, Path]:
+    """Name -> folder of the sets one can choose: the bundled ones, and those in the same folder as `path`."""
+    from flexviz.resources import sessions_dir
+
+    found: dict[str, Path] = {}
+    for parent in (path.parent, sessions_dir()):
+        for file in sorted(parent.glob("*/measurements.toml"))[:200]:
+            if file.parent.resolve() not in found.values():
+                found.setdefault(file.parent.name, file.parent.resolve())
+    found.setdefault(path.name, path.resolve())
+    return found

@@ -1,0 +1,148 @@
+"""The state of one analysis, immutable, with its history.
+
+`Analysis` is one state: which set, which observer and bandwidth, what each group is used for, which effects
+are in the model, and the last identification. `Session` holds the states one can go back and forward to.
+Nothing here computes or draws; the app, a recording and a report all show the same state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from flexviz.errors import InputError, choose_from
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+
+Role = Literal["fit", "validate", "ignore"]
+ROLES: tuple[Role, ...] = get_args(Role)
+HISTORY = 100  # states one can go back
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """One state of an analysis.
+
+    Attributes
+    ----------
+    path: the measurement set's folder.
+    observer: name of the observer.
+    bandwidth: its bandwidth [rad/s], one number or one a joint; None is the observer's own default.
+    roles: (group, role) of every group, in the set's order.
+    effects: effects added to the set's own, "name" (every joint) or "name:joint".
+    refine: whether the refinement stage runs too.
+    identification: the last result, or None.
+    fitted: the settings (`settings`) the result belongs to, or None.
+    """
+
+    path: Path
+    observer: str = "butterworth-zero-phase"
+    bandwidth: float | tuple[float, ...] | None = None
+    roles: tuple[tuple[str, Role], ...] = ()
+    effects: tuple[str, ...] = ()
+    refine: bool = False
+    identification: Identification | None = None
+    fitted: tuple[Any, ...] | None = None
+
+    @property
+    def settings(self) -> tuple[Any, ...]:
+        """Everything a result depends on."""
+        return (self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine)
+
+    @property
+    def up_to_date(self) -> bool:
+        """True when the last result belongs to the present settings."""
+        return self.identification is not None and self.fitted == self.settings
+
+    def same_as(self, other: Analysis) -> bool:
+        """True when nothing distinguishes the two: same settings, the same result."""
+        return self.settings == other.settings and self.identification is other.identification
+
+    def groups_with(self, role: Role) -> tuple[str, ...]:
+        """Names of the groups with this role."""
+        return tuple(name for name, used in self.roles if used == role)
+
+    def with_role(self, group: str, role: Role) -> Analysis:
+        """The same with another role for one group."""
+        names = [name for name, _ in self.roles]
+        if group not in names:
+            raise InputError(f'group "{group}" does not exist; {choose_from(group, names)}')
+        if role not in ROLES:
+            raise InputError(f'role "{role}" does not exist; {choose_from(role, ROLES)}')
+        return replace(self, roles=tuple((name, role if name == group else old) for name, old in self.roles))
+
+    def with_effect(self, effect: str, on: bool) -> Analysis:
+        """The same with an effect added or taken out; the order of the others stays."""
+        others = tuple(name for name in self.effects if name != effect)
+        return replace(self, effects=(*others, effect) if on else others)
+
+    def with_identification(self, result: Identification, settings: tuple[Any, ...]) -> Analysis:
+        """The same with a result that was computed for `settings`."""
+        return replace(self, identification=result, fitted=settings)
+
+    @staticmethod
+    def start(measurements: MeasurementSet) -> Analysis:
+        """The state a set starts with: its own split into fit and validation groups."""
+        roles = tuple((g.name, "validate" if g.validation else "fit") for g in measurements.groups)
+        return Analysis(path=measurements.path, roles=roles)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A state and what led to it."""
+
+    label: str
+    analysis: Analysis
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """An analysis with the states before it and, after an undo, the ones that come again."""
+
+    present: Step
+    past: tuple[Step, ...] = ()
+    future: tuple[Step, ...] = field(default=())
+
+    @staticmethod
+    def of(measurements: MeasurementSet) -> Session:
+        """A fresh session on a set."""
+        return Session(Step(f"opened {measurements.name}", Analysis.start(measurements)))
+
+    @property
+    def analysis(self) -> Analysis:
+        """The present state."""
+        return self.present.analysis
+
+    def then(self, label: str, analysis: Analysis) -> Session:
+        """The session after a change; changes with the same label in a row (a slider) count as one."""
+        if analysis.same_as(self.analysis):
+            return self
+        merge = bool(self.past) and label == self.present.label
+        past = self.past if merge else (*self.past, self.present)[-HISTORY:]
+        return Session(Step(label, analysis), past)
+
+    def undo(self) -> Session:
+        """One change back (the same session when there is none)."""
+        if not self.past:
+            return self
+        return Session(self.past[-1], self.past[:-1], (self.present, *self.future))
+
+    def redo(self) -> Session:
+        """One undone change forward (the same session when there is none)."""
+        if not self.future:
+            return self
+        return Session(self.future[0], (*self.past, self.present), self.future[1:])
+
+
+def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> MeasurementSet:
+    """The set as the roles say: ignored groups left out, the others marked for fitting or validation."""
+    groups = tuple(
+        replace(group, validation=roles[group.name] == "validate")
+        for group in measurements.groups
+        if roles.get(group.name, "ignore") != "ignore"
+    )
+    return replace(measurements, groups=groups)

@@ -1,0 +1,59 @@
+"""Colours: Okabe-Ito for what is told apart, cividis for what is measured. Never colour alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+MEASURED = "#0072B2"
+MODEL = "#E69F00"
+PLAYHEAD = "#D55E00"
+RESIDUAL = "#009E73"
+REFERENCE = "#999999"
+SERIES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
+IDENTIFIABLE = {"yes": "#009E73", "weak": "#E69F00", "no": "#D55E00"}
+BODY = (176, 184, 192)  # a link that nothing is known about yet
+
+# Nine points of the cividis map, evenly spaced; readable with every kind of colour blindness.
+_CIVIDIS = np.array(
+    [
+        (0, 34, 78), (24, 54, 109), (62, 76, 107), (90, 98, 111), (117, 120, 117),
+        (147, 144, 115), (181, 171, 105), (218, 199, 84), (254, 232, 56),
+    ],
+    dtype=float,
+)  # fmt: skip
+
+
+def cividis(share: float) -> tuple[int, int, int]:
+    """Red, green, blue 0-255 at `share` in [0, 1] of the cividis map; grey where it is not a number."""
+    if not np.isfinite(share):
+        return BODY
+    at = float(np.clip(share, 0.0, 1.0)) * (len(_CIVIDIS) - 1)
+    low = min(int(at), len(_CIVIDIS) - 2)
+    rgb = _CIVIDIS[low] + (at - low) * (_CIVIDIS[low + 1] - _CIVIDIS[low])
+    red, green, blue = (round(float(value)) for value in rgb)
+    return red, green, blue
+
+
+def shares(values: Sequence[float], top: float | None = None) -> list[float]:
+    """Each value as a share of `top` (the largest value when None), for `cividis`."""
+    finite = [value for value in values if np.isfinite(value)]
+    top = max(finite, default=0.0) if top is None else top
+    return [value / top if top > 0 else (0.0 if np.isfinite(value) else float("nan")) for value in values]
+
+
+def rgb(hexadecimal: str) -> tuple[int, int, int]:
+    """ "#0072B2" as red, green, blue 0-255."""
+    return int(hexadecimal[1:3], 16), int(hexadecimal[3:5], 16), int(hexadecimal[5:7], 16)
+
+
+def css(colour: tuple[int, int, int]) -> str:
+    """A colour as CSS text."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def gradient(steps: int = 9) -> str:
+    """The cividis map as a CSS gradient, left to right."""
+    stops = ", ".join(css(cividis(i / (steps - 1))) for i in range(steps))
+    return f"linear-gradient(to right, {stops})"

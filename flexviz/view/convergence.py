@@ -1,0 +1,80 @@
+"""The solver's way: cost, step and every parameter per iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexviz.view.colours import MEASURED, MODEL, SERIES
+from flexviz.view.plots import Line, Plot, no_plot
+
+if TYPE_CHECKING:
+    from flexviz.identification import Iteration
+
+LINES = 14  # parameters drawn at most; the ones that moved most
+
+
+def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
+    """Cost and step (logarithmic), and the parameters as a share of where they are now."""
+    x_label = "iteration"
+    if not iterations:
+        keys = ("cost", "step", "parameters")
+        return tuple(
+            no_plot(
+                key,
+                "Cost, step and parameters appear here, live, after Run (step 3, Identify)." if not i else "",
+            )
+            for i, key in enumerate(keys)
+        )
+    x = np.arange(1.0, len(iterations) + 1.0)
+    cost = positive([iteration.cost for iteration in iterations])
+    step = positive([iteration.step for iteration in iterations])
+    if len(x) == 1:
+        x, cost, step = np.array([1.0, 2.0]), np.repeat(cost, 2), np.repeat(step, 2)
+    return (
+        Plot("cost", "Cost", x, (Line("cost", MEASURED, cost),), x_label, logarithmic=True),
+        Plot("step", "Step (relative)", x, (Line("step", MODEL, step),), x_label, logarithmic=True),
+        Plot("parameters", "Parameters / present value", x, scaled(iterations, len(x)), x_label, height=260),
+    )
+
+
+def scaled(iterations: Sequence[Iteration], length: int) -> tuple[Line, ...]:
+    """Each parameter divided by its present value; of many, the ones that moved most."""
+    names = iterations[-1].names
+    rows = [iteration.values for iteration in iterations if tuple(iteration.names) == tuple(names)]
+    values = np.array(rows, dtype=float).reshape(len(rows), len(names))
+    if len(values) < length:  # an earlier stage had other parameters
+        values = np.concatenate((np.repeat(values[:1], length - len(values), axis=0), values))
+    now = values[-1]
+    scale = np.where(np.abs(now) > 1e-9, np.abs(now), 1.0)
+    shares = np.clip(np.nan_to_num(values / scale), -10.0, 10.0)
+    moved = np.argsort(-np.ptp(shares, axis=0), kind="stable")[:LINES]
+    return tuple(
+        Line(short(names[i]), SERIES[rank % len(SERIES)], shares[:, i], dashed=rank >= len(SERIES))
+        for rank, i in enumerate(sorted(moved))
+    )
+
+
+def short(name: str) -> str:
+    """ "stiffness:panda_joint1" as it fits a legend: K panda_joint1."""
+    from flexviz.view.text import SHORT
+
+    parameter, _, joint = name.partition(":")
+    return f"{SHORT.get(parameter, parameter)} {joint}".strip()
+
+
+def positive(values: Sequence[float]) -> np.ndarray:
+    """The values, none below 1e-12 of the largest, so that a logarithmic axis can show them."""
+    column = np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0)
+    top = float(column.max(initial=0.0)) or 1.0
+    return np.maximum(column, 1e-12 * top)
+
+
+def progress_text(iterations: Sequence[Iteration]) -> str:
+    """One line about a running fit."""
+    if not iterations:
+        return "starting"
+    last = iterations[-1]
+    return f"iteration {len(iterations)} ({last.stage}): cost {last.cost:.4g}, step {last.step:.1e}"

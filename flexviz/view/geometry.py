@@ -1,0 +1,186 @@
+"""The robot's shape: one light mesh for each moving joint's body, and one for the base.
+
+Collision shapes are taken where a link has them, else visual ones, thinned when they are heavy; a robot whose
+links have no shape at all is drawn as capsules between its joint frames.
+"""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.errors import InputError
+from flexviz.robot import Robot
+from flexviz.robot_files import resolve_mesh
+
+Array = NDArray[np.float64]
+FACES = 3000  # faces a link may have before it is thinned
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The shape that moves with one joint.
+
+    Attributes
+    ----------
+    joint: index of the joint that moves it, or None for the base.
+    link: the link whose pose places it.
+    vertices: (V, 3) in that link's frame [m].
+    faces: (F, 3) indices of vertices.
+    """
+
+    joint: int | None
+    link: str
+    vertices: Array
+    faces: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A whole robot: its bodies, its size, and how to look at it.
+
+    Attributes
+    ----------
+    bodies: the base first, then the joints' bodies in the set's order (those that have a shape).
+    tip: the link whose path is drawn as a trail.
+    reach: largest distance of a link from the base [m].
+    """
+
+    bodies: tuple[Body, ...]
+    tip: str
+    reach: float
+
+
+def robot_shape(robot: Robot) -> Shape:
+    """The robot's bodies from its URDF."""
+    import yourdfpy
+
+    urdf = yourdfpy.URDF.load(
+        io.BytesIO(robot.urdf.encode()),
+        build_scene_graph=False,
+        load_meshes=False,
+        build_collision_scene_graph=False,
+    )
+    poses = robot.link_poses(np.zeros(robot.n))
+    reach = max(float(np.linalg.norm(pose[:3, 3])) for pose in poses.values()) or 1.0
+    parts: dict[int | None, list[tuple[str, Any]]] = {}
+    bare = not any(link.collisions or link.visuals for link in urdf.link_map.values())
+    for name, link in urdf.link_map.items():
+        mesh = None if bare else link_mesh(link, robot)
+        joint = robot.joint_of_link(name)
+        if mesh is None:
+            mesh = stick(robot, urdf, name, reach, poses) if bare or joint is not None else None
+        if mesh is not None:
+            parts.setdefault(joint, []).append((name, mesh))
+    bodies = [
+        merged(joint, parts[joint], poses) for joint in sorted(parts, key=lambda j: -1 if j is None else j)
+    ]
+    return Shape(tuple(bodies), tip_link(robot, poses), reach)
+
+
+def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Array]) -> Body:
+    """The meshes of one rigid body in the frame of its first link."""
+    reference = np.linalg.inv(poses[parts[0][0]])
+    vertices, faces, count = [], [], 0
+    for link, mesh in parts:
+        relative = reference @ poses[link]
+        vertices.append(np.asarray(mesh.vertices) @ relative[:3, :3].T + relative[:3, 3])
+        faces.append(np.asarray(mesh.faces) + count)
+        count += len(mesh.vertices)
+    return Body(joint, parts[0][0], np.concatenate(vertices), np.concatenate(faces).astype(np.uint32))
+
+
+def link_mesh(link: Any, robot: Robot) -> Any | None:
+    """One link's collision shape (visual when it has none) as one mesh in the link's frame."""
+    import trimesh
+
+    meshes = []
+    for element in link.collisions or link.visuals:
+        mesh = geometry_mesh(element.geometry, robot)
+        if mesh is not None:
+            if element.origin is not None:
+                mesh.apply_transform(element.origin)
+            meshes.append(thinned(mesh))
+    return trimesh.util.concatenate(meshes) if meshes else None
+
+
+def geometry_mesh(geometry: Any, robot: Robot) -> Any | None:
+    """A URDF geometry as a mesh."""
+    import trimesh
+
+    if geometry.box is not None:
+        return trimesh.creation.box(extents=geometry.box.size)
+    if geometry.cylinder is not None:
+        return trimesh.creation.cylinder(
+            radius=geometry.cylinder.radius, height=geometry.cylinder.length, sections=24
+        )
+    if geometry.sphere is not None:
+        return trimesh.creation.icosphere(subdivisions=2, radius=geometry.sphere.radius)
+    if geometry.mesh is not None:
+        path = resolve_mesh(geometry.mesh.filename, robot.urdf_path)
+        try:
+            mesh: Any = trimesh.load(path, force="mesh")
+        except Exception as error:
+            raise InputError(f"mesh cannot be read ({type(error).__name__}: {error})", file=path) from None
+        if geometry.mesh.scale is not None:
+            mesh.apply_scale(geometry.mesh.scale)
+        return mesh
+    return None
+
+
+def thinned(mesh: Any, faces: int = FACES) -> Any:
+    """The mesh with about `faces` faces at most: vertices that share a cell of a grid become one."""
+    import trimesh
+
+    cells = 64
+    while len(mesh.faces) > faces and cells >= 4:
+        low = mesh.vertices.min(axis=0)
+        size = float((mesh.vertices.max(axis=0) - low).max()) / cells or 1.0
+        keys = np.floor((mesh.vertices - low) / size).astype(np.int64)
+        _, index = np.unique(keys @ np.array([1, 1 << 20, 1 << 40]), return_inverse=True)
+        count = index.max() + 1
+        weight = np.bincount(index, minlength=count)
+        centres = np.stack(
+            [np.bincount(index, mesh.vertices[:, k], count) / weight for k in range(3)], axis=1
+        )
+        triangles = index[mesh.faces]
+        triangles = triangles[(triangles[:, 0] != triangles[:, 1]) & (triangles[:, 1] != triangles[:, 2])
+                              & (triangles[:, 0] != triangles[:, 2])]  # fmt: skip
+        if len(triangles) <= faces:
+            return trimesh.Trimesh(centres, triangles, process=False)
+        cells = cells * 2 // 3
+    return mesh
+
+
+def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Array]) -> Any:
+    """Capsules from a link's frame to the joints it carries, for a link without a shape."""
+    import trimesh
+
+    radius = 0.035 * reach
+    own = np.linalg.inv(poses[link])
+    ends = [own @ poses[joint.child] for joint in urdf.joint_map.values() if joint.parent == link]
+    meshes = [trimesh.creation.icosphere(subdivisions=2, radius=1.25 * radius)]
+    for end in ends:
+        length = float(np.linalg.norm(end[:3, 3]))
+        if length < radius:
+            continue
+        capsule = trimesh.creation.capsule(height=length, radius=radius, count=(12, 12))
+        capsule.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], end[:3, 3] / length))
+        meshes.append(capsule)
+    return trimesh.util.concatenate(meshes)
+
+
+def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
+    """The link at the end of the arm: moved by the last joint of the tree and farthest from that joint."""
+    last = max(range(robot.n), key=lambda joint: int(robot.order[joint]))
+    links = _links_of(robot, last)
+    first = poses[links[0]][:3, 3]
+    return max(links, key=lambda link: float(np.linalg.norm(poses[link][:3, 3] - first)))
+
+
+def _links_of(robot: Robot, joint: int) -> list[str]:
+    return [link for link in robot.links if robot.joint_of_link(link) == joint]

@@ -1,0 +1,157 @@
+"""The two robots over time: measured motion, the identified model's own motion, deflection of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.measurements import Group, MeasurementSet
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+
+Array = NDArray[np.float64]
+RATE = 100.0  # [1/s] the drawn motion's sampling; playback interpolates
+NICE = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What is drawn of one group, at M instants for n joints.
+
+    Attributes
+    ----------
+    group: its name.
+    time: (M,) [s].
+    theta: (M, n) measured motor positions [rad].
+    deflection: (M, n) θ − q that belongs to the measured motion [rad], or None where nothing is known.
+    deflection_source: where that comes from, for the label.
+    model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None before a simulation.
+    model_note: how the model was simulated, for the label.
+    """
+
+    group: str
+    time: Array
+    theta: Array
+    deflection: Array | None
+    deflection_source: str
+    model_theta: Array | None = None
+    model_deflection: Array | None = None
+    model_note: str = ""
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return float(self.time[-1] - self.time[0])
+
+    def pose(self, time: float, deflection: float = 0.0, error: float = 1.0) -> tuple[Array, Array]:
+        """Joint positions (n,) to draw for the measured and the identified robot at one instant.
+
+        `deflection` multiplies θ − q, `error` multiplies the difference simulated − measured θ.
+        """
+        measured = sample(self.time, self.theta, time)
+        drawn = measured
+        if self.deflection is not None:
+            drawn = measured - deflection * sample(self.time, self.deflection, time)
+        if self.model_theta is None:
+            return drawn, measured
+        model = measured + error * (sample(self.time, self.model_theta, time) - measured)
+        if self.model_deflection is not None:
+            model = model - deflection * sample(self.time, self.model_deflection, time)
+        return drawn, model
+
+
+def scene_labels(
+    motion: Motion, deflection: float, error: float, simulating: bool = False
+) -> tuple[str, str]:
+    """What stands above the measured and the identified robot; the factors are always written there."""
+    known = motion.deflection is not None
+    side = "deflection unknown" if not known else f"deflection ×{deflection:g}"
+    measured = f"measured, {side}"
+    if known and deflection:
+        measured += f"\n({motion.deflection_source})"
+    if motion.model_theta is None:
+        why = "being simulated" if simulating else "not identified yet"
+        return measured, f"{why}:\nshows the measured motor angle"
+    return measured, f"identified, deflection ×{deflection:g}\nsimulated, error ×{error:g}"
+
+
+def sample(time: Array, values: Array, at: float) -> Array:
+    """values (M, n) linearly interpolated at one instant: (n,)."""
+    right = int(np.searchsorted(time, at))
+    if right <= 0:
+        return values[0]
+    if right >= len(time):
+        return values[-1]
+    share = (at - time[right - 1]) / (time[right] - time[right - 1])
+    return (1.0 - share) * values[right - 1] + share * values[right]
+
+
+def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> Motion:
+    """The measured motion of a group with the best deflection that is known for it."""
+    start, end = group.segments[0].time[0], group.segments[-1].time[-1]
+    count = max(int((end - start) * RATE) + 1, 2)
+    time = np.linspace(start, end, count)
+    all_time = np.concatenate([segment.time for segment in group.segments])
+    theta = _columns(time, all_time, np.concatenate([segment.theta for segment in group.segments]))
+    deflection, source = _deflection(measurements, group, result, time, all_time, theta)
+    return Motion(group.name, time, theta, deflection, source)
+
+
+def with_replay(motion: Motion, run: Any) -> Motion:
+    """The motion with a simulation of the identified model (a `simulation.Run`) beside it."""
+    return replace(
+        motion,
+        model_theta=_columns(motion.time, run.time, run.theta),
+        model_deflection=_columns(motion.time, run.time, run.theta - run.q),
+        model_note=getattr(run, "note", "") or "",
+    )
+
+
+def nice_factor(motion: Motion, target: float = 0.25) -> int:
+    """The round factor that brings the largest deflection nearest to, but not far above, `target` [rad]."""
+    if motion.deflection is None:
+        return 1
+    largest = float(np.quantile(np.abs(motion.deflection), 0.98))
+    if largest <= 0:
+        return 1
+    return max((factor for factor in NICE if factor * largest <= target), default=1)
+
+
+def _columns(time: Array, from_time: Array, values: Array) -> Array:
+    return np.stack([np.interp(time, from_time, column) for column in np.asarray(values).T], axis=1)
+
+
+def _deflection(
+    measurements: MeasurementSet,
+    group: Group,
+    result: Identification | None,
+    time: Array,
+    all_time: Array,
+    theta: Array,
+) -> tuple[Array | None, str]:
+    """Deflection (M, n) and its source: link encoders, the identified model, or rough start values."""
+    if group.q is not None and np.isfinite(group.q).all():
+        return theta - _columns(time, group.time, group.q), "link encoders"
+    series = None if result is None else result.residuals.get(group.name)
+    if series is not None and result is not None and np.any(series.valid):
+        deflection = series.torque / result.model.stiffness
+        valid = np.asarray(series.valid, dtype=bool)
+        return _columns(time, series.time[valid], deflection[valid]), "identified: torque / K"
+    if measurements.initial_stiffness is None:
+        return None, "unknown before Run (the set gives no stiffness)"
+    tau = np.concatenate([segment.tau for segment in group.segments])
+    rough = _smooth(tau, all_time) / measurements.initial_stiffness
+    return _columns(time, all_time, rough), "rough: τ / the set's start stiffness"
+
+
+def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:
+    """A moving average over `width` [s]."""
+    count = max(int(width / max((time[-1] - time[0]) / max(len(time) - 1, 1), 1e-9)), 1)
+    sums = np.cumsum(np.concatenate((np.zeros((1, values.shape[1])), values)), axis=0)
+    low = np.clip(np.arange(len(values)) - count // 2, 0, len(values))
+    high = np.clip(low + count, 1, len(values))
+    return (sums[high] - sums[low]) / (high - low)[:, None]

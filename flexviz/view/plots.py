@@ -1,0 +1,140 @@
+"""A plot as data: lines on one common x, thinned to what a screen can show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+POINTS = 600  # points a line may have
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a plot: `values` (M,) at the plot's x."""
+
+    label: str
+    colour: str
+    values: Array
+    width: float = 1.5
+    dashed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Plot:
+    """One chart.
+
+    Attributes
+    ----------
+    key: name within its tab; the same key is the same chart, updated.
+    title: what it shows, with the unit.
+    x: (M,) common abscissa.
+    lines: the lines, finite everywhere (one NaN would blank the whole chart).
+    x_label: the abscissa's name with its unit.
+    logarithmic: True for a logarithmic ordinate (all values are then positive).
+    playhead: (M,) 0/1 line of the present instant, or None for a plot that does not run in time.
+    height: [pixels].
+    note: why the plot is empty, or what to know about it.
+    """
+
+    key: str
+    title: str
+    x: Array
+    lines: tuple[Line, ...]
+    x_label: str = "time [s]"
+    logarithmic: bool = False
+    playhead: Array | None = None
+    height: int = 190
+    note: str = ""
+
+    def data(self) -> tuple[Array, ...]:
+        """x and every line, as the chart wants them; the playhead comes last."""
+        columns = [self.x, *(line.values for line in self.lines)]
+        if self.playhead is not None:
+            columns.append(self.playhead)
+        return tuple(np.ascontiguousarray(column, dtype=float) for column in columns)
+
+    def at(self, time: float) -> Plot:
+        """The same plot with its playhead at `time` (nothing changes in a plot without one)."""
+        if self.playhead is None:
+            return self
+        return replace(self, playhead=playhead(self.x, time))
+
+
+def thin(
+    x: Array, columns: Sequence[Array], points: int = POINTS, window: tuple[float, float] | None = None
+) -> tuple[Array, list[Array]]:
+    """At most `points` values of each column that keep its minima and maxima; NaN and ±inf are replaced.
+
+    x is (N,) increasing, each column (N,). Buckets of samples give two points each: the column's minimum and
+    maximum in the order in which they occur.
+    """
+    if window is not None:
+        keep = (x >= window[0]) & (x <= window[1])
+        x, columns = x[keep], [column[keep] for column in columns]
+    columns = [finite(column) for column in columns]
+    count = len(x)
+    if count <= points:
+        return np.asarray(x, dtype=float), columns
+    size = -(-count // (points // 2))  # samples a bucket
+    whole = count // size * size
+    buckets = whole // size + (count > whole)
+    starts = np.arange(buckets) * size
+    middles = np.minimum(starts + size // 2, count - 1)
+    out_x = np.empty(2 * buckets)
+    out_x[0::2], out_x[1::2] = x[starts], x[middles]
+    out: list[Array] = []
+    for column in columns:
+        full = np.concatenate((column, np.full(buckets * size - count, column[-1]))).reshape(buckets, size)
+        low, high = full.argmin(axis=1), full.argmax(axis=1)
+        rows = np.arange(buckets)
+        first, second = np.minimum(low, high), np.maximum(low, high)
+        values = np.empty(2 * buckets)
+        values[0::2], values[1::2] = full[rows, first], full[rows, second]
+        out.append(values)
+    return out_x, out
+
+
+def finite(column: Array) -> Array:
+    """The column with every NaN or infinity replaced by the last finite value before it (0 where none is)."""
+    column = np.asarray(column, dtype=float)
+    good = np.isfinite(column)
+    if good.all():
+        return column
+    index = np.maximum.accumulate(np.where(good, np.arange(len(column)), -1))
+    return np.where(index >= 0, column[index], 0.0)
+
+
+def playhead(x: Array, time: float) -> Array:
+    """0 everywhere and 1 at the sample of x nearest to `time`."""
+    line = np.zeros(len(x))
+    if len(x):
+        right = int(np.clip(np.searchsorted(x, time), 0, len(x) - 1))
+        left = max(right - 1, 0)
+        line[left if abs(x[left] - time) < abs(x[right] - time) else right] = 1.0
+    return line
+
+
+def time_plot(
+    key: str,
+    title: str,
+    x: Array,
+    lines: Sequence[tuple[str, str, Array]],
+    *,
+    height: int = 190,
+    note: str = "",
+) -> Plot:
+    """A plot over time, thinned, with a playhead; lines are (label, colour, values)."""
+    thinned, columns = thin(x, [values for _, _, values in lines])
+    drawn = tuple(
+        Line(label, colour, column) for (label, colour, _), column in zip(lines, columns, strict=True)
+    )
+    return Plot(key, title, thinned, drawn, playhead=np.zeros(len(thinned)), height=height, note=note)
+
+
+def no_plot(key: str, note: str) -> Plot:
+    """Nothing to draw yet, and why."""
+    return Plot(key, "", np.zeros(0), (), note=note)

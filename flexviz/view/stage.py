@@ -1,0 +1,97 @@
+"""Where the robots stand and where one looks from, so that the motion is seen as large as possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.robot import Robot
+from flexviz.view.geometry import Shape
+
+Array = NDArray[np.float64]
+FIELD_OF_VIEW = np.radians(50.0)  # vertical
+LAYOUTS = ("Side by side", "Overlaid")
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Placement for one set.
+
+    Attributes
+    ----------
+    right: (3,) horizontal unit vector to the viewer's right.
+    towards: (3,) unit vector from the scene to the viewer.
+    centre: (3,) middle of one robot's motion [m], in its own frame.
+    size: half the extent of one robot's motion [m].
+    width: half its extent along `right` [m].
+    floor: height of the grid [m].
+    """
+
+    right: Array
+    towards: Array
+    centre: Array
+    size: float
+    width: float
+    floor: float
+
+    def offsets(self, layout: str) -> tuple[Array, Array]:
+        """(3,) where the measured and the identified robot's bases stand [m]."""
+        if layout == "Overlaid":
+            return np.zeros(3), np.zeros(3)
+        apart = 1.12 * self.width * self.right
+        return -apart, apart
+
+    def label_height(self) -> float:
+        """Height of the labels over a robot's base [m]."""
+        return float(self.centre[2] + 1.12 * self.size)
+
+    def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
+        """Position and point looked at (3,), so that both robots fit a canvas of width / height `aspect`.
+
+        The lowest share `hidden` of the canvas lies under the playback panel.
+        """
+        half_width = self.width * (2.05 if layout != "Overlaid" else 1.05)
+        half_height = 1.3 * self.size / (1.0 - hidden)  # with the labels
+        half_height = max(half_height, half_width / aspect)
+        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + 0.3 * self.size
+        look = self.centre + np.array([0.0, 0.0, 0.12 * self.size - hidden * half_height])
+        return look + distance * self.towards, look
+
+
+def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
+    """The stage for positions theta (M, n) [rad] that the robot passes."""
+    points = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = (low + high) / 2
+    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    normal = axes[2]
+    if (
+        spread[2] < 0.12 * spread[0] and abs(normal[2]) < 0.3
+    ):  # a motion in a vertical plane: look at it squarely
+        flat = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
+        flat = -flat if flat[1] > 0 or (flat[1] == 0 and flat[0] < 0) else flat
+        towards = 0.96 * flat + np.array([0.0, 0.0, 0.28])
+    else:
+        towards = np.array([0.75, -0.95, 0.5])
+    towards /= np.linalg.norm(towards)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    along = (points - centre) @ right
+    width = max(float(np.abs(along).max()), 0.25 * shape.reach)
+    size = max(float(np.linalg.norm(high - low)) / 2, 0.3 * shape.reach)
+    return Stage(right, towards, centre, size, width, float(min(0.0, low[2] - 0.02 * shape.reach)))
+
+
+def _points(robot: Robot, shape: Shape, theta: Array) -> Array:
+    """Corners of every body's box at every position, (P, 3) [m]."""
+    points = []
+    for q in theta:
+        poses = robot.link_poses(q)
+        for body in shape.bodies:
+            low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+            pose = poses[body.link]
+            for corner in (low, high, (low + high) / 2):
+                points.append(pose[:3, :3] @ corner + pose[:3, 3])
+    return np.array(points)

@@ -1,0 +1,94 @@
+"""Where one is: the step line, the status line, and the legend of what the scene shows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexviz.view.colours import BODY, MEASURED, MODEL, cividis, css, gradient, shares
+from flexviz.view.text import escape, number
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+
+STEPS = ("Data", "Observer", "Identify", "Diagnose")
+READY = STEPS[:3]  # the ones this version can do
+NOT_YET = "Diagnose (find the missing effect) comes in a later version."
+
+
+def step_line_html(current: str, done: tuple[str, ...] = ()) -> str:
+    """1 Data → 2 Observer → 3 Identify → 4 Diagnose, with where one is and what is done."""
+    parts = []
+    for number_, name in enumerate(STEPS, start=1):
+        if name not in READY:
+            parts.append(f'<span class="fv-later" title="{NOT_YET}">{number_} {name} (later)</span>')
+        elif name == current:
+            parts.append(f'<span class="fv-now">{number_} {name} ●</span>')
+        else:
+            parts.append(f"<span>{number_} {name}{' ✓' if name in done else ''}</span>")
+    return f'<div class="fv fv-steps">{" → ".join(parts)}</div>'
+
+
+def error_text(result: Identification | None) -> str:
+    """The error in one number: on the validation groups where there are any, else on the fitted ones."""
+    if result is None:
+        return "no model yet"
+    for name, values in (
+        ("validation error", result.residual.rms_validation),
+        ("fit error", result.residual.rms),
+    ):
+        column = np.asarray([] if values is None else values, dtype=float)
+        if column.size and np.isfinite(column).all():
+            return f"{name} {number(total_rms(column), 3)} Nm"
+    return "the model has no error to show"
+
+
+def total_rms(per_joint: np.ndarray) -> float:
+    """One number of several joints' rms [Nm]: the root of their mean square."""
+    return float(np.sqrt(np.mean(np.square(per_joint))))
+
+
+def status_html(step: str, message: str, error: str, tone: str = "") -> str:
+    """The status line: the step, what goes on, and the error; `tone` is "", "busy" or "bad"."""
+    extra = f" · {escape(message)}" if message else ""
+    return f'<div class="fv fv-status {tone}">Step {escape(step)}{extra} · {escape(error)}</div>'
+
+
+def joint_rms(result: Identification | None, group: str) -> np.ndarray | None:
+    """(n,) rms residual of each joint in a group [Nm], or None where it is not known."""
+    series = None if result is None else result.residuals.get(group)
+    if series is None or not np.any(series.valid):
+        return None
+    residual = series.residual[np.asarray(series.valid, dtype=bool)]
+    return np.sqrt(np.mean(residual**2, axis=0))
+
+
+def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, int]]:
+    """The colour of each joint's link: cividis from 0 to the largest rms; grey before a result."""
+    if rms is None:
+        return [BODY] * joints
+    return [cividis(share) for share in shares([float(value) for value in rms])]
+
+
+def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str) -> str:
+    """What the colours of the scene mean, with numbers."""
+    robots = (
+        f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured (solid) '
+        f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified (ghost)</div>'
+    )
+    if rms is None:
+        waiting = "Links get the colour of their residual after Run."
+        return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
+    colours = joint_colours(rms, len(joints))
+    cells = "".join(
+        f'<span class="fv-joint"><span class="fv-box" style="background:{css(colour)}"></span>'
+        f"{escape(name)} {number(float(value), 2)}</span>"
+        for name, value, colour in zip(joints, rms, colours, strict=True)
+    )
+    return (
+        f'<div class="fv">{robots}<div>Link colour: rms residual in {escape(group)} [Nm], '
+        f'0 <span class="fv-map" style="background:{gradient()}"></span> '
+        f"{number(float(np.max(rms)), 2)}</div>"
+        f'<div class="fv-joints">{cells}</div></div>'
+    )

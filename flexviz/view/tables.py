@@ -1,0 +1,113 @@
+"""Tables as HTML: the set's groups and the identified parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexviz.measurements import MeasurementSet
+from flexviz.view.colours import IDENTIFIABLE
+from flexviz.view.text import SHORT, escape, number, plural, title, with_error
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification, ParameterEstimate
+
+INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+MARKS = {"yes": "●", "weak": "◐", "no": "○"}
+
+
+def set_html(measurements: MeasurementSet) -> str:
+    """What a set holds, in a few lines."""
+    kind = '<span class="fv-tag">simulated data</span>' if measurements.simulated else ""
+    rates = sorted({round(1.0 / segment.step) for g in measurements.groups for segment in g.segments})
+    rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
+    rows = [
+        ("Robot", f"{escape(measurements.robot.name)}, {plural(measurements.n, 'joint')}"),
+        ("Data", f"{plural(len(measurements.groups), 'group')}, {_minutes(measurements)}, {rate} Hz"),
+        ("Controller", "known (closed-loop replay)" if measurements.kp is not None else "not given"),
+        ("Own effects", ", ".join(title(name) for name in measurements.effects) or "none"),
+    ]
+    body = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
+    notes = "".join(f'<div class="fv-warn">{escape(text)}</div>' for text in measurements.warnings[:3])
+    table = f'<table class="fv-table fv-left">{body}</table>'
+    return f'<div class="fv"><b>{escape(measurements.name)}</b> {kind}{table}{notes}</div>'
+
+
+def parameters_html(
+    result: Identification | None, truth: dict[tuple[str, str | None], float] | None = None
+) -> str:
+    """The parameter table: start, value ± 95 %, unit, identifiable, tied to; truth where asked for."""
+    if result is None:
+        return '<div class="fv fv-dim">The parameters appear here after Run.</div>'
+    main = [p for p in result.parameters if p.name not in INERTIAL]
+    inertial = [p for p in result.parameters if p.name in INERTIAL]
+    head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
+    head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
+    parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
+    legend = " ".join(f'<span style="color:{IDENTIFIABLE[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
+    parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
+    if inertial:
+        parts.append(
+            f"<details><summary>Inertial parameters ({len(inertial)})</summary>"
+            f'<table class="fv-table">{head}{_rows(inertial, truth)}</table></details>'
+        )
+    return "".join(parts) + "</div>"
+
+
+def _rows(parameters: Sequence[ParameterEstimate], truth: dict[tuple[str, str | None], float] | None) -> str:
+    columns = 6 + (truth is not None)
+    rows: list[str] = []
+    joint: str | None = ""
+    for p in sorted(parameters, key=lambda p: _order(parameters, p.joint)):
+        if p.joint != joint:
+            joint = p.joint
+            rows.append(
+                f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
+            )
+        value, error = with_error(p.value, None if p.std is None else 1.96 * p.std)
+        real = ""
+        if truth is not None:
+            real = f'<td class="fv-truth">{number(truth.get((p.name, p.joint)))}</td>'
+        label = SHORT.get(p.name, title(p.name))
+        colour = IDENTIFIABLE.get(p.identifiable, "#999999")
+        mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
+        flag = " ⚑" if getattr(p, "at_bound", False) else ""
+        rows.append(
+            f'<tr title="{escape(title(p.name))}"><td>{escape(label)}{flag}</td><td>{number(p.start, 3)}</td>'
+            f"<td><b>{value}</b></td><td>{error}</td>{real}<td>{escape(p.unit)}</td>"
+            f"<td>{mark} {escape(p.identifiable)}</td></tr>"
+        )
+        if p.tied_to:
+            names = ", ".join(escape(name) for name in p.tied_to[:4]) + (" …" if len(p.tied_to) > 4 else "")
+            rows.append(f'<tr class="fv-tied"><td colspan="{columns}">↳ tied to {names}</td></tr>')
+    return "".join(rows)
+
+
+def _order(parameters: Sequence[ParameterEstimate], joint: str | None) -> int:
+    """Where a joint first appears; parameters of no joint come last."""
+    joints = list(dict.fromkeys(p.joint for p in parameters))
+    return len(joints) if joint is None else joints.index(joint)
+
+
+def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float]:
+    """(parameter, joint) -> value from a truth.json; effects' parameters are named effect.parameter."""
+    values: dict[tuple[str, str | None], float] = {}
+    for entry in document.get("parameters", []):
+        values[str(entry["name"]), entry.get("joint")] = float(entry["value"])
+    for effect in document.get("effects", []):
+        for name, value in (effect.get("parameters") or {}).items():
+            raw = value.get("value") if isinstance(value, dict) else value
+            if isinstance(raw, int | float):
+                values[f"{effect['effect']}.{name}", effect.get("joint")] = float(raw)
+    for joint in {joint for name, joint in values if name == "link_viscous_friction"}:
+        parts = (values.get(("link_viscous_friction", joint)), values.get(("motor_viscous_friction", joint)))
+        if None not in parts:
+            values["viscous_friction_sum", joint] = float(np.sum(np.array(parts, dtype=float)))
+    return values
+
+
+def _minutes(measurements: MeasurementSet) -> str:
+    seconds = sum(group.duration for group in measurements.groups)
+    return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"

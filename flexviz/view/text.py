@@ -1,0 +1,60 @@
+"""Numbers and names as people read them."""
+
+from __future__ import annotations
+
+import html
+import math
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A value with `digits` significant digits, without needless zeros: 1000, 0.01234, 3.2e-07, –."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    magnitude = math.floor(math.log10(abs(value)))
+    if -4 <= magnitude < 6:
+        return f"{value:.{max(digits - 1 - magnitude, 0)}f}".replace("-", "−")
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return f"{mantissa}e{int(exponent)}".replace("-", "−")
+
+
+def with_error(value: float, error: float | None) -> tuple[str, str]:
+    """A value and its ± as two texts, both cut where the error's second digit stands.
+
+    >>> with_error(1000.234, 0.82)
+    ('1000.23', '0.82')
+    """
+    if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
+        return number(value), "–"
+    place = math.floor(math.log10(error)) - 1
+    top = math.floor(math.log10(abs(value))) if value else place
+    if place > 4 or place < -7 or top - place > 9:
+        return number(value, 5), number(error, 2)
+    decimals = max(-place, 0)
+    return f"{value:.{decimals}f}".replace("-", "−"), f"{error:.{decimals}f}"
+
+
+def escape(text: object) -> str:
+    """Text from a file or a person, safe inside HTML."""
+    return html.escape(str(text), quote=True)
+
+
+def plural(count: int, what: str) -> str:
+    """1 group, 2 groups."""
+    return f"{count} {what}" + ("" if count == 1 else "s")
+
+
+SHORT = {
+    "stiffness": "K",
+    "motor_inertia": "B",
+    "link_viscous_friction": "f_lv",
+    "motor_viscous_friction": "f_mv",
+    "viscous_friction_sum": "f_lv+f_mv",
+}
+
+
+def title(name: str) -> str:
+    """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
+    effect, dot, parameter = name.partition(".")
+    return f"{effect} {dot and '· '}{parameter}".strip().replace("_", " ")
