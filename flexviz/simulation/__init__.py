@@ -1,18 +1,37 @@
 """Forward simulation of flexible-joint robots: both sides, controller, sensors and every effect."""
 
 from flexviz.simulation.control import Controller
+from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
+from flexviz.simulation.replay import replay
 from flexviz.simulation.run import Run, simulate_run
 from flexviz.simulation.sensors import Sensors
+from flexviz.simulation.sets import (
+    SimulatedSet,
+    make_plan,
+    simulate_plan,
+    simulate_preset,
+    write_plan,
+)
 
 __all__ = [
+    "PRESETS",
     "Controller",
     "Fourier",
+    "Plan",
+    "PlannedGroup",
     "Reference",
     "Run",
     "Sampled",
     "Sensors",
+    "SimulatedSet",
     "Sinusoid",
+    "make_plan",
     "random_fourier",
+    "replay",
+    "simulate_plan",
+    "simulate_preset",
     "simulate_run",
+    "write_plan",
 ]

@@ -25,11 +25,11 @@ class Recorder:
     Attributes
     ----------
     gain_error: (n,) g [-].
-    delay: [s], the same for all joints.
+    delay: (n,) [s].
     """
 
     gain_error: Array
-    delay: float = 0.0
+    delay: Array
 
 
 def make_plant(
@@ -50,7 +50,7 @@ def make_plant(
     bodies, gravity = tuple(payload), (0.0, 0.0, -G)
     stiffness, viscous = robot.to_pin(model.stiffness), robot.to_pin(model.motor_viscous_friction)
     inertia = np.diag(robot.to_pin(model.motor_inertia))
-    gain, delay = np.zeros(robot.n), 0.0
+    gain, delay = np.zeros(robot.n), np.zeros(robot.n)
     plant = Plant(None, stiffness, inertia, robot.to_pin(model.link_viscous_friction), viscous)
 
     for effect in model.effects:
@@ -63,8 +63,6 @@ def make_plant(
             bodies = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in bodies)
         elif name == "base_tilt":
             gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
-        elif name == "torque_delay":
-            delay += p["delay"]
         for i in joints:
             if name in MOTOR_LAWS:
                 more = {"viscous": float(viscous[i])} if name == "friction_drift" else {}
@@ -75,6 +73,8 @@ def make_plant(
                 plant.presliding.append((i, Dahl(**p)))
             elif name == "torque_gain":
                 gain[i] += p["gain_error"]
+            elif name == "torque_delay":
+                delay[i] += p["delay"]
             elif name == "external_contact":
                 plant.contacts.append((i, p["torque"], p["start"], p["end"]))
             elif name == "motor_coupling":

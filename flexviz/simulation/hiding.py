@@ -1,4 +1,4 @@
-"""Effects to hide in a simulation: `NAME[:joint][:param=value,...]`, with sensible sizes where none are given."""
+"""Effects to hide in a simulation: `NAME[:joint][:param=value,...]`, with sensible default sizes."""
 
 from __future__ import annotations
 

@@ -30,8 +30,8 @@ PAPER_GROUPS: dict[str, tuple[str, ...]] = {
 PAPER_VALIDATION = {"a": "t3p2", "b": "t3p2", "c": "t3p2", "d": "t3p2", "e": "t1p3", "f": "t3p2"}
 PAPER_TRAJECTORIES = {"t1": (1.0, 0.5 * np.pi), "t2": (0.7, 0.3 * np.pi), "t3": (0.85, 0.4 * np.pi)}
 
-# The paper's true values are lost. These were chosen near its start values; as there, they are regrouped about
-# joint 1: Izz1 + l1² m2, mx1 + l1 m2, with l1 = 1 m.
+# The paper's true values are lost. These were chosen near its start values; as there, they are regrouped
+# about joint 1: Izz1 + l1² m2, mx1 + l1 m2, with l1 = 1 m.
 PLANAR_TRUTH = {"izz1": 2.50, "mx1": 1.05, "my1": 0.02, "izz2": 1.42, "mx2": 0.40, "my2": 0.05}
 PLANAR_MASS = (0.60, 0.75)  # [kg] of the two links; the motion does not show how the values above are split
 
@@ -105,15 +105,21 @@ def planar_2r() -> Plan:
     sphere = [0.004, 0.004, 0.004, 0.0, 0.0, 0.0]
     payloads = {
         "p1": (),
-        "p2": (PayloadBody("link2", 1.5, [0.8, 0.0, 0.0], sphere),),
-        "p3": (PayloadBody("link2", 3.0, [0.6, 0.05, 0.0], sphere),),
+        "p2": (PayloadBody("link2", 0.8, [0.8, 0.0, 0.0], sphere),),
+        "p3": (PayloadBody("link2", 1.6, [0.6, 0.05, 0.0], sphere),),
     }
     duration = 12.0
     motions = {
         f"t{k}": random_fourier(
-            robot, seed, centre=[0.4, -0.6], reach=[0.9, 1.2], duration=duration, harmonics=7
+            robot,
+            seed,
+            centre=[0.4, -0.6],
+            reach=[1.1, 1.4],
+            duration=duration,
+            frequency=2 * np.pi / duration,
+            harmonics=6,
         )
-        for k, seed in ((1, 11), (2, 12), (3, 13), (4, 14))
+        for k, seed in ((1, 11), (2, 14), (3, 26), (4, 22))
     }
     pairs = (("t1", "p1"), ("t2", "p2"), ("t3", "p3"), ("t4", "p2"))
     return Plan(

@@ -89,9 +89,10 @@ def planned(group: Group) -> PlannedGroup:
 
 def smooth(theta: Array, step: float) -> Array:
     """θ (N, n) low-passed at `BAND` without delay."""
-    if 0.4 / step <= BAND or len(theta) < 60:
+    margin = min(len(theta) - 1, round(3.0 / (BAND * step)))  # samples the filter needs to settle
+    if 0.4 / step <= BAND or margin < 10:
         return theta
-    return sosfiltfilt(butter(4, BAND, fs=1.0 / step, output="sos"), theta, axis=0)
+    return sosfiltfilt(butter(4, BAND, fs=1.0 / step, output="sos"), theta, axis=0, padlen=margin)
 
 
 def mean_inertia(robot: Robot, measurements: MeasurementSet) -> Array:

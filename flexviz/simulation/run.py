@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import floor
 
 import numpy as np
 
-from flexviz.errors import Cancelled, ConvergenceError, InputError
+from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import rates, starting
+from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import Controller, TorqueFilter
-from flexviz.simulation.plant import Array
+from flexviz.simulation.loop import Loop, Progress
+from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
-from flexviz.simulation.sensors import Sensors
+from flexviz.simulation.sensors import Feedback, Sensors
 
-Progress = Callable[[float], None]
 STARTS = ("rest", "moving")
-_EVERY = 1024  # cycles between two looks at progress and should_stop
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,122 +87,43 @@ def simulate_run(
     every = max(1, round((record_step or cycle) / cycle))
     if record_step is not None and abs(every * cycle - record_step) > 1e-9:
         raise InputError(f"record step {record_step} s is not a multiple of the controller cycle {cycle} s")
-    cycles = round(duration / cycle)
+    n, cycles = robot.n, round(duration / cycle)
     time = np.arange(cycles) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
     plant, recorder = make_plant(robot, model, payload, group=group, payload_name=payload_name)
-    kp, kd = (
-        np.broadcast_to(robot.to_pin(np.atleast_1d(g)), (robot.n,)) for g in (controller.kp, controller.kd)
-    )
-
-    n = robot.n
+    kp, kd = (robot.to_pin(np.broadcast_to(gain, n)) for gain in (controller.kp, controller.kd))
     if start == "rest":
         x, tau = starting.at_rest(plant, position[0], kp)
     else:
         x = starting.moving(plant, lambda t: robot.to_pin(reference.sample(t)[0]))
         tau = kp * (position[0] - x[n : 2 * n]) + kd * (velocity[0] - x[3 * n : 4 * n])
     smooth = None if controller.torque_filter is None else TorqueFilter(controller.torque_filter, cycle, tau)
+    feedback = None
+    if sensors is not None and sensors.feedback:
+        feedback = Feedback(sensors.reordered(robot.to_pin, n), cycles, n, cycle, x, seed)
+    loop = Loop(plant, recorder, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
+    states, torques = loop.drive(x, tau, None, progress, should_stop)
+    run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], cycle)
+    if feedback is not None and sensors is not None:
+        seen = sensors.quantise(run.theta + robot.from_pin(feedback.noise[::every]))
+        return replace(run, theta=seen, tau=run.tau + robot.from_pin(feedback.torque_noise[::every]))
+    return run if sensors is None else run.measured(sensors, seed)
 
-    whole = floor(recorder.delay / cycle + 1e-9)
-    rest = max(0.0, recorder.delay - whole * cycle)
-    rest = 0.0 if rest < 1e-9 else rest
-    fine = rates.substeps(plant, position[:: max(1, cycles // 12)], cycle)
-    fine = fine if step is None else max(1, round(cycle / step))
-    parts = (
-        [(0.0, cycle, fine, 0)]
-        if not rest
-        else [
-            (0.0, rest, max(1, round(fine * rest / cycle)), 1),
-            (rest, cycle - rest, max(1, round(fine * (1 - rest / cycle))), 0),
-        ]
-    )  # start in the cycle, length, substeps, further cycles back
 
-    gain = 1.0 + recorder.gain_error
-    plain_gain = not recorder.gain_error.any()
-    target = kp * position + kd * velocity  # (cycles, n)
-    theta_now, speed_now = x[n : 2 * n], x[3 * n : 4 * n]
-    states = np.empty((cycles, len(x)))
-    torques = np.empty((cycles, n))
-    delayed = whole > 0 or rest > 0.0
-    before = tau.copy()  # what acted before the first cycle
-    advance = plant.stepper(x)
-    feedback = _Feedback(sensors, cycles, n, cycle, x, seed) if sensors and sensors.feedback else None
-
-    for k in range(cycles):
-        states[k] = x
-        if feedback is None:
-            tau = target[k] - kp * theta_now - kd * speed_now
-        else:
-            seen, seen_speed = feedback(k, theta_now)
-            tau = target[k] - kp * seen - kd * seen_speed
-        if smooth is not None:
-            tau = smooth(tau)
-        torques[k] = tau
-        now = k * cycle
-        if not delayed and plain_gain:
-            advance(tau, now, cycle, fine)
-        else:
-            for offset, length, count, back in parts:
-                source = k - whole - back
-                applied = torques[source] if source >= 0 else before
-                advance(applied * gain, now + offset, length, count)
-        if k % _EVERY == 0:
-            if not np.isfinite(tau).all() or np.abs(tau).max() > 1e12:
-                raise ConvergenceError(f"the simulation diverged at {now:.3f} s")
-            if should_stop is not None and should_stop():
-                raise Cancelled("the simulation was stopped")
-            if progress is not None:
-                progress(k / cycles)
-    if progress is not None:
-        progress(1.0)
-
-    states, torques = states[::every], torques[::every]
-    if not np.isfinite(states).all():
-        raise ConvergenceError("the simulation diverged")
+def to_run(
+    robot: Robot, plant: Plant, time: Array, states: Array, torques: Array, position: Array, hold: float
+) -> Run:
+    """A Run from states (N, 4n + …), torques and references (N, n) in Pinocchio's joint order."""
+    n = robot.n
     q, theta, qv, thetav = (robot.from_pin(states[:, i * n : (i + 1) * n]) for i in range(4))
-    run = Run(
-        time=time[::every],
+    return Run(
+        time=time,
         theta=theta,
         theta_velocity=thetav,
         q=q,
         q_velocity=qv,
         tau=robot.from_pin(torques),
         tau_joint=robot.from_pin(plant.joint_torque(states)),
-        theta_ref=robot.from_pin(position[::every]),
-        torque_hold=cycle,
+        theta_ref=robot.from_pin(position),
+        torque_hold=hold,
     )
-    if feedback is not None:
-        noise = feedback.noise[::every]
-        return replace(
-            run,
-            theta=feedback.sensors.quantise(theta + robot.from_pin(noise)),
-            tau=run.tau + robot.from_pin(feedback.torque_noise[::every]),
-        )
-    return run if sensors is None else run.measured(sensors, seed)
-
-
-class _Feedback:
-    """The position and its filtered difference as the controller sees them."""
-
-    def __init__(
-        self,
-        sensors: Sensors,
-        cycles: int,
-        n: int,
-        cycle: float,
-        x: Array,
-        seed: int | np.random.Generator | None,
-    ) -> None:
-        self.sensors = sensors
-        self.noise, self.torque_noise = sensors.noise(cycles, n, seed)
-        self._last = sensors.quantise(x[n : 2 * n] + self.noise[0])
-        self._speed = x[3 * n : 4 * n].copy()
-        self._blend = -np.expm1(-sensors.velocity_filter * cycle)
-        self._cycle = cycle
-
-    def __call__(self, k: int, theta: Array) -> tuple[Array, Array]:
-        seen = self.sensors.quantise(theta + self.noise[k])
-        if k:
-            self._speed = self._speed + self._blend * ((seen - self._last) / self._cycle - self._speed)
-        self._last = seen
-        return seen, self._speed

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,12 @@ class Sensors:
     feedback: bool = False
     velocity_filter: float = 1000.0
 
+    def reordered(self, permute: Callable[[Array], Array], n: int) -> Sensors:
+        """The same sensors with the joints in another order."""
+        values = (self.theta_noise, self.torque_noise, self.resolution)
+        theta, torque, step = (permute(np.broadcast_to(np.asarray(v, dtype=float), n)) for v in values)
+        return replace(self, theta_noise=theta, torque_noise=torque, resolution=step)
+
     def noise(self, samples: int, n: int, seed: int | np.random.Generator | None) -> tuple[Array, Array]:
         """Noise of θ (N, n) [rad] and of τ (N, n) [Nm]."""
         rng = np.random.default_rng(seed)
@@ -44,3 +51,30 @@ class Sensors:
             return theta
         safe = np.where(step > 0, step, 1.0)
         return np.where(step > 0, np.round(theta / safe) * safe, theta)
+
+
+class Feedback:
+    """The position and its filtered difference as the controller sees them."""
+
+    def __init__(
+        self,
+        sensors: Sensors,
+        cycles: int,
+        n: int,
+        cycle: float,
+        x: Array,
+        seed: int | np.random.Generator | None,
+    ) -> None:
+        self.sensors = sensors
+        self.noise, self.torque_noise = sensors.noise(cycles, n, seed)
+        self._last = sensors.quantise(x[n : 2 * n] + self.noise[0])
+        self._speed = x[3 * n : 4 * n].copy()
+        self._blend = -np.expm1(-sensors.velocity_filter * cycle)
+        self._cycle = cycle
+
+    def __call__(self, k: int, theta: Array) -> tuple[Array, Array]:
+        seen = self.sensors.quantise(theta + self.noise[k])
+        if k:
+            self._speed = self._speed + self._blend * ((seen - self._last) / self._cycle - self._speed)
+        self._last = seen
+        return seen, self._speed

@@ -1,0 +1,125 @@
+"""The closed loop: controller cycle by controller cycle, with the plant integrated in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from flexviz.errors import Cancelled, ConvergenceError
+from flexviz.simulation import rates
+from flexviz.simulation.building import Recorder
+from flexviz.simulation.control import TorqueFilter
+from flexviz.simulation.plant import Array, Plant
+from flexviz.simulation.sensors import Feedback
+
+Progress = Callable[[float], None]
+EVERY = 1024  # cycles between two looks at progress and should_stop
+LARGEST = 1e12  # [Nm] a torque beyond is a simulation that has diverged
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order).
+
+    Attributes
+    ----------
+    target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
+    cycle: [s].
+    smooth: filter that the torque passes before it is applied and recorded, or None.
+    feedback: what the controller sees instead of the true motion, or None.
+    step: largest integration step [s]; None: from the fastest motion.
+    """
+
+    plant: Plant
+    recorder: Recorder
+    target: Array
+    kp: Array
+    kd: Array
+    cycle: float
+    smooth: TorqueFilter | None = None
+    feedback: Feedback | None = None
+    step: float | None = None
+
+    def drive(
+        self,
+        x: Array,
+        before: Array,
+        cycles: int | None = None,
+        progress: Progress | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> tuple[Array, Array]:
+        """States (cycles, 4n + …) at the start of every cycle, and the torques (cycles, n) of the cycles.
+
+        `x` is the state to start from, `before` (n,) the torque that acted before [Nm].
+        """
+        n, cycle, kp, kd = self.plant.n, self.cycle, self.kp, self.kd
+        cycles = len(self.target) if cycles is None else min(cycles, len(self.target))
+        x = x.copy()
+        theta, speed = x[n : 2 * n], x[3 * n : 4 * n]
+        target, smooth, feedback = self.target, self.smooth, self.feedback
+        states, torques = np.empty((cycles, len(x))), np.empty((cycles, n))
+        advance = self.plant.stepper(x)
+        fine = self._substeps(x)
+        gain = 1.0 + self.recorder.gain_error
+        straight = not self.recorder.delay.any() and not self.recorder.gain_error.any()
+        parts = self._parts(fine)
+        columns = np.arange(n)
+        for k in range(cycles):
+            states[k] = x
+            if feedback is None:
+                tau = target[k] - kp * theta - kd * speed
+            else:
+                seen, seen_speed = feedback(k, theta)
+                tau = target[k] - kp * seen - kd * seen_speed
+            if smooth is not None:
+                tau = smooth(tau)
+            torques[k] = tau
+            now = k * cycle
+            if straight:
+                advance(tau, now, cycle, fine)
+            else:
+                for offset, length, count, back in parts:
+                    source = k - back
+                    applied = np.where(source >= 0, torques[np.maximum(source, 0), columns], before)
+                    advance(applied * gain, now + offset, length, count)
+            if k % EVERY == 0:
+                _check(tau, now)
+                if should_stop is not None and should_stop():
+                    raise Cancelled("the simulation was stopped")
+                if progress is not None:
+                    progress(k / cycles)
+        if not np.isfinite(states[-1]).all():
+            raise ConvergenceError("the simulation diverged")
+        if progress is not None:
+            progress(1.0)
+        return states, torques
+
+    def _substeps(self, x: Array) -> int:
+        if self.step is not None:
+            return max(1, round(self.cycle / self.step))
+        n = self.plant.n
+        # positions the controller aims at: where the gains are zero, the start stands for all
+        aim = self.target[:: max(1, len(self.target) // 12)] / np.where(self.kp > 0, self.kp, np.inf)
+        aim = np.where(self.kp > 0, aim, x[:n])
+        return rates.substeps(self.plant, np.clip(aim, -2 * np.pi, 2 * np.pi), self.cycle)
+
+    def _parts(self, fine: int) -> list[tuple[float, float, int, Array]]:
+        """A cycle cut where a joint's delayed torque changes: offset, length, substeps, cycles back (n,)."""
+        whole = np.floor(self.recorder.delay / self.cycle + 1e-9)
+        rest = self.recorder.delay - whole * self.cycle
+        rest = np.where(rest < 1e-6 * self.cycle, 0.0, rest)
+        cuts = [0.0, *sorted(set(rest[rest > 0].tolist())), self.cycle]
+        parts = []
+        for start, end in pairwise(cuts):
+            back = (whole + (rest > start)).astype(int)
+            count = max(1, int(np.ceil(fine * (end - start) / self.cycle - 1e-9)))
+            parts.append((start, end - start, count, back))
+        return parts
+
+
+def _check(tau: Array, now: float) -> None:
+    if not np.isfinite(tau).all() or np.abs(tau).max() > LARGEST:
+        raise ConvergenceError(f"the simulation diverged at {now:.3f} s")
