@@ -36,7 +36,7 @@ class InputError(FlexvizError, ValueError):
         self.message = one_line(message)
         self.file = None if file is None else str(file)
         self.place = place
-        where = ", ".join(part for part in (self.file, place) if part)
+        where = ", ".join(part for part in (one_line(self.file or "", 300), place) if part)
         super().__init__(f"{where}: {self.message}" if where else self.message)
 
 
@@ -55,10 +55,10 @@ class Cancelled(FlexvizError):
         super().__init__(message)
 
 
-def one_line(text: str) -> str:
-    """`text` with every run of whitespace and control characters turned into one space."""
-    printable = "".join(character if character.isprintable() else " " for character in text)
-    return " ".join(printable.split())
+def one_line(text: str, limit: int = 1500) -> str:
+    """`text` with every run of whitespace and control characters made one space, cut when very long."""
+    line = " ".join("".join(character if character.isprintable() else " " for character in text).split())
+    return line if len(line) <= limit else f"{line[: limit * 2 // 3]} … {line[-limit // 3 + 3 :]}"
 
 
 def choose_from(found: str, valid: Iterable[str], limit: int = 12) -> str:

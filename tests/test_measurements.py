@@ -327,7 +327,8 @@ def test_writing_is_all_or_nothing(small: Path, tmp_path: Path) -> None:
     ]
     for wrong in bad:
         with pytest.raises(InputError) as caught:
-            write_set(target, **({"groups": [group]} | common | wrong))
+            arguments: dict[str, Any] = {"groups": [group]} | common | wrong
+            write_set(target, **arguments)
         assert "\n" not in str(caught.value)
         assert not target.exists() and sorted(p.name for p in tmp_path.iterdir()) == ["small"]
     write_set(target, groups=[group], **common)

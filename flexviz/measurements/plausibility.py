@@ -109,7 +109,8 @@ def check_theta(
     for unit in (DEGREE, np.where(excess > 2.0, DEGREE, 1.0)):  # all joints, or only the odd ones
         in_degrees = agreement(robot, bodies, motion, unit)
         if 0.05 < in_degrees.slope < 20.0 and in_degrees.share > max(0.1, 2 * in_radians.share):
-            raise InputError(f"{found}: are these degrees? radians would be right", file=file, place=column)
+            hint = "are these degrees? radians (after the gear) would be right"
+            raise InputError(f"{found}: {hint}", file=file, place=column)
     impossible = (span > np.maximum(2.5 * limits, 4 * np.pi)) & (speed > np.maximum(6.0 * speeds, 15.0))
     if impossible[worst] or (excess[worst] > 20.0 and in_radians.share < 0.1):
         hint = "degrees, or the motor's angle before the gear? radians at the joint side would be right"

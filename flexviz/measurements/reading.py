@@ -34,7 +34,8 @@ def read_set(path: str | Path) -> MeasurementSet:
     robot = load_robot(content, file, folder)
     payloads = {
         name: tuple(
-            read_body(body, robot, file, f"payloads.{name}, entry {i + 1}") for i, body in enumerate(p.bodies)
+            read_body(body, robot, file, f"payloads.{name}.bodies, entry {i + 1}")
+            for i, body in enumerate(p.bodies)
         )
         for name, p in content.payloads.items()
     }
@@ -99,7 +100,8 @@ def inside(folder: Path, name: str, file: Path, place: str) -> Path:
     except (OSError, ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f'"{name}" is not a usable path ({error})', file=file, place=place) from None
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f'"{name}" is not a usable path ({reason})', file=file, place=place) from None
     return path
 
 

@@ -91,14 +91,16 @@ def locate(path: str | Path) -> Path:
     """The `measurements.toml` that `path` (a set's folder, or the file itself) stands for."""
     file = Path(path)
     try:
-        if file.is_dir():
-            file = file / FILE_NAME
-        elif file.suffix != ".toml" and file.exists():
-            raise InputError(f"not a measurement set; a folder with {FILE_NAME} would be right", file=file)
-        if not file.is_file():
-            raise InputError(f"file not found; a measurement set is a folder with {FILE_NAME}", file=file)
+        file = file / FILE_NAME if file.is_dir() else file
+        found = file.is_file()
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be opened ({error})", file=file) from None
+        raise InputError(
+            f"cannot be opened ({getattr(error, 'strerror', None) or error})", file=file
+        ) from None
+    if not found:
+        raise InputError(f"file not found; a measurement set is a folder with {FILE_NAME}", file=file)
+    if file.suffix != ".toml":
+        raise InputError(f"not a measurement set; a folder with {FILE_NAME} would be right", file=file)
     return file
 
 

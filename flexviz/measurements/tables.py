@@ -5,6 +5,7 @@ The table streams through in blocks: the array is the only full copy of the data
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -31,7 +32,7 @@ def column_names(file: Path) -> list[str]:
             with papq.ParquetFile(file) as table:
                 names = list(table.schema_arrow.names)
         else:
-            names = [name.strip() for name in raw_csv_header(file)]
+            names = csv_header(file)
     for name in names:
         if names.count(name) > 1:
             raise InputError(
@@ -145,7 +146,7 @@ def translated(file: Path) -> Iterator[None]:
         raise InputError(f"not a readable {kind} table: not a text in UTF-8", file=file) from None
     except MemoryError:
         raise InputError("the table does not fit into memory", file=file) from None
-    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+    except (pa.ArrowException, OSError, ValueError, KeyError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"not a readable {kind} table: {one_line(str(reason))[:200]}", file=file) from None
 
@@ -153,17 +154,17 @@ def translated(file: Path) -> Iterator[None]:
 # -- CSV ---------------------------------------------------------------------------------------------
 
 
-def raw_csv_header(file: Path) -> list[str]:
-    """The first line's names, as they stand."""
+def csv_header(file: Path) -> list[str]:
+    """The names in the first line (spaces around a name do not count)."""
     with file.open("rb") as stream:
-        start = stream.read(4)
-    if start.startswith(b"PAR1"):
+        line = stream.readline(CSV_BLOCK)
+    if line.startswith(b"PAR1"):
         raise InputError("this is a Parquet table, *.parquet would be right as its name", file=file)
-    if not start:
+    if not line:
         raise InputError("the file is empty, a header and rows of numbers would be right", file=file)
-    with pacsv.open_csv(file, convert_options=options({})) as reader:
-        names = list(reader.schema.names)
-    if len(names) == 1 and (";" in names[0] or "\t" in names[0]):
+    text = line.decode("utf-8-sig").splitlines()[0] if line.strip() else ""
+    names = [name.strip() for name in next(csv.reader([text], skipinitialspace=True), [])]
+    if len(names) <= 1 and (";" in text or "\t" in text):
         raise InputError(
             "the columns are not separated by commas, commas would be right", file=file, place="header"
         )
@@ -189,9 +190,10 @@ def most_csv_rows(file: Path) -> int:
 
 def csv_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
     """Blocks of rows with the columns in the order of `names`."""
-    raw = {name.strip(): name for name in raw_csv_header(file)}
-    types = {raw[name]: pa.float64() for name in names}
-    reading = pacsv.ReadOptions(use_threads=False, block_size=CSV_BLOCK)
+    types = {name: pa.float64() for name in names}
+    reading = pacsv.ReadOptions(
+        use_threads=False, block_size=CSV_BLOCK, skip_rows=1, column_names=csv_header(file)
+    )
     with pacsv.open_csv(file, read_options=reading, convert_options=options(types)) as reader:
         yield from reader
 
@@ -242,8 +244,8 @@ def require(names: Sequence[str], wanted: Sequence[str], file: Path) -> None:
     """InputError for the first of the `wanted` columns that is not there."""
     missing = [name for name in wanted if name not in names]
     if missing:
-        others = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
-        guess = get_close_matches(missing[0], [name for name in names if name not in wanted], n=1)
+        others = f" (also {', '.join(missing[1:20])})" if len(missing) > 1 else ""
+        guess = get_close_matches(missing[0], [name for name in names if name not in wanted], 1, 0.8)
         meant = f' did you mean "{guess[0]}"?' if guess else ""
         found = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
         raise InputError(
