@@ -11,6 +11,7 @@ from flexviz.errors import InputError
 
 Kind = Literal["number", "choice", "switch", "press", "text", "range", "none"]
 LONGEST_TEXT = 2000
+LARGEST = 2**63
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ def check(rule: Rule, value: Any) -> Any:
 def _number(rule: Rule, value: Any) -> float | int:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{_shown(value)} is not a number")
+    if isinstance(value, int) and abs(value) > LARGEST:
+        raise InputError("the number is too large")
     if not math.isfinite(value):
         raise InputError(f"{_shown(value)} is not finite")
     slack = 1e-9 * max(abs(rule.low), abs(rule.high), 1.0) if math.isfinite(rule.low + rule.high) else 0.0

@@ -64,9 +64,10 @@ def guarded_serve(bound_to: str) -> Iterator[None]:
     def serve(*args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any) -> Any:
         def check_first(connection: Any, request: Request) -> Response | None:
             headers = request.headers
-            host, origin = headers.get("Host"), headers.get("Origin")
-            if not admitted(bound_to, host, origin):
-                log.warning("refused a request for Host %r from Origin %r", host, origin)
+            hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
+            once = len(hosts) == 1 and len(origins) <= 1
+            if not once or not admitted(bound_to, hosts[0], origins[0] if origins else None):
+                log.warning("refused a request for Host %r from Origin %r", hosts, origins)
                 return Response(
                     http.HTTPStatus.FORBIDDEN, "FORBIDDEN", Headers(), b"this address is not served\n"
                 )

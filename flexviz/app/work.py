@@ -81,6 +81,7 @@ def replay_group(
         measurements.group(group),
         measurements.kp,
         measurements.kd,
+        torque_hold=measurements.torque_hold,
         progress=progress,
         should_stop=should_stop,
     )

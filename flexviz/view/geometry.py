@@ -166,9 +166,10 @@ def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Arr
     meshes = [trimesh.creation.icosphere(subdivisions=2, radius=1.25 * radius)]
     for end in ends:
         length = float(np.linalg.norm(end[:3, 3]))
-        if length < radius:
+        if length < 0.1 * radius:
             continue
         capsule = trimesh.creation.capsule(height=length, radius=radius, count=(12, 12))
+        capsule.apply_translation([0.0, 0.0, length / 2 - float(capsule.bounds[:, 2].mean())])
         capsule.apply_transform(trimesh.geometry.align_vectors([0.0, 0.0, 1.0], end[:3, 3] / length))
         meshes.append(capsule)
     return trimesh.util.concatenate(meshes)

@@ -24,7 +24,7 @@ class Stage:
     right: (3,) horizontal unit vector to the viewer's right.
     towards: (3,) unit vector from the scene to the viewer.
     centre: (3,) middle of one robot's motion [m], in its own frame.
-    size: half the extent of one robot's motion [m].
+    size: half the height of one robot's motion as it is seen [m].
     width: half its extent along `right` [m].
     floor: height of the grid [m].
     """
@@ -45,7 +45,7 @@ class Stage:
 
     def label_height(self) -> float:
         """Height of the labels over a robot's base [m]."""
-        return float(self.centre[2] + 1.12 * self.size)
+        return float(self.centre[2] + 1.2 * self.size)
 
     def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
         """Position and point looked at (3,), so that both robots fit a canvas of width / height `aspect`.
@@ -53,22 +53,22 @@ class Stage:
         The lowest share `hidden` of the canvas lies under the playback panel.
         """
         half_width = self.width * (2.05 if layout != "Overlaid" else 1.05)
-        half_height = 1.3 * self.size / (1.0 - hidden)  # with the labels
+        half_height = 1.35 * self.size / (1.0 - hidden)  # with the labels
         half_height = max(half_height, half_width / aspect)
-        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + 0.3 * self.size
+        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + 0.5 * self.width
         look = self.centre + np.array([0.0, 0.0, 0.12 * self.size - hidden * half_height])
         return look + distance * self.towards, look
 
 
 def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
     """The stage for positions theta (M, n) [rad] that the robot passes."""
-    points = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
+    points, frames = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = (low + high) / 2
-    _, spread, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    _, spread, axes = np.linalg.svd(frames - frames.mean(axis=0), full_matrices=False)
     normal = axes[2]
     if (
-        spread[2] < 0.12 * spread[0] and abs(normal[2]) < 0.3
+        spread[2] < 0.05 * spread[0] and abs(normal[2]) < 0.3
     ):  # a motion in a vertical plane: look at it squarely
         flat = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
         flat = -flat if flat[1] > 0 or (flat[1] == 0 and flat[0] < 0) else flat
@@ -80,18 +80,19 @@ def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
     right /= np.linalg.norm(right)
     along = (points - centre) @ right
     width = max(float(np.abs(along).max()), 0.25 * shape.reach)
-    size = max(float(np.linalg.norm(high - low)) / 2, 0.3 * shape.reach)
+    size = max(float(np.abs((points - centre) @ np.cross(towards, right)).max()), 0.3 * shape.reach)
     return Stage(right, towards, centre, size, width, float(min(0.0, low[2] - 0.02 * shape.reach)))
 
 
-def _points(robot: Robot, shape: Shape, theta: Array) -> Array:
-    """Corners of every body's box at every position, (P, 3) [m]."""
-    points = []
+def _points(robot: Robot, shape: Shape, theta: Array) -> tuple[Array, Array]:
+    """At every position: corners of every body's box (P, 3), and the origins of all links (L, 3) [m]."""
+    corners, frames = [], []
     for q in theta:
         poses = robot.link_poses(q)
+        frames += [pose[:3, 3] for pose in poses.values()]
         for body in shape.bodies:
             low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
             pose = poses[body.link]
             for corner in (low, high, (low + high) / 2):
-                points.append(pose[:3, :3] @ corner + pose[:3, 3])
-    return np.array(points)
+                corners.append(pose[:3, :3] @ corner + pose[:3, 3])
+    return np.array(corners), np.array(frames)

@@ -71,12 +71,14 @@ def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, i
     return [cividis(share) for share in shares([float(value) for value in rms])]
 
 
-def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str) -> str:
-    """What the colours of the scene mean, with numbers."""
+def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "") -> str:
+    """What the colours of the scene mean, with numbers; `note` says how the model was simulated."""
     robots = (
         f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured (solid) '
         f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified (ghost)</div>'
     )
+    if note:
+        robots += f'<div class="fv-dim fv-clip" title="{escape(note)}">{escape(note)}</div>'
     if rms is None:
         waiting = "Links get the colour of their residual after Run."
         return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'

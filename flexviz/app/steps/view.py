@@ -110,7 +110,9 @@ class ViewPanel:
         """Show the legend of the present result and group."""
         app = self._app
         rms = joint_rms(app.session.analysis.identification, app.show.group.name)
-        self._legend.content = legend_html(app.measurements.joints, rms, app.show.group.name)
+        self._legend.content = legend_html(
+            app.measurements.joints, rms, app.show.group.name, app.show.motion.model_note
+        )
 
     def _scrub(self, value: float) -> None:
         self._scrubbed = time.monotonic()

@@ -1,0 +1,294 @@
+"""The server's door: a websocket client that sends what no page would."""
+
+from __future__ import annotations
+
+import http.client
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import msgpack
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from flexviz.app.events import EventQueue
+from flexviz.app.gate import admitted, is_loopback
+from flexviz.app.server import start_server
+from flexviz.errors import InputError
+
+viser = pytest.importorskip("viser")
+from flexviz.app.controls import choose, press, watch  # noqa: E402
+
+PROTOCOL = "viser-v1.1.1"
+
+
+class Controls:
+    """One of each kind, watched."""
+
+    def __init__(self, server: Any) -> None:
+        gui = server.gui
+        self.queue = EventQueue()
+        self.slider = watch(gui.add_slider("s", 0.0, 10.0, 0.1, 5.0), self.queue, "slider")
+        self.whole = watch(gui.add_slider("i", 0, 10, 1, 5), self.queue, "whole")
+        self.number = watch(gui.add_number("n", 1.0, min=0.5, max=2.0), self.queue, "number")
+        self.choice = watch(gui.add_dropdown("d", ("a", "b"), initial_value="a"), self.queue, "choice")
+        self.box = watch(gui.add_checkbox("c", False), self.queue, "box")
+        self.text = watch(gui.add_text("t", "x"), self.queue, "text")
+        self.button = press(gui.add_button("b"), self.queue, "button")
+        self.off = press(gui.add_button("off", disabled=True), self.queue, "off")
+        self.row = choose(gui.add_button_group("g", ("x", "y")), self.queue, "row")
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Any]:
+    server = start_server("127.0.0.1", 0)
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def controls(server: Any) -> Controls:
+    return Controls(server)
+
+
+@pytest.fixture
+def client(server: Any) -> Iterator[ClientConnection]:
+    with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as connection:  # type: ignore[list-item]
+        connection.send(camera())
+        yield connection
+
+
+def camera() -> bytes:
+    message = {
+        "type": "ViewerCameraMessage", "wxyz": (1, 0, 0, 0), "position": (3, 3, 3), "fov": 1.0, "near": 0.1,
+        "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0, 0, 0), "up_direction": (0, 0, 1),
+    }  # fmt: skip
+    return msgpack.packb(message)
+
+
+def update(handle: Any, value: Any, **more: Any) -> bytes:
+    return msgpack.packb(
+        {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value, **more}}
+    )
+
+
+def settle(queue: EventQueue, client: ClientConnection, controls: Controls) -> list[tuple[str, Any]]:
+    """Everything that came through, once a last known-good message has come through as well."""
+    client.send(update(controls.row, "x"))
+    events = []
+    deadline = time.monotonic() + 5.0
+    while time.monotonic() < deadline:
+        event = queue.take(0.05)
+        if event is None:
+            continue
+        if event.key == "row":
+            return events
+        events.append((event.key, event.value))
+    raise AssertionError("the server does not answer any more")
+
+
+def test_good_values_arrive(client: ClientConnection, controls: Controls) -> None:
+    for handle, value in (
+        (controls.slider, 7),
+        (controls.whole, 3),
+        (controls.number, 0.75),
+        (controls.choice, "b"),
+    ):
+        client.send(update(handle, value))
+    client.send(update(controls.box, True))
+    client.send(update(controls.button, True))
+    got = settle(controls.queue, client, controls)
+    assert got == [
+        ("slider", 7.0),
+        ("whole", 3),
+        ("number", 0.75),
+        ("choice", "b"),
+        ("box", True),
+        ("button", None),
+    ]
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("slider", 99999), ("slider", float("nan")), ("slider", "7"), ("slider", [1, 2]), ("slider", None),
+        ("slider", {"a": 1}), ("whole", 2.5), ("whole", -1), ("number", 1e9), ("choice", "../../etc/passwd"),
+        ("choice", 1), ("box", "yes"), ("box", 1), ("text", "x" * 100_000), ("text", b"\xff"), ("button", "go"),
+        ("off", True), ("row", "z"),
+    ],
+)  # fmt: skip
+def test_bad_values_do_not(client: ClientConnection, controls: Controls, name: str, value: Any) -> None:
+    handle = getattr(controls, name)
+    before = handle.value
+    client.send(update(handle, value))
+    assert settle(controls.queue, client, controls) == []
+    if name != "row":
+        assert handle.value == before
+
+
+@pytest.mark.parametrize(
+    "attribute", ["update_cb", "removed", "gui_api", "props", "is_button", "sync_cb", "__class__"]
+)
+def test_nothing_but_a_value_can_be_set(client: ClientConnection, controls: Controls, attribute: str) -> None:
+    before = getattr(controls.slider._impl, attribute)
+    message = {"type": "GuiUpdateMessage", "uuid": controls.slider._impl.uuid, "updates": {attribute: "x"}}
+    client.send(msgpack.packb(message))
+    client.send(update(controls.slider, 6.0, **{attribute: "x"}))
+    assert settle(controls.queue, client, controls) == []
+    assert getattr(controls.slider._impl, attribute) is before
+
+
+def test_the_sender_of_a_bad_value_is_shown_the_true_one(
+    client: ClientConnection, controls: Controls, server: Any
+) -> None:
+    deadline = time.monotonic() + 5.0
+    while not server.get_clients() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    while _receive(client, 0.3):  # what every page gets first
+        pass
+    client.send(update(controls.number, 1e9))
+    uuid, payloads = controls.number._impl.uuid, []
+    while data := _receive(client, 1.0):
+        payloads.append(_decoded(data))
+    sent = [m for p in payloads for m in p["messages"] if m.get("uuid") == uuid]
+    assert sent and sent[-1]["updates"] == {"value": controls.number.value}
+
+
+def _receive(client: ClientConnection, timeout: float) -> bytes | None:
+    try:
+        data = client.recv(timeout=timeout)
+    except TimeoutError:
+        return None
+    assert isinstance(data, bytes)
+    return data
+
+
+def _decoded(data: bytes) -> Any:
+    import zstandard
+
+    size = int.from_bytes(data[8:16], "little")
+    plain = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size], int.from_bytes(data[:8], "little"))
+    return msgpack.unpackb(plain, strict_map_key=False)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"type": "ShareUrlRequest"},
+        {"type": "ShareUrlDisconnect"},
+        {"type": "FileTransferStartUpload", "source_component_uuid": "u", "transfer_uuid": "t", "filename": "../../x",
+         "mime_type": "text/plain", "part_count": 1, "size_bytes": 10},
+        {"type": "FileTransferPart", "source_component_uuid": "u", "transfer_uuid": "t", "part_index": 0, "content": b"x"},
+        {"type": "GuiFormDirtyMessage", "uuid": "u"},
+        {"type": "GuiFormSubmitMessage", "uuid": "u"},
+        {"type": "GuiUpdateMessage", "uuid": 5, "updates": {"value": 1}},
+        {"type": "GuiUpdateMessage", "uuid": ["u"], "updates": {"value": 1}},
+        {"type": "GuiUpdateMessage", "uuid": "no such control", "updates": {"value": 1}},
+        {"type": "CommandTriggerMessage", "uuid": "no such command"},
+    ],
+    ids=lambda message: message["type"],
+)  # fmt: skip
+def test_unwanted_messages_do_nothing(
+    client: ClientConnection,
+    controls: Controls,
+    server: Any,
+    message: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def tunnel(*args: Any, **kwargs: Any) -> None:
+        raise AssertionError("a public tunnel was asked for")
+
+    monkeypatch.setattr("viser._viser.ViserTunnel", tunnel)
+    client.send(msgpack.packb(message))
+    assert settle(controls.queue, client, controls) == []
+    assert server._share_tunnel is None
+
+
+@pytest.mark.parametrize(
+    "garbage", [b"", b"\xc1", b"not msgpack", msgpack.packb({"type": "NoSuchMessage"}), "text"]
+)
+def test_garbage_ends_only_its_own_connection(
+    server: Any, client: ClientConnection, controls: Controls, garbage: Any
+) -> None:
+    url = f"ws://127.0.0.1:{server.get_port()}"
+    with connect(url, subprotocols=[PROTOCOL], max_size=None) as other:  # type: ignore[list-item]
+        other.send(garbage)
+        try:
+            while True:
+                other.recv(timeout=0.5)
+        except (ConnectionClosed, TimeoutError):
+            pass
+    assert settle(controls.queue, client, controls) == []
+
+
+# -- who may connect -------------------------------------------------------------------------------------
+
+
+def status_for(port: int, **headers: str) -> int:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    connection.putrequest("GET", "/", skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    return connection.getresponse().status
+
+
+def test_pages_of_other_sites_are_refused(server: Any) -> None:
+    port = server.get_port()
+    assert status_for(port) == 200
+    assert status_for(port, Host=f"localhost:{port}") == 200
+    assert status_for(port, Host=f"evil.example:{port}") == 403
+    assert status_for(port, Origin="http://evil.example") == 403
+    assert status_for(port, Origin=f"http://127.0.0.1:{port}") == 200
+
+
+@pytest.mark.parametrize(
+    "headers", [{"Origin": "http://evil.example"}, {"Origin": "null"}, {"Host": "evil.example"}]
+)
+def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, str]) -> None:
+    with pytest.raises(InvalidStatus) as refused:
+        connect(
+            f"ws://127.0.0.1:{server.get_port()}",
+            subprotocols=[PROTOCOL],
+            additional_headers=headers,  # type: ignore[list-item]
+        )
+    assert refused.value.response.status_code in (400, 403)
+
+
+@pytest.mark.parametrize(
+    "bound_to, host, origin, expected",
+    [
+        ("127.0.0.1", "127.0.0.1:8080", None, True),
+        ("127.0.0.1", "localhost:8080", "http://localhost:8080", True),
+        ("127.0.0.1", "[::1]:8080", None, True),
+        ("127.0.0.1", "localhost:8080", "http://127.0.0.1:8080", False),
+        ("127.0.0.1", "localhost:8080", "http://localhost:9999", False),
+        ("127.0.0.1", "robot.example:8080", None, False),
+        ("127.0.0.1", None, None, False),
+        ("0.0.0.0", "robot.example:8080", "http://robot.example:8080", True),
+        ("0.0.0.0", "robot.example:8080", "http://evil.example", False),
+    ],
+)
+def test_who_is_admitted(bound_to: str, host: str | None, origin: str | None, expected: bool) -> None:
+    assert admitted(bound_to, host, origin) is expected
+
+
+def test_loopback_names() -> None:
+    assert [is_loopback(name) for name in ("localhost", "127.0.0.9", "[::1]", "::1", "0.0.0.0", "lab.example")] == [
+        True, True, True, True, False, False,
+    ]  # fmt: skip
+
+
+def test_ports(server: Any) -> None:
+    with pytest.raises(InputError, match="cannot listen"):
+        start_server("127.0.0.1", server.get_port())
+    with pytest.raises(InputError, match="65535"):
+        start_server("127.0.0.1", 99999)
+    with pytest.raises(InputError, match="cannot listen"):
+        start_server("no.such.host.invalid")
+
+
+def test_binds_loopback_only(server: Any) -> None:
+    sockets: Callable[[], str] = server.get_host
+    assert sockets() == "127.0.0.1"

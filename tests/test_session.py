@@ -1,0 +1,88 @@
+"""One analysis and its history."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexviz.errors import InputError
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.session import HISTORY, Session, with_roles
+from tests.small_set import write_small_set
+
+
+@pytest.fixture(scope="module")
+def measurements(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return read_set(write_small_set(tmp_path_factory.mktemp("session") / "small"))
+
+
+def test_starts_with_the_sets_own_split(measurements: MeasurementSet) -> None:
+    analysis = Session.of(measurements).analysis
+    assert analysis.groups_with("fit") == ("g1", "g2")
+    assert analysis.groups_with("validate") == ("g3",)
+    assert analysis.identification is None and not analysis.up_to_date
+
+
+def test_undo_and_redo(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    first = session.analysis
+    session = session.then("without g2", first.with_role("g2", "ignore"))
+    session = session.then("offset", session.analysis.with_effect("torque_offset", True))
+    assert session.analysis.effects == ("torque_offset",)
+    session = session.undo()
+    assert session.analysis.effects == () and session.analysis.groups_with("ignore") == ("g2",)
+    session = session.undo()
+    assert session.analysis.same_as(first)
+    assert session.undo() is session
+    session = session.redo().redo()
+    assert session.analysis.effects == ("torque_offset",)
+    assert session.redo() is session
+
+
+def test_a_new_change_forgets_what_was_undone(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    session = session.then("refine", replace(session.analysis, refine=True)).undo()
+    session = session.then("eso", replace(session.analysis, observer="eso"))
+    assert session.redo() is session and not session.analysis.refine
+
+
+def test_a_slider_is_one_step_and_no_change_is_none(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    for bandwidth in (20.0, 30.0, 40.0):
+        session = session.then("bandwidth", replace(session.analysis, bandwidth=bandwidth))
+    assert len(session.past) == 1 and session.undo().analysis.bandwidth is None
+    assert session.then("nothing", replace(session.analysis)) is session
+
+
+def test_the_history_has_an_end(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    for i in range(HISTORY + 20):
+        session = session.then(f"change {i}", replace(session.analysis, bandwidth=10.0 + i))
+    assert len(session.past) == HISTORY
+
+
+def test_a_result_belongs_to_its_settings(measurements: MeasurementSet) -> None:
+    result: Any = object()
+    analysis = Session.of(measurements).analysis
+    fitted = analysis.with_identification(result, analysis.settings)
+    assert fitted.up_to_date
+    assert not fitted.with_effect("torque_offset", True).up_to_date
+    assert not fitted.same_as(analysis)
+
+
+def test_roles_decide_what_is_fitted(measurements: MeasurementSet) -> None:
+    chosen = with_roles(measurements, {"g1": "fit", "g2": "ignore", "g3": "fit"})
+    assert [g.name for g in chosen.groups] == ["g1", "g3"]
+    assert [g.name for g in chosen.fit_groups] == ["g1", "g3"]
+    assert chosen.path == Path(measurements.path)
+
+
+def test_unknown_group_or_role(measurements: MeasurementSet) -> None:
+    analysis = Session.of(measurements).analysis
+    with pytest.raises(InputError, match="g1, g2, g3"):
+        analysis.with_role("g9", "fit")
+    with pytest.raises(InputError, match="role"):
+        analysis.with_role("g1", "train")  # type: ignore[arg-type]

@@ -1,0 +1,218 @@
+"""Plots as data: thinning that keeps extremes, no NaN, playheads, what the observer's slider shows."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.observers import OBSERVERS, make_observer
+from flexviz.view.convergence import convergence_plots, progress_text
+from flexviz.view.motion import Motion, measured_motion, nice_factor, sample, scene_labels, with_replay
+from flexviz.view.plots import POINTS, finite, playhead, thin, time_plot
+from flexviz.view.signals import signals_plots
+from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots
+from tests.small_set import write_small_set
+
+
+@pytest.fixture(scope="module")
+def measurements(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return read_set(write_small_set(tmp_path_factory.mktemp("view") / "small"))
+
+
+@settings(deadline=None)
+@given(st.integers(1, 5000), st.integers(0, 10))
+def test_thinning_keeps_extremes_and_order(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = np.arange(count, dtype=float), rng.normal(size=count)
+    thinned, (column,) = thin(x, [y])
+    assert len(thinned) == len(column) <= POINTS
+    assert np.all(np.diff(thinned) >= 0) and thinned[0] == x[0]
+    assert column.max() == y.max() and column.min() == y.min()
+
+
+def test_no_nan_reaches_a_chart() -> None:
+    y = np.array([np.nan, 1.0, np.inf, -np.inf, np.nan, 2.0])
+    assert finite(y).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 2.0]
+    plot = time_plot("k", "t", np.arange(6.0), [("a", "#000000", y)])
+    assert all(np.isfinite(column).all() for column in plot.data())
+
+
+def test_playhead_is_at_the_nearest_sample() -> None:
+    x = np.array([0.0, 1.0, 3.0])
+    assert playhead(x, 1.9).tolist() == [0.0, 1.0, 0.0]
+    assert playhead(x, 99.0).tolist() == [0.0, 0.0, 1.0]
+    assert playhead(np.zeros(0), 1.0).tolist() == []
+
+
+@pytest.mark.parametrize("name", list(OBSERVERS))
+def test_states_follow_the_bandwidth(measurements: MeasurementSet, name: str) -> None:
+    group = measurements.groups[0]
+    shown = {}
+    for bandwidth in (20.0, 80.0):
+        plots = states_plots(group, 1, make_observer(name, bandwidth), measurements.torque_hold)
+        assert [p.key for p in plots] == [
+            "theta",
+            "theta1",
+            "theta2",
+            "theta3",
+            "theta4",
+            "tau",
+            "disturbance",
+        ]
+        for plot in plots:
+            assert len(plot.x) <= POINTS and all(len(column) == len(plot.x) for column in plot.data())
+            assert all(np.isfinite(column).all() for column in plot.data())
+        shown[bandwidth] = plots
+    assert not np.array_equal(shown[20.0][4].lines[0].values, shown[80.0][4].lines[0].values)
+    assert bool(shown[20.0][6].lines) == (make_observer(name).disturbance(np.zeros((9, 1)), 0.01) is not None)
+
+
+def test_one_joint_is_the_same_as_all(measurements: MeasurementSet) -> None:
+    group, observer = measurements.groups[1], make_observer("eso", 60.0)
+    alone = states_plots(group, 1, observer)[0].lines[1].values
+    states = observer.states(group.segments[0])
+    _, (together,) = thin(states.time, [states.theta[0, :, 1]])
+    assert alone == pytest.approx(together)
+
+
+def test_a_bandwidth_for_each_joint() -> None:
+    assert observer_for("eso", (20.0, 70.0), 1).bandwidth == 70.0
+    assert observer_for("eso", None, 1).bandwidth == make_observer("eso").bandwidth
+
+
+@pytest.mark.parametrize("name", list(OBSERVERS))
+def test_numbers_say_lag_and_noise(name: str) -> None:
+    numbers = observer_numbers(make_observer(name, 50.0), 0.001)
+    assert numbers.noise_gain.shape == (5,) and np.all(np.diff(np.log(numbers.noise_gain)) > 0)
+    assert (abs(numbers.lag) < 1e-6) == make_observer(name).zero_phase
+    assert "Lag" in numbers_html(numbers)
+
+
+@pytest.mark.slow
+def test_bandwidth_to_plot_data_in_time(tmp_path: Any) -> None:
+    """20 s × 1 kHz × 7 joints, one joint shown; the promise is 50 ms, here with slack for a busy machine."""
+    from flexviz.measurements import Group, Segment
+
+    t = np.arange(20000) * 0.001
+    theta = np.sin(np.outer(t, np.arange(1, 8)))
+    segment = Segment(t, theta, 5 * theta, 0.001)
+    group = Group("g", "t", "p", (), False, tmp_path, (segment,), t)
+    states_plots(group, 3, make_observer("eso", 50.0))
+    taken = []
+    for bandwidth in np.linspace(20, 200, 15):
+        begin = time.perf_counter()
+        states_plots(group, 3, make_observer("butterworth-zero-phase", float(bandwidth)))
+        taken.append(time.perf_counter() - begin)
+    assert np.median(taken) < 0.15
+
+
+# -- results, as far as plots use them -------------------------------------------------------------------
+
+
+@dataclass
+class Series:
+    time: np.ndarray
+    residual: np.ndarray
+    torque: np.ndarray
+    q: np.ndarray
+    valid: np.ndarray
+
+
+@dataclass
+class Model:
+    stiffness: np.ndarray
+
+
+@dataclass
+class Result:
+    residuals: dict[str, Series]
+    model: Model = field(default_factory=lambda: Model(np.array([2000.0, 1500.0])))
+
+
+def result_for(measurements: MeasurementSet) -> Any:
+    segment = measurements.groups[0].segments[0]
+    every = slice(None, None, 10)
+    time_, tau = segment.time[every], segment.tau[every]
+    residual = 0.1 * np.ones_like(tau)
+    q = segment.theta[every] - tau / np.array([2000.0, 1500.0])
+    return Result({"g1": Series(time_, residual, tau, q, np.ones(len(time_), bool))})
+
+
+def test_signals_before_and_after(measurements: MeasurementSet) -> None:
+    group = measurements.groups[0]
+    before = signals_plots(group, 0, "joint1", None, None)
+    assert [bool(p.lines) for p in before] == [True, False, False] and "Run" in before[1].note
+    result = result_for(measurements)
+    motion = measured_motion(measurements, group, result)
+    after = signals_plots(group, 0, "joint1", result, motion)
+    torque, residual, _ = after
+    assert [line.label for line in torque.lines] == ["measured", "model"]
+    assert np.abs(torque.lines[0].values - torque.lines[1].values).max() < 1.0
+    assert residual.lines[0].values == pytest.approx(0.1)
+
+
+def test_deflection_from_the_best_source(measurements: MeasurementSet) -> None:
+    group = measurements.groups[0]
+    rough = measured_motion(measurements, group, None)
+    assert "rough" in rough.deflection_source and rough.deflection is not None
+    found = measured_motion(measurements, group, result_for(measurements))
+    assert "identified" in found.deflection_source and found.deflection is not None
+    truth = group.segments[0].tau[:, 0] / 2000.0
+    at = np.interp(found.time, group.segments[0].time, truth)
+    assert np.abs(found.deflection[:, 0] - at).max() < 2e-3
+
+
+def test_motion_exaggerates_deflection_and_error() -> None:
+    t = np.array([0.0, 1.0])
+    motion = Motion("g", t, np.array([[0.0], [1.0]]), np.array([[0.1], [0.1]]), "link encoders")
+    measured, model = motion.pose(0.5, deflection=10.0)
+    assert measured == pytest.approx([-0.5]) and model == pytest.approx([0.5])
+
+    class Run:
+        time, theta, q, note = t, np.array([[0.0], [1.2]]), np.array([[0.0], [1.15]]), "closed loop"
+
+    both = with_replay(motion, Run())
+    _, model = both.pose(1.0, deflection=2.0, error=10.0)
+    assert model == pytest.approx([1.0 + 10 * 0.2 - 2 * 0.05])
+    assert nice_factor(motion) == 2
+    texts = scene_labels(both, 2.0, 10.0)
+    assert "deflection ×2" in texts[0] and "error ×10" in texts[1]
+    assert "not identified" in scene_labels(motion, 2.0, 1.0)[1]
+
+
+def test_sample_clips_to_the_ends() -> None:
+    values = np.array([[1.0], [3.0]])
+    got = [float(sample(np.array([0.0, 2.0]), values, at)[0]) for at in (-1.0, 0.5, 9.0)]
+    assert got == [1.0, 1.5, 3.0]
+
+
+@dataclass
+class Iteration:
+    number: int
+    stage: str
+    cost: float
+    step: float
+    values: tuple[float, ...]
+    names: tuple[str, ...]
+
+
+def test_convergence_is_positive_scaled_and_finite() -> None:
+    assert all(not plot.lines for plot in convergence_plots([]))
+    steps: list[Any] = [
+        Iteration(i, "fit", 10.0**-i, 0.0 if i == 2 else 0.1, (900 + i, 0.0), ("stiffness:j", "x:j"))
+        for i in range(3)
+    ]
+    for count in (1, 3):
+        cost, step, parameters = convergence_plots(steps[:count])
+        for plot in (cost, step, parameters):
+            assert all(np.isfinite(column).all() for column in plot.data())
+        assert cost.logarithmic and cost.lines[0].values.min() > 0 and step.lines[0].values.min() > 0
+        assert parameters.lines[0].label == "K j" and parameters.lines[0].values[-1] == 1.0
+    assert "iteration 3" in progress_text(steps)

@@ -1,0 +1,219 @@
+"""Tables, sentences, colours, shapes and stage: what else is on the screen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.measurements import read_set
+from flexviz.robot import Robot
+from flexviz.view import colours, status
+from flexviz.view.geometry import FACES, robot_shape, thinned
+from flexviz.view.stage import stage
+from flexviz.view.tables import parameters_html, set_html, truth_values
+from flexviz.view.text import escape, number, title, with_error
+from tests.small_set import write_small_set
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [
+        (1000.0, "1000"),
+        (0.012344, "0.01234"),
+        (-3.2e-7, "−3.200e−7"),
+        (0.0, "0"),
+        (None, "–"),
+        (float("nan"), "–"),
+    ],
+)
+def test_numbers_as_people_read_them(value: Any, text: str) -> None:
+    assert number(value) == text
+
+
+@pytest.mark.parametrize(
+    "value, error, texts",
+    [
+        (1000.234, 0.82, ("1000.23", "0.82")),
+        (0.00123456, 0.0000123, ("0.001235", "0.000012")),
+        (5.0, None, ("5.000", "–")),
+        (5.0, float("inf"), ("5.000", "–")),
+        (-2.5, 0.31, ("−2.50", "0.31")),
+    ],
+)
+def test_value_and_error_end_at_the_same_digit(value: float, error: Any, texts: tuple[str, str]) -> None:
+    assert with_error(value, error) == texts
+
+
+def test_titles() -> None:
+    assert title("coulomb_friction.coulomb") == "coulomb friction · coulomb"
+    assert title("motor_inertia") == "motor inertia"
+
+
+@dataclass
+class Parameter:
+    name: str
+    joint: str | None
+    value: float = 1.0
+    std: float | None = 0.1
+    unit: str = "Nm/rad"
+    start: float = 2.0
+    identifiable: str = "yes"
+    tied_to: tuple[str, ...] = ()
+    at_bound: bool = False
+
+
+@dataclass
+class Residual:
+    joints: tuple[str, ...]
+    rms: Any
+    rms_validation: Any
+    noise_floor: Any = None
+
+
+@dataclass
+class Result:
+    parameters: tuple[Parameter, ...]
+    residual: Any = None
+    residuals: Any = None
+
+
+def test_parameter_table_says_everything_and_escapes() -> None:
+    evil = '<img src=x onerror="alert(1)">'
+    result: Any = Result(
+        (
+            Parameter("stiffness", evil, 1000.0, 0.5),
+            Parameter(
+                "link_viscous_friction", evil, identifiable="weak", tied_to=("motor_viscous_friction:j",)
+            ),
+            Parameter("izz", evil, identifiable="no", at_bound=True),
+            Parameter("base_tilt.tilt_x", None),
+        )
+    )
+    text = parameters_html(result)
+    assert "<img" not in text and "&lt;img" in text
+    for part in (
+        "1000.00",
+        "0.98",
+        "weak",
+        "tied to motor_viscous_friction:j",
+        "all joints",
+        "Inertial parameters (1)",
+        "⚑",
+    ):
+        assert part in text
+    assert "truth" not in text
+    shown = parameters_html(result, {("stiffness", evil): 1001.5})
+    assert "truth" in shown and "1002" in shown
+    assert "after Run" in parameters_html(None)
+
+
+def test_truth_values_from_a_simulation() -> None:
+    document = {
+        "parameters": [
+            {"name": "stiffness", "joint": "a", "value": 900},
+            {"name": "link_viscous_friction", "joint": "a", "value": 1.0},
+            {"name": "motor_viscous_friction", "joint": "a", "value": 0.5},
+        ],
+        "effects": [{"effect": "backlash", "joint": "a", "parameters": {"half_width": {"value": 0.002}}}],
+    }
+    values = truth_values(document)
+    assert values["stiffness", "a"] == 900.0 and values["backlash.half_width", "a"] == 0.002
+    assert values["viscous_friction_sum", "a"] == 1.5
+
+
+def test_set_summary(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    text = set_html(measurements)
+    for part in ("2 joints", "3 groups", "500 Hz", "coulomb friction", "known"):
+        assert part in text
+    assert "simulated" not in text and "simulated data" in set_html(replace(measurements, simulated=True))
+    assert "<b>x</b>" not in set_html(replace(measurements, warnings=("<b>x</b>",)))
+
+
+def test_status_names_step_and_error() -> None:
+    assert status.error_text(None) == "no model yet"
+    validated: Any = Result((), Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012]))
+    assert status.error_text(validated) == "validation error 0.0120 Nm"
+    fitted: Any = Result((), Residual(("a", "b"), [0.3, 0.4], None))
+    assert status.error_text(fitted).startswith("fit error 0.354 Nm")
+    unknown: Any = Result((), Residual(("a",), [0.3], [float("nan")]))
+    assert status.error_text(unknown).startswith("fit error")
+    line = status.status_html("Identify", "<script>", "validation error 0.012 Nm", "busy")
+    assert "Step Identify" in line and "<script>" not in line and "busy" in line
+
+
+def test_step_line_marks_where_one_is() -> None:
+    line = status.step_line_html("Observer", ("Data",))
+    assert "1 Data ✓" in line and "2 Observer ●" in line and "4 Diagnose (later)" in line
+
+
+def test_legend_has_numbers_and_colours() -> None:
+    assert "after Run" in status.legend_html(("a", "b"), None, "g1")
+    text = status.legend_html(("a", "b"), np.array([0.1, 0.25]), "g<1>", "closed <loop>")
+    assert "0.10" in text and "0.25" in text and "g&lt;1&gt;" in text and "closed &lt;loop&gt;" in text
+    low, high = status.joint_colours(np.array([0.0, 0.25]), 2)
+    assert low == colours.cividis(0.0) and high == colours.cividis(1.0)
+    assert status.joint_colours(None, 2) == [colours.BODY] * 2
+
+
+def test_colours() -> None:
+    assert colours.cividis(0.0) == (0, 34, 78) and colours.cividis(9.9) == (254, 232, 56)
+    assert colours.cividis(float("nan")) == colours.BODY
+    assert colours.shares([0.0, float("nan"), 2.0])[2] == 1.0 and colours.shares([0.0, 0.0]) == [0.0, 0.0]
+    assert colours.rgb("#0072B2") == (0, 114, 178) and colours.css((0, 114, 178)) == "#0072b2"
+    assert escape("<a>") == "&lt;a&gt;"
+
+
+# -- shapes ----------------------------------------------------------------------------------------------
+
+BARE = """<robot name="bare"><link name="base"/><link name="l1"/><link name="l2"/>
+<joint name="j1" type="revolute"><parent link="base"/><child link="l1"/><origin xyz="0 0 0.3"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint>
+<joint name="j2" type="revolute"><parent link="l1"/><child link="l2"/><origin xyz="0.5 0 0"/>
+<axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint></robot>"""
+
+
+def test_a_robot_without_shapes_is_drawn_as_capsules(tmp_path: Path) -> None:
+    (tmp_path / "bare.urdf").write_text(BARE)
+    shape = robot_shape(Robot.load("bare.urdf", base=tmp_path))
+    assert [body.joint for body in shape.bodies] == [None, 0, 1]
+    upper = shape.bodies[1].vertices
+    assert upper[:, 0].min() < 0.0 and upper[:, 0].max() > 0.5  # from joint to joint
+    assert shape.tip == "l2"
+
+
+@pytest.mark.parametrize("source", ["robots:planar_2r", "example-robot-data:panda", "example-robot-data:ur5"])
+def test_shapes_of_shipped_robots_are_light_and_move_with_their_joints(source: str) -> None:
+    robot = Robot.load(source)
+    shape = robot_shape(robot)
+    assert {body.joint for body in shape.bodies} >= set(range(robot.n))
+    assert sum(len(body.faces) for body in shape.bodies) < FACES * len(shape.bodies)
+    for body in shape.bodies:
+        assert body.faces.max() < len(body.vertices) and np.isfinite(body.vertices).all()
+        assert robot.joint_of_link(body.link) == body.joint
+
+
+def test_a_heavy_mesh_is_thinned() -> None:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=6)
+    light = thinned(ball)
+    assert len(light.faces) <= FACES and np.allclose(light.bounds, ball.bounds, atol=0.05)
+
+
+def test_a_planar_motion_is_looked_at_squarely() -> None:
+    robot = Robot.load("robots:planar_2r")
+    theta = np.outer(np.sin(np.linspace(0, 6, 100)), [0.8, 0.5])
+    placed = stage(robot, robot_shape(robot), theta)
+    axis = np.array([0.0, 1.0, 0.0])
+    assert abs(placed.towards @ axis) > 0.9 and abs(placed.right @ axis) < 0.1
+    left, right = placed.offsets("Side by side")
+    assert np.linalg.norm(right - left) > placed.width
+    assert np.array_equal(*placed.offsets("Overlaid"))
+    near, _ = placed.camera("Overlaid", 1.0)
+    far, _ = placed.camera("Side by side", 0.5)
+    assert np.linalg.norm(far) > np.linalg.norm(near)
