@@ -76,16 +76,19 @@ class Fourier(Reference):
 
 @dataclass(frozen=True, eq=False)
 class Sampled(Reference):
-    """A recorded motion, joined by a cubic spline; it rests where it was outside its time."""
+    """A recorded motion, joined by a cubic spline; before it, it comes in smoothly, after it, it rests."""
 
     time: Array
     position: Array
 
     def sample(self, time: Array) -> tuple[Array, Array]:
-        spline = CubicSpline(self.time, self.position, axis=0, bc_type="natural")
+        spline = CubicSpline(self.time, self.position, axis=0, bc_type="not-a-knot")
         t = np.clip(time, self.time[0], self.time[-1])
-        inside = (np.asarray(time) == t)[:, None]
-        return spline(t), np.where(inside, spline(t, 1), 0.0)
+        early = np.minimum(np.asarray(time) - self.time[0], 0.0)[:, None]  # [s] time before the first sample
+        late = (np.asarray(time) > self.time[-1])[:, None]
+        position, velocity, acceleration = spline(t), spline(t, 1), spline(self.time[0], 2)
+        position = position + velocity * early + 0.5 * acceleration * early**2
+        return position, np.where(late, 0.0, velocity + acceleration * early)
 
 
 def random_fourier(
