@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation.layout import Layout
-from flexviz.equation.link import LinkDynamics
+from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals
 from flexviz.robot import Robot
 
@@ -33,12 +33,14 @@ class Evaluation:
         jacobian: shape (N, n, P), ∂r/∂x.
         torque: shape (3, N, n), s and its derivatives [Nm/s^k].
         q: shape (3, N, n), link side and its derivatives [rad/s^k].
+        link: the rigid-body terms.
     """
 
     residual: Array
     jacobian: Array
     torque: Array
     q: Array
+    link: LinkTerms
 
 
 class Equation:
@@ -79,14 +81,23 @@ class Equation:
                 s[:, :, effect.joint] -= np.tensordot(x[where], self._columns[effect], axes=1)
         return s, sig.theta[:3] - x[lay.compliance] * s
 
+    def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
+        """Rows and inertial parameters with payload, shape (n, 10), of each block."""
+        inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
+        return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
+
+    def link_terms(self, x: Array) -> LinkTerms:
+        """The rigid-body terms at x."""
+        q = self.motor_side(x)[1]
+        return self._link.evaluate(self._bodies(x), q[0], q[1], q[2])
+
     def evaluate(self, x: Array) -> Evaluation:
         """Residual and Jacobian at x (shape (P,))."""
         if self._velocity_stiffness is None:
             self.prepare(1 / x[self.layout.compliance])
         lay, sig, n = self.layout, self.signals, self.layout.n
         s, q = self.motor_side(x)
-        inertial = x[lay.inertial].reshape(n, 10)
-        blocks = [(b.rows, inertial + sig.payload[b.group]) for b in sig.blocks]
+        blocks = self._bodies(x)
         link = self._link.evaluate(blocks, q[0], q[1], q[2])
 
         residual = s[0] - x[lay.link_viscous] * q[1]
@@ -95,9 +106,9 @@ class Equation:
         jacobian = np.zeros((sig.count, n, lay.size))
         jacobian[:, :, lay.inertial] = -link.regressor
         self._fill(x, jacobian, residual, s, q, link)
-        return Evaluation(residual, jacobian, s, q)
+        return Evaluation(residual, jacobian, s, q, link)
 
-    def _fill(self, x: Array, jacobian: Array, residual: Array, s: Array, q: Array, link) -> None:  # noqa: ANN001
+    def _fill(self, x: Array, jacobian: Array, residual: Array, s: Array, q: Array, link: LinkTerms) -> None:
         lay, theta = self.layout, self.signals.theta
         compliance, viscous = x[lay.compliance], x[lay.link_viscous]
         damping = link.dv + np.diag(viscous)

@@ -108,7 +108,7 @@ class Signals:
         noise = max(float(white_noise(theta)[0]), 1e-9) * np.sqrt(segment.step)
         hertz = min(SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / noise) ** (2 / 3), 0.2 / segment.step)
         wide = ButterworthZeroPhase(2 * np.pi * hertz)
-        velocity = wide.derivatives(theta, segment.step, 2)[1, :, 0]
+        velocity = wide.derivatives(theta, segment.step, 2, position=True)[1, :, 0]
         if not link:
             return JointMotion(segment.time, velocity, velocity)
         tau = segment.tau[:, joint : joint + 1]
@@ -133,6 +133,7 @@ def build_signals(
     observer: Observer,
     *,
     sample_step: float = 0.025,
+    exact_step: bool = False,
     drop: tuple[float, float] | None = None,
 ) -> Signals:
     """Run the observer over all groups and stack what it gives.
@@ -142,6 +143,7 @@ def build_signals(
         groups: at least one.
         observer: made by `make_observer`.
         sample_step: longest step of the equation's samples [s].
+        exact_step: take `sample_step` as it is; else finer where the observer's bandwidth asks for it.
         drop: seconds to drop at the start and end of each segment; the observer's own transients where None.
 
     Raises:
@@ -152,15 +154,20 @@ def build_signals(
     blocks: list[Block] = []
     parts = []
     row = 0
-    strides = {equation_stride(s, observer, sample_step) * s.step for g in groups for s in g.segments}
+    strides: set[float] = set()
     for index, group in enumerate(groups):
         for segment in group.segments:
-            stride = equation_stride(segment, observer, sample_step)
+            stride = (
+                max(1, int(sample_step / segment.step + 1e-6))
+                if exact_step
+                else equation_stride(segment, observer, sample_step)
+            )
+            strides.add(stride * segment.step)
             time = segment.time[::stride]
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
             if np.count_nonzero(keep) < 10:
                 continue
-            theta = observer.derivatives(segment.theta, segment.step, 5, stride=stride)[:, keep]
+            theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)[:, keep]
             delay = measurements.torque_hold / 2
             tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)[:, keep]
             parts.append((time[keep], theta, tau))

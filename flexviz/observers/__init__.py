@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from flexviz.errors import InputError
 from flexviz.observers.base import Observer, ObserverStates, Samples
 from flexviz.observers.eso import CausalEso, EqualDelayEso
+from flexviz.observers.flat import FlatZeroPhase
 from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, spectral_derivatives
 
 OBSERVERS: dict[str, type[Observer]] = {
-    cls.name: cls for cls in (ButterworthZeroPhase, CausalEso, EqualDelayEso, EsoZeroPhase)
+    cls.name: cls for cls in (ButterworthZeroPhase, CausalEso, EqualDelayEso, EsoZeroPhase, FlatZeroPhase)
 }
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "CausalEso",
     "EqualDelayEso",
     "EsoZeroPhase",
+    "FlatZeroPhase",
     "Observer",
     "ObserverStates",
     "Samples",

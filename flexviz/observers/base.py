@@ -94,13 +94,16 @@ class Observer(ABC):
         """
 
     @abstractmethod
-    def derivatives(self, y: Array, step: float, count: int, *, delay: float = 0.0, stride: int = 1) -> Array:
+    def derivatives(
+        self, y: Array, step: float, count: int, *, position: bool = False, delay: float = 0.0, stride: int = 1
+    ) -> Array:
         """Smoothed derivatives 0 … count−1 of a signal.
 
         Args:
             y: shape (N, n), uniformly sampled.
             step: sampling step [s].
             count: number of derivatives including the zeroth, up to 5.
+            position: y is a position, which continues smoothly beyond the segment's ends; else a torque, which may jump.
             delay: the signal is delayed by this [s] (used for a torque held by its controller).
             stride: only every stride-th sample is returned.
 
@@ -120,7 +123,7 @@ class Observer(ABC):
         """All states at the segment's own rate, for looking at."""
         return ObserverStates(
             time=segment.time,
-            theta=self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES),
+            theta=self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True),
             tau=self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2),
             disturbance=self.disturbance(segment.theta, segment.step),
             valid=self.valid(segment.time),
@@ -130,7 +133,7 @@ class Observer(ABC):
         """States at every stride-th sample (filtered first, then decimated), transients dropped."""
         time = segment.time[::stride]
         keep = self.valid(segment.time)[::stride]
-        theta = self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, stride=stride)
+        theta = self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True, stride=stride)
         tau = self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2, stride=stride)
         return Samples(time[keep], theta[:, keep], tau[:, keep])
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
-from flexviz.observers.base import Observer, shifted
+from flexviz.measurements import Segment
+from flexviz.observers.base import Observer, ObserverStates, shifted
 from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
 
 Array = NDArray[np.float64]
@@ -76,7 +77,9 @@ class _PoleObserver(Observer):
             out[:, :, columns] = part
         return out
 
-    def derivatives(self, y: Array, step: float, count: int, *, delay: float = 0.0, stride: int = 1) -> Array:
+    def derivatives(
+        self, y: Array, step: float, count: int, *, position: bool = False, delay: float = 0.0, stride: int = 1
+    ) -> Array:
         return self._states(shifted(y, step, delay), step, range(count))[:, ::stride]
 
 
@@ -91,11 +94,9 @@ class CausalEso(_PoleObserver):
     def disturbance(self, theta: Array, step: float) -> Array:
         return self._states(theta, step, range(ORDER - 1, ORDER))[0]
 
-    def states(self, segment, torque_hold=0.0):  # noqa: ANN001, ANN201 - one pass for all six states
+    def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
         states = self._states(segment.theta, segment.step, range(ORDER))
         tau = self.derivatives(segment.tau, segment.step, 3, delay=torque_hold / 2)
-        from flexviz.observers.base import ObserverStates
-
         return ObserverStates(segment.time, states[:5], tau, states[5], self.valid(segment.time))
 
 

@@ -1,0 +1,21 @@
+"""Identification: parameters with uncertainty from measurements."""
+
+from flexviz.identification.identify import identify
+from flexviz.identification.result import (
+    Combination,
+    Identification,
+    ParameterEstimate,
+    ResidualSeries,
+    ResidualSummary,
+)
+from flexviz.identification.solver import Iteration
+
+__all__ = [
+    "Combination",
+    "Identification",
+    "Iteration",
+    "ParameterEstimate",
+    "ResidualSeries",
+    "ResidualSummary",
+    "identify",
+]

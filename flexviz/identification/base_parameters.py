@@ -1,0 +1,73 @@
+"""Base parameters: the combinations of inertial parameters that a robot's motion can show at all.
+
+Columns of Y that are combinations of others for every motion can never be told apart (Gautier, Khalil: Direct
+calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; found numerically by QR,
+Gautier, J. Robotic Systems 8(4), 1991). Masses are regrouped last, so that a planar arm keeps Izz, mx, my.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import INERTIAL_NAMES
+from flexviz.equation.link import LinkDynamics
+from flexviz.robot import Robot
+
+Array = NDArray[np.float64]
+
+_PREFERRED = (9, 1, 2, 3, 4, 5, 6, 7, 8, 0)  # izz, mx, my, mz, ixx … iyz, mass
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """The base parameters β = T Γ.
+
+    Attributes:
+        names: one a base parameter, "izz:joint1 + 1 mass:joint2".
+        columns: index in Γ of each one's leading parameter.
+        matrix: shape (b, 10n), T.
+    """
+
+    names: tuple[str, ...]
+    columns: tuple[int, ...]
+    matrix: Array
+
+
+def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
+    """Structural base parameters, from the regressor at random states."""
+    rng = np.random.default_rng(seed)
+    n = robot.n
+    q, v, a = rng.uniform(-2.5, 2.5, (3, 12 * n + 8, n))
+    y = LinkDynamics(robot).regressor(q, v, a).reshape(-1, 10 * n)
+    order = [10 * j + k for k in _PREFERRED[:-1] for j in reversed(range(n))] + [10 * j for j in reversed(range(n))]
+    scale = np.linalg.norm(y, axis=0)
+    kept: list[int] = []
+    basis = np.zeros((len(y), 0))
+    for column in order:
+        if scale[column] < 1e-9 * scale.max():
+            continue
+        rest = y[:, column] / scale[column]
+        for _ in range(2):  # twice is enough for orthogonality to rounding
+            rest = rest - basis @ (basis.T @ rest)
+        norm = np.linalg.norm(rest)
+        if norm > 1e-7:
+            kept.append(column)
+            basis = np.column_stack((basis, rest / norm))
+    matrix = np.linalg.lstsq(y[:, kept], y, rcond=None)[0]
+    matrix[np.abs(matrix) < 1e-8] = 0.0
+    names = []
+    for row, column in zip(matrix, kept, strict=True):
+        terms = [_name(robot, column)]
+        for other in np.flatnonzero(row):
+            if other != column:
+                sign = "−" if row[other] < 0 else "+"
+                terms.append(f"{sign} {abs(row[other]):.4g} {_name(robot, int(other))}")
+        names.append(" ".join(terms))
+    return BaseParameters(tuple(names), tuple(kept), matrix)
+
+
+def _name(robot: Robot, column: int) -> str:
+    return f"{INERTIAL_NAMES[column % 10]}:{robot.joints[column // 10]}"

@@ -1,0 +1,203 @@
+"""What an identification gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.identification.solver import Iteration
+from flexviz.model import FlexibleModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """One parameter.
+
+    Attributes:
+        name, joint, unit: as in the JSON contract; joint is None where it belongs to none.
+        value: in SI units.
+        std: standard error.
+        start: where the solver began.
+        identifiable: "yes", "weak" or "no".
+        tied_to: parameters ("izz:joint1") that the data cannot move independently of this one.
+        at_bound: held at a physical bound.
+    """
+
+    name: str
+    joint: str | None
+    value: float
+    std: float
+    unit: str
+    start: float
+    identifiable: str
+    tied_to: tuple[str, ...] = ()
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A base parameter: the smallest inertial combination that motion can show.
+
+    Attributes:
+        name: "izz:joint1 + 1 mass:joint2".
+        weights: parameter → coefficient.
+        value, std: in the unit of the leading parameter.
+        unit: of the leading parameter.
+        identifiable: "yes", "weak" or "no".
+    """
+
+    name: str
+    weights: dict[str, float]
+    value: float
+    std: float
+    unit: str
+    identifiable: str
+
+
+@dataclass(frozen=True)
+class ResidualSummary:
+    """Residual of the equation in Nm, one number a joint.
+
+    Attributes:
+        joints: their names.
+        rms: over the samples of the fitted groups.
+        rms_validation: over the validation groups; None without any.
+        noise_floor: what the measurement noise alone would leave.
+    """
+
+    joints: tuple[str, ...]
+    rms: tuple[float, ...]
+    rms_validation: tuple[float, ...] | None
+    noise_floor: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ResidualSeries:
+    """The residual of one group over time.
+
+    Attributes:
+        time: shape (N,) [s].
+        residual: shape (N, n), r [Nm].
+        torque: shape (N, n), transmission torque s seen from the motor [Nm].
+        q: shape (N, n), identified link side [rad].
+    """
+
+    time: Array
+    residual: Array
+    torque: Array
+    q: Array
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Everything that one identification found.
+
+    Attributes:
+        set_name: the measurement set.
+        observer_name, bandwidth: bandwidth in rad/s, float or shape (n,).
+        refined: whether the refinement stage has run.
+        groups, validation_groups: names.
+        converged, stopped: how it ended; a stopped one keeps what it had.
+        iterations: all steps of the solver.
+        seconds: wall time.
+        parameters: estimates.
+        combinations: base parameters.
+        residual: summary per joint.
+        model: the identified model.
+        condition_number: of the column-scaled weighted Jacobian over base and joint parameters.
+        covariance: shape (P, P), of the entries that `parameter_names` lists.
+        parameter_names: "izz:joint1".
+        residuals: group name → residual over time.
+        message: how it went, one sentence.
+    """
+
+    set_name: str
+    observer_name: str
+    bandwidth: float | Array
+    refined: bool
+    groups: tuple[str, ...]
+    validation_groups: tuple[str, ...]
+    converged: bool
+    stopped: bool
+    iterations: tuple[Iteration, ...]
+    seconds: float
+    parameters: tuple[ParameterEstimate, ...]
+    combinations: tuple[Combination, ...]
+    residual: ResidualSummary
+    model: FlexibleModel
+    condition_number: float
+    covariance: Array
+    parameter_names: tuple[str, ...]
+    residuals: dict[str, ResidualSeries]
+    message: str
+
+    def value(self, name: str, joint: str | None = None) -> float:
+        """One parameter's value; KeyError names what exists."""
+        for p in self.parameters:
+            if p.name == name and p.joint == joint:
+                return p.value
+        raise KeyError(f"no parameter {name!r} of joint {joint!r}")
+
+    def to_json(self) -> dict[str, Any]:
+        """The `identify --json` document of the contract (format 1), with the base parameters as an extra key."""
+        bandwidth = self.bandwidth
+        return {
+            "format": 1,
+            "set": self.set_name,
+            "observer": {
+                "name": self.observer_name,
+                "bandwidth": bandwidth if isinstance(bandwidth, float) else [float(b) for b in bandwidth],
+            },
+            "refined": self.refined,
+            "groups": list(self.groups),
+            "validation_groups": list(self.validation_groups),
+            "converged": self.converged,
+            "stopped": self.stopped,
+            "message": self.message,
+            "iterations": max((i.number for i in self.iterations), default=0),
+            "seconds": self.seconds,
+            "condition_number": _number(self.condition_number),
+            "parameters": [
+                {
+                    "name": p.name,
+                    "joint": p.joint,
+                    "value": p.value,
+                    "std": _number(p.std),
+                    "unit": p.unit,
+                    "start": p.start,
+                    "identifiable": p.identifiable,
+                    "tied_to": list(p.tied_to),
+                    "at_bound": p.at_bound,
+                }
+                for p in self.parameters
+            ],
+            "base_parameters": [
+                {
+                    "name": c.name,
+                    "weights": c.weights,
+                    "value": c.value,
+                    "std": _number(c.std),
+                    "unit": c.unit,
+                    "identifiable": c.identifiable,
+                }
+                for c in self.combinations
+            ],
+            "residual": {
+                "joints": list(self.residual.joints),
+                "rms": list(self.residual.rms),
+                "rms_validation": None
+                if self.residual.rms_validation is None
+                else list(self.residual.rms_validation),
+                "noise_floor": list(self.residual.noise_floor),
+            },
+        }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,147 @@
+"""From a solution to what is reported: values, standard errors, what the data can and cannot show."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects import EFFECTS
+from flexviz.equation import INERTIAL_NAMES, Layout
+from flexviz.equation.layout import INERTIAL_UNITS
+from flexviz.identification.base_parameters import BaseParameters
+from flexviz.identification.prior import Prior
+from flexviz.identification.result import Combination, ParameterEstimate
+
+Array = NDArray[np.float64]
+
+# standard error relative to the parameter's scale: below the first "yes", below the second "weak"
+GRADES = {
+    "inertial": (0.05, 0.3),
+    "stiffness": (0.025, 0.25),
+    "motor_inertia": (0.025, 0.25),
+    "friction": (0.05, 0.3),
+    "effect": (0.1, 0.5),
+}
+TIED = 0.9  # |correlation| from which two parameters count as tied
+
+
+def grade(kind: str, std: float, scale: float, prior_share: float) -> str:
+    """ "yes", "weak" or "no"; a parameter that owes its precision to the prior is at most weak."""
+    if not np.isfinite(std) or scale <= 0:
+        return "no"
+    sure, weak = GRADES[kind]
+    relative = std / scale
+    if relative <= sure and prior_share < 0.5:
+        return "yes"
+    return "weak" if relative <= weak else "no"
+
+
+def natural_scale(prior: Prior) -> Array:
+    """How far an inertial parameter may plausibly lie from CAD: the prior's own spread there, shape (10n,)."""
+    x = np.zeros(prior.layout.size)
+    x[prior.layout.inertial] = prior.cad.ravel()
+    hessian = prior.gradient_and_hessian(x)[1]
+    spread = np.empty(prior.cad.size)
+    for body in range(len(prior.cad)):
+        rows = slice(10 * body, 10 * body + 10)
+        spread[rows] = np.sqrt(np.diag(np.linalg.inv(hessian[rows, rows])))
+    return spread
+
+
+def parameter_estimates(
+    layout: Layout, x: Array, start: Array, cov: Array, share: Array, at_bound: NDArray[np.bool_], prior: Prior,
+    rms_torque: Array,
+) -> tuple[ParameterEstimate, ...]:  # fmt: skip
+    """All parameters in the order of the solver's vector, then the friction sums."""
+    n = layout.n
+    values, begin = x.copy(), start.copy()
+    values[layout.compliance] = 1 / x[layout.compliance]
+    begin[layout.compliance] = 1 / start[layout.compliance]
+    variance = np.maximum(np.diag(cov), 0.0)
+    std = np.sqrt(variance)
+    std[layout.compliance] *= values[layout.compliance] ** 2
+    std[at_bound] = np.inf
+    kinds, scales = _kinds_and_scales(layout, x, values, prior, rms_torque)
+    names = layout.names()
+    labels = [f"{name}:{joint}" for name, joint, _ in names]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = cov / np.sqrt(np.outer(variance, variance))
+    out = []
+    for k, (name, joint, unit) in enumerate(names):
+        identifiable = grade(kinds[k], std[k], scales[k], share[k])
+        tied: tuple[str, ...] = ()
+        if identifiable != "yes" and not at_bound[k]:
+            row = np.abs(np.nan_to_num(correlation[k]))
+            row[k] = 0.0
+            strongest = np.argsort(-row)[:4]
+            tied = tuple(labels[i] for i in strongest if row[i] >= TIED)
+        out.append(
+            ParameterEstimate(
+                name, joint, float(values[k]), float(std[k]), unit, float(begin[k]), identifiable, tied, bool(at_bound[k])
+            )
+        )
+    for j in range(n):
+        pair = [layout.link_viscous.start + j, layout.motor_viscous.start + j]
+        total = float(x[pair].sum())
+        deviation = float(np.sqrt(max(cov[np.ix_(pair, pair)].sum(), 0.0)))
+        verdict = grade("friction", deviation, max(total, 1e-12), float(min(share[pair])))
+        out.append(
+            ParameterEstimate(
+                "viscous_friction_sum", layout.joints[j], total, deviation, "Nm s/rad", float(start[pair].sum()), verdict
+            )
+        )
+    return tuple(out)
+
+
+def _kinds_and_scales(
+    layout: Layout, x: Array, values: Array, prior: Prior, rms_torque: Array
+) -> tuple[list[str], Array]:
+    n = layout.n
+    kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
+    scales = np.abs(values).copy()
+    scales[layout.inertial] = np.maximum(np.abs(x[layout.inertial]), natural_scale(prior))
+    friction = x[layout.link_viscous] + x[layout.motor_viscous]
+    scales[layout.link_viscous] = scales[layout.motor_viscous] = np.maximum(friction, 1e-12)
+    for effect, where in layout.effect_slices():
+        kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
+        scales[where] = np.maximum(np.abs(x[where]), 0.02 * rms_torque[effect.joint])
+    return kinds, scales
+
+
+def combinations(
+    base: BaseParameters, layout: Layout, x: Array, cov: Array, prior: Prior
+) -> tuple[Combination, ...]:
+    """The base parameters with their standard errors."""
+    inertial = layout.inertial
+    labels = [f"{INERTIAL_NAMES[k]}:{joint}" for joint in layout.joints for k in range(10)]
+    spread = natural_scale(prior)
+    values = base.matrix @ x[inertial]
+    deviation = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", base.matrix, cov[inertial, inertial], base.matrix), 0.0))
+    out = []
+    for i, column in enumerate(base.columns):
+        row = base.matrix[i]
+        scale = max(abs(values[i]), float(np.sqrt(np.sum((row * spread) ** 2))))
+        # the share of the prior: how far the data have narrowed what was plausible before
+        before = float(np.sqrt(np.sum((row * spread) ** 2)))
+        share = min(1.0, (deviation[i] / before) ** 2)
+        out.append(
+            Combination(
+                base.names[i],
+                {labels[k]: float(row[k]) for k in np.flatnonzero(row)},
+                float(values[i]),
+                float(deviation[i]),
+                INERTIAL_UNITS[column % 10],
+                grade("inertial", float(deviation[i]), scale, share),
+            )
+        )
+    return tuple(out)
+
+
+def condition_number(jacobian: Array, layout: Layout, base: BaseParameters, at_bound: NDArray[np.bool_]) -> float:
+    """Of the weighted Jacobian (shape (M, P)), columns scaled to unit length, over base and joint parameters."""
+    columns = [c for c in base.columns] + [k for k in range(layout.inertial.stop, layout.size) if not at_bound[k]]
+    part = jacobian[:, columns]
+    norm = np.linalg.norm(part, axis=0)
+    part = part[:, norm > 0] / norm[norm > 0]
+    values = np.linalg.eigvalsh(part.T @ part)
+    return float(np.sqrt(values[-1] / max(values[0], 1e-300)))

@@ -1,0 +1,123 @@
+"""Whitening of the residual by the measurement noise's own way through the equation.
+
+White noise in θ and τ passes the observer (known, stationary) and then the equation (known, but changing with the
+pose). The residual's covariance between two instants is therefore known in closed form:
+
+    Cov(r_t, r_u) = Σ_jk A_j(t) ρ_jk(t − u) A_k(u)ᵀ,    A_k = ∂r/∂θ^(k) or ∂r/∂τ^(k),
+
+ρ_jk(t − u) the covariance of the filtered noise's j-th and k-th derivatives. Each sample is predicted from the p
+before it with exactly these covariances and divided by what then remains (a banded approximation of the inverse
+Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988). The first samples of a stretch lose nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from flexviz.observers import Observer
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Turns a stretch of the residual into samples of unit variance.
+
+    Attributes:
+        predictor: shape (p, N, n, n): what of sample t is predicted by sample t−1−k.
+        scale: shape (N, n, n), inverse Cholesky factor of what remains [1/Nm].
+    """
+
+    predictor: Array
+    scale: Array
+
+    def apply(self, y: Array) -> Array:
+        """Whiten y, shape (N, n) or (N, n, P): the same shape."""
+        flat = y.reshape(*y.shape[:2], -1)
+        rest = flat.copy()
+        for k, matrix in enumerate(self.predictor):
+            rest[k + 1 :] -= matrix[k + 1 :] @ flat[: len(flat) - k - 1]
+        return (self.scale @ rest).reshape(y.shape)
+
+
+def noise_kernel(observer: Observer, joint_step: float, raw_step: float, count: int, lags: int) -> Array:
+    """Covariance of the derivatives of filtered white noise of unit variance a raw sample.
+
+    Args:
+        observer: whose transfer functions the noise passes.
+        joint_step: step of the equation's samples [s].
+        raw_step: step of the raw samples [s].
+        count: derivatives 0 … count−1.
+        lags: 0 … lags.
+
+    Returns:
+        shape (lags + 1, count, count): E[x^(j)(t) x^(k)(t − lag)].
+    """
+    length = 8192
+    omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    gain = [observer.transfer(omega, k) for k in range(count)]
+    out = np.empty((lags + 1, count, count))
+    for j in range(count):
+        for k in range(count):
+            density = gain[j] * np.conj(gain[k]) * (raw_step / joint_step)
+            density[-1] = density[-1].real
+            out[:, j, k] = fft.irfft(density, length)[: lags + 1]
+    return out
+
+
+def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
+    """Cov(r_t, r_{t−k}) for k = 0 … p from one noise source.
+
+    Args:
+        sensitivity: shape (D, N, n, n).
+        kernel: shape (p + 1, D, D).
+        variance: shape (n,), of the raw samples.
+
+    Returns:
+        shape (p + 1, N, n, n); entries with t < k are zero.
+    """
+    depth, count, n, _ = sensitivity.shape
+    out = np.zeros((len(kernel), count, n, n))
+    wide = (sensitivity * variance).transpose(1, 2, 0, 3).reshape(count, n, depth * n)
+    for k, rho in enumerate(kernel):
+        if k >= count:
+            break
+        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))  # (D, N−k, n, n)
+        stacked = earlier.transpose(1, 0, 3, 2).reshape(count - k, depth * n, n)
+        out[k, k:] = wide[k:] @ stacked
+    return out
+
+
+def whitener(covariance: Array) -> Whitener:
+    """From Cov(r_t, r_{t−k}), shape (p + 1, N, n, n)."""
+    order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
+    predictor = np.zeros((order, count, n, n))
+    remaining = covariance[0].copy()
+    for t in range(1, min(order, count)):
+        _predict(covariance, predictor, remaining, slice(t, t + 1), t)
+    chunk = max(1, int(4e6 / (order * n) ** 2))
+    for start in range(order, count, chunk):
+        _predict(covariance, predictor, remaining, slice(start, min(start + chunk, count)), order)
+    remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
+    return Whitener(predictor, np.linalg.inv(np.linalg.cholesky(remaining)))
+
+
+def _predict(covariance: Array, predictor: Array, remaining: Array, rows: slice, order: int) -> None:
+    """Fill predictor and remaining covariance of the samples `rows` from the `order` samples before each."""
+    t = np.arange(rows.start, rows.stop)
+    n = covariance.shape[2]
+    past = np.empty((len(t), order, n, order, n))
+    for i in range(order):
+        for j in range(i, order):
+            block = covariance[j - i, t - 1 - i]
+            past[:, i, :, j, :] = block
+            past[:, j, :, i, :] = block.transpose(0, 2, 1)
+    cross = np.stack([covariance[k + 1, t] for k in range(order)], axis=1)  # (T, order, n, n): Cov(r_t, r_{t−1−k})
+    right = cross.transpose(0, 1, 3, 2).reshape(len(t), order * n, n)
+    weights = np.linalg.solve(past.reshape(len(t), order * n, order * n), right)
+    predictor[:order, t] = weights.reshape(len(t), order, n, n).transpose(1, 0, 3, 2)
+    remaining[t] -= right.transpose(0, 2, 1) @ weights
