@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from flexviz.effects import choose_effects
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
@@ -88,6 +89,23 @@ def identify(
     Raises:
         InputError: unknown names, or nothing left to fit.
     """
+    with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
+        return _identify(
+            measurements, groups, tuple(effects), observer, bandwidth, refine, progress, should_stop, max_iterations
+        )
+
+
+def _identify(
+    measurements: MeasurementSet,
+    groups: Sequence[str] | None,
+    effects: tuple[str, ...],
+    observer: str,
+    bandwidth: float | Sequence[float] | None,
+    refine: bool,
+    progress: Callable[[Iteration], None] | None,
+    should_stop: Callable[[], bool] | None,
+    max_iterations: int,
+) -> Identification:
     began = time.perf_counter()
     fitted = _fit_groups(measurements, groups)
     layout = Layout(measurements.joints, choose_effects((*measurements.effects, *effects), measurements.joints))
@@ -175,12 +193,12 @@ def _plain_fit(
 ) -> tuple[Observer, Equation, Start, Solution]:
     """The weighted least-squares fit of one band; which band, the data say where nobody else does."""
 
-    def attempt(observer: Observer) -> tuple[Observer, Equation, Start, Solution]:
+    def attempt(observer: Observer, near: Array | None = None) -> tuple[Observer, Equation, Start, Solution]:
         equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
         start = start_values(measurements, equation)
         report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
         options = {"report": report, "max_iterations": max_iterations}
-        solution = gauss_newton(equation, start.prior, start.bounds, start.x, **options)
+        solution = gauss_newton(equation, start.prior, start.bounds, start.x if near is None else near, **options)
         for factor in STIFFNESS_FACTORS:
             if solution.converged or report.stopped:
                 break
@@ -197,7 +215,9 @@ def _plain_fit(
     best, least = None, np.inf
     for hertz in BAND_HERTZ:
         try:
-            trial = attempt(ButterworthZeroPhase(2 * np.pi * hertz))
+            # the neighbouring band's result is a better start than the rigid fit
+            near = best[3].x if best is not None and best[3].converged else None
+            trial = attempt(ButterworthZeroPhase(2 * np.pi * hertz), near)
         except InputError:
             if hertz == BAND_HERTZ[-1] and best is None:
                 raise

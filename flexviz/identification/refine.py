@@ -20,7 +20,7 @@ from flexviz.equation.link import LinkTerms
 from flexviz.equation.sensitivity import signal_sensitivity
 from flexviz.equation.signals import Signals
 from flexviz.identification.prior import Prior
-from flexviz.identification.solver import Bounds, Stopped, bounded_step
+from flexviz.identification.solver import Bounds, bounded_step
 from flexviz.identification.uncertainty import colour_matrix, covariance
 from flexviz.identification.whitening import Whitener, lagged_covariance, noise_kernel, whitener
 from flexviz.measurements import Group, MeasurementSet
@@ -35,7 +35,10 @@ SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the samp
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
 ORDER = {1: 40, 2: 32, 3: 24}  # samples before each that predict it; fewer for robots with more joints
 LONG_ORDER = 14
-CONSISTENT = 3.0  # χ² per sample up to which the measurement noise alone explains the residual
+CONSISTENT = 2.0  # χ² per sample up to which the measurement noise alone explains the residual
+TOLERANCE = 3e-4  # first guess of a model error, relative to the torque's rms
+TRANSIENT = 5.0
+NEGLIGIBLE = 0.02  # [standard deviations] a step that ends the iteration
 
 
 @dataclass(frozen=True)
@@ -47,18 +50,18 @@ class Refined:
         covariance: shape (P, P).
         prior_share: shape (P,), share of the prior in each variance.
         chi_square: mean square of the whitened residual.
+        chi_squares: shape (n,), the same for each joint.
         converged: the last step was negligible.
         at_bound: shape (P,).
-        information: shape (P, P), Zᵀ W Z.
     """
 
     x: Array
     covariance: Array
     prior_share: Array
     chi_square: float
+    chi_squares: Array
     converged: bool
     at_bound: NDArray[np.bool_]
-    information: Array
 
 
 class Refinement:
@@ -141,20 +144,69 @@ def refine(
     """Solve Zᵀ W r = 0 (plus the prior) from the plain fit's x.
 
     Where the residual is far above the measurement noise the model, not the noise, is what is wrong: a white model
-    error of the excess size is then added to the noise, so that nothing is weighted by a noise that does not matter.
+    error is then added to the noise, as large as it takes to explain the residual, so that nothing is weighted by a
+    noise that does not matter.
     """
-    refined = _solve(refinement, prior, bounds, x, max_iterations, report)
-    for _ in range(3):
-        if refined.chi_square <= CONSISTENT:
-            break
-        evaluation = refinement.wide.evaluate(x)
-        excess = np.mean(evaluation.residual**2, axis=0) - refinement.noise_variance(
-            x, refinement.narrow.link_terms(x)
-        )
-        refinement.tolerance = np.maximum(excess, 1e-6 * np.mean(evaluation.residual**2, axis=0))
+    first = _solve(refinement, prior, bounds, x, max_iterations, report)
+    if first.chi_square <= CONSISTENT:
+        return first
+    torque = refinement.narrow.evaluate(x).torque[0]
+    refinement.tolerance = TOLERANCE**2 * np.mean(torque**2, axis=0)
+    refined = first
+    for _ in range(8):
         refined = _solve(refinement, prior, bounds, x, max_iterations, report)
         x = refined.x
+        if np.all(refined.chi_squares < 1.5):
+            break
+        refinement.tolerance = refinement.tolerance * np.maximum(refined.chi_squares, 0.5)
     return refined
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Whitened residual (N, n) and instruments (N, n, P) at one x; unusable samples are zero."""
+
+    r: Array
+    z: Array
+    used: NDArray[np.bool_]
+
+
+def _whitened(refinement: Refinement, x: Array, whiteners: list[Whitener] | None) -> tuple[_Point, list[Whitener]]:
+    lay, blocks = refinement.layout, refinement.blocks
+    for equation in (refinement.wide, refinement.narrow):
+        equation.prepare(1 / x[lay.compliance])
+    wide, narrow = refinement.wide.evaluate(x), refinement.narrow.evaluate(x)
+    if whiteners is None:
+        whiteners = refinement.whiteners(x, narrow.link)
+    pairs = list(zip(whiteners, blocks, strict=True))
+    r = np.concatenate([w.apply(wide.residual[b.rows]) for w, b in pairs])
+    z = np.concatenate([w.apply(narrow.jacobian[b.rows]) for w, b in pairs])
+    used = np.concatenate([settled(r[b.rows]) for b in blocks])
+    r[~used] = 0.0
+    z[~used] = 0.0
+    return _Point(r, z, used), whiteners
+
+
+def settled(r: Array) -> NDArray[np.bool_]:
+    """Samples of one stretch outside the transients at its ends, shape (N,).
+
+    A record that starts with a jump leaves a longer transient than one that does not. The whitened residual shows it:
+    windows of 1/80 of the stretch at either end are dropped up to the last one, within the first eighth, that is
+    TRANSIENT times as large as usual.
+    """
+    window = max(3, len(r) // 80)
+    count = len(r) // window
+    energy = (r[: count * window] ** 2).reshape(count, -1).mean(axis=1)
+    usual = np.median(energy)
+    loud = energy > TRANSIENT * usual
+    used = np.ones(len(r), bool)
+    edge = count // 8
+    first, last = np.flatnonzero(loud[:edge]), np.flatnonzero(loud[::-1][:edge])
+    if first.size:
+        used[: (first[-1] + 1) * window] = False
+    if last.size:
+        used[(count - last[-1] - 1) * window :] = False
+    return used
 
 
 def _solve(
@@ -166,43 +218,34 @@ def _solve(
     report: Callable[[Array, float, float], None],
 ) -> Refined:
     lay, blocks = refinement.layout, refinement.blocks
-    whiteners: list[Whitener] = []
+    whiteners: list[Whitener] | None = None
     converged = False
-    at_bound = np.zeros(lay.size, bool)
-    state: tuple[Array, Array, Array] | None = None
     for iteration in range(max_iterations):
-        for equation in (refinement.wide, refinement.narrow):
-            equation.prepare(1 / x[lay.compliance])
-        wide, narrow = refinement.wide.evaluate(x), refinement.narrow.evaluate(x)
-        if iteration < 2 or not whiteners:
-            whiteners = refinement.whiteners(x, narrow.link)
-        r = np.concatenate([w.apply(wide.residual[b.rows]) for w, b in zip(whiteners, blocks, strict=True)])
-        z = np.concatenate([w.apply(narrow.jacobian[b.rows]) for w, b in zip(whiteners, blocks, strict=True)])
+        # the noise's way through the equation is followed anew once the parameters are nearly right
+        point, whiteners = _whitened(refinement, x, whiteners if iteration >= 2 else None)
         gradient, prior_hessian = prior.gradient_and_hessian(x)
-        flat = z.reshape(-1, lay.size)
+        flat = point.z.reshape(-1, lay.size)
         information = flat.T @ flat
-        gradient = gradient + flat.T @ r.ravel()
-        state = r, z, information
-        step, at_bound = bounded_step(gradient, information + prior_hessian, x, bounds)
-        length = float(np.sqrt(max(step @ (information + prior_hessian) @ step, 0.0)))
-        try:
-            report(x, 0.5 * float((r**2).sum()), length)
-        except Stopped:
-            break
-        if length < 0.02 and iteration:
+        hessian = information + prior_hessian
+        step, at_bound = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
+        length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
+        report(x, 0.5 * float((point.r**2).sum()), length)
+        if length < NEGLIGIBLE and iteration >= 2:
             converged = True
             break
         x = _feasible_step(prior, bounds, x, step)
-    assert state is not None
-    r, z, information = state
-    chi_square = float(np.mean(r**2))
-    _, prior_hessian = prior.gradient_and_hessian(x)
+    chi_squares = (point.r**2).sum(axis=0) / np.count_nonzero(point.used)
+    chi_square = float(chi_squares.mean())
     free = ~at_bound
-    colour = information * max(chi_square, 1.0) if chi_square < 1.2 else colour_matrix(r, z, [b.rows for b in blocks])
+    colour = (
+        information * max(chi_square, 1.0)
+        if chi_square < 1.2
+        else colour_matrix(point.r, point.z, [b.rows for b in blocks])
+    )
     cov, share = np.zeros_like(information), np.ones(lay.size)
     index = np.ix_(free, free)
     cov[index], share[free] = covariance(information[index], colour[index], prior_hessian[index])
-    return Refined(x, cov, share, chi_square, converged, at_bound, information)
+    return Refined(x, cov, share, chi_square, chi_squares, converged, at_bound)
 
 
 def _feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:

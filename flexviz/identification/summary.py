@@ -100,8 +100,9 @@ def _kinds_and_scales(
     kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
     scales = np.abs(values).copy()
     scales[layout.inertial] = np.maximum(np.abs(x[layout.inertial]), natural_scale(prior))
-    friction = x[layout.link_viscous] + x[layout.motor_viscous]
-    scales[layout.link_viscous] = scales[layout.motor_viscous] = np.maximum(friction, 1e-12)
+    floor = np.maximum(0.05 * (x[layout.link_viscous] + x[layout.motor_viscous]), 1e-12)
+    for part in (layout.link_viscous, layout.motor_viscous):
+        scales[part] = np.maximum(x[part], floor)
     for effect, where in layout.effect_slices():
         kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
         scales[where] = np.maximum(np.abs(x[where]), 0.02 * rms_torque[effect.joint])

@@ -14,7 +14,6 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from scipy.special import gammainc
 
 ORDER = 6
@@ -33,6 +32,8 @@ def cascade(y: Array, step: float, bandwidth: float) -> Array:
     Returns:
         shape (6, N, m): z_1 … z_6.
     """
+    from scipy.signal import lfilter  # a quarter of a second to import, and not every observer needs it
+
     x = bandwidth * step
     number = np.arange(1, ORDER + 1)
     constant = gammainc(number, x)
