@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "flexviz"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
-LONGEST = 400  # lines in one Python file
+LONGEST = 420  # lines in one Python file
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (

@@ -17,7 +17,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from flexviz.cli import main, output, progress, tables
-from flexviz.cli.identify import parse_bandwidth
+from flexviz.cli.identifying import parse_bandwidth
 from flexviz.errors import InputError
 
 COMMANDS = ("identify", "simulate", "serve", "record")
@@ -31,16 +31,18 @@ def demo_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-class Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
+class Contract(BaseModel):
+    """What scripts rely on; further keys are allowed."""
+
+    model_config = ConfigDict(strict=True)
 
 
-class ObserverEntry(Strict):
+class ObserverEntry(Contract):
     name: str
     bandwidth: float | list[float]
 
 
-class Parameter(Strict):
+class Parameter(Contract):
     name: str
     joint: str | None
     value: float
@@ -50,18 +52,14 @@ class Parameter(Strict):
     tied_to: list[str]
 
 
-class Residual(Strict):
+class Residual(Contract):
     joints: list[str]
     rms: list[float]
     rms_validation: list[float] | None
     noise_floor: list[float]
 
 
-class IdentifyContract(BaseModel):
-    """What scripts rely on; further keys are allowed at the top."""
-
-    model_config = ConfigDict(strict=True)
-
+class IdentifyContract(Contract):
     format: Literal[1]
     set: str
     observer: ObserverEntry
@@ -193,7 +191,7 @@ def test_json_agrees_with_truth(identified: tuple[dict, str, str], demo_set: Pat
 
 def test_results_on_stdout_progress_on_stderr(identified: tuple[dict, str, str]) -> None:
     _, out, err = identified
-    for text in ("stiffness", "motor_inertia", "Nm/rad", "rms fit", "converged", "joint2"):
+    for text in ("stiffness", "motor_inertia", "Nm/rad", "rms fit", "refined", "joint2"):
         assert text in out
     assert "iteration" in err and "stiffness" not in err
     assert "\x1b" not in out + err
@@ -248,20 +246,17 @@ def test_output_file_is_checked_before_the_work(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "value, half, text",
+    "value, std, shown",
     [
-        (1000.2345, 0.8123, "1000.23"),
-        (0.8123, 0.8123, "0.81"),
-        (3.0, None, "3"),
-        (math.nan, None, "–"),
-        (None, 1.0, "–"),
-        (123.4, 456.0, "120"),
-        (1e-9, 3e-10, "1e-09"),
-        (2.5, 0.0, "2.5"),
+        (1000.2345, 0.4, ("1000.23", "0.78")),
+        (-12.34, 0.5, ("-12.34", "0.98")),
+        (-0.001, 0.5, ("0.00", "0.98")),
+        (3.0, None, ("3.000", "–")),
+        (3.0, math.inf, ("3.000", "–")),
     ],
 )
-def test_numbers_of_tables(value: float | None, half: float | None, text: str) -> None:
-    assert tables.number(value, half) == text
+def test_intervals_of_tables(value: float, std: float | None, shown: tuple[str, str]) -> None:
+    assert tables.interval(value, std) == shown
 
 
 def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 
 import typer
 
 from flexviz import __version__
-from flexviz.cli import identify, serve, simulate
+from flexviz.cli import identify, record, serve, simulate
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -27,6 +28,7 @@ app = typer.Typer(
 app.command("identify")(identify.identify)
 app.command("simulate")(simulate.simulate)
 app.command("serve")(serve.serve)
+app.command("record")(record.record)
 
 
 @app.callback(invoke_without_command=True)
@@ -38,7 +40,8 @@ def _root(
         print(f"flexviz {__version__}")
         raise typer.Exit()
     if context.invoked_subcommand is None:
-        typer.echo(context.get_help(), err=True)
+        with redirect_stdout(sys.stderr):  # typer prints its help where standard output is
+            typer.echo(context.get_help())
         raise typer.Exit(EXIT_BAD_INPUT)
 
 

@@ -13,13 +13,13 @@ from rich.console import Console
 
 from flexviz.errors import InputError, choose_from
 
-PIPE_WIDTH = 140  # columns where standard output is not a terminal
+PIPE_WIDTH = 160  # columns where standard output is not a terminal
 
 
 def results() -> Console:
     """A console on standard output; names are shown as they are, brackets are not markup."""
     console = Console(markup=False, highlight=False, emoji=False)
-    if not console.is_terminal and "COLUMNS" not in os.environ:
+    if not console.is_terminal:
         console.width = PIPE_WIDTH
     return console
 

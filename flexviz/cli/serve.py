@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
 
 def serve(
-    source: Path | None = typer.Argument(
-        None, metavar="[SET]", help="Folder with measurements.toml; without it a bundled example."
-    ),
-    port: int | None = typer.Option(
-        None, "--port", metavar="P", help="Port to listen on; without it 8080 or the next free one."
-    ),
-    host: str = typer.Option("127.0.0.1", "--host", metavar="H", help="Address to listen on."),
-    browser: bool = typer.Option(True, "--browser/--no-browser", help="Open the page in a browser."),
+    source: Annotated[
+        Path | None,
+        typer.Argument(metavar="SET", help="Folder with measurements.toml; without it a bundled example."),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="P", help="Port to listen on; without it 8080 or the next free one."),
+    ] = None,
+    host: Annotated[str, typer.Option(metavar="H", help="Address to listen on.")] = "127.0.0.1",
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
 ) -> int:
     """See measured and identified motion side by side in the browser; Ctrl+C ends it."""
     from flexviz.app import serve as run

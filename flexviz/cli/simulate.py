@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,21 +12,26 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    preset: str = typer.Argument(
-        ...,
-        metavar="PRESET|SET",
-        help="paper-a … paper-f, planar-2r, panda, or the folder of a set to repeat.",
-    ),
-    out: Path = typer.Option(..., "--out", metavar="DIR", help="Folder to write the set to."),
-    effect: list[str] = typer.Option(
-        [],
-        "--effect",
-        metavar="NAME[:joint][:param=value,...]",
-        help="Hide an effect in the robot; repeat for more; none hides nothing.",
-    ),
-    start: str = typer.Option("rest", "--start", metavar="rest|moving", help="How the motion starts."),
-    seed: int = typer.Option(0, "--seed", metavar="N", min=0, help="Seed of the measurement noise."),
-    table_format: str = typer.Option("parquet", "--format", metavar="parquet|csv", help="Kind of tables."),
+    preset: Annotated[
+        str,
+        typer.Argument(
+            metavar="PRESET|SET",
+            help="paper-a … paper-f, planar-2r, panda, or the folder of a set to repeat.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write the set to.")],
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[:joint][:param=value,...]",
+            help="Hide an effect in the robot; repeat for more; none hides nothing.",
+        ),
+    ] = None,
+    start: Annotated[str, typer.Option(metavar="rest|moving", help="How the motion starts.")] = "rest",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the measurement noise.")] = 0,
+    table_format: Annotated[
+        str, typer.Option("--format", metavar="parquet|csv", help="Kind of tables.")
+    ] = "parquet",
 ) -> int:
     """Simulate a flexible-joint robot; write its measurement set and, beside it, truth.json."""
     from flexviz.cli import output
@@ -40,7 +45,7 @@ def simulate(
             done = simulate_preset(
                 preset,
                 out,
-                effect,
+                effect or [],
                 seed,
                 start,
                 progress=lambda what, share: report(what, fraction=share),

@@ -9,65 +9,72 @@ from typing import TYPE_CHECKING
 from rich import box
 from rich.table import Table
 
+from flexviz.view.text import number, with_error
+
 if TYPE_CHECKING:
     import numpy as np
 
-    from flexviz.identification import Identification, ParameterEstimate, ResidualSummary
+    from flexviz.identification import Combination, Identification, ParameterEstimate, ResidualSummary
 
+WIDE = 110  # columns from which a table has room for what a parameter is tied to
 TWO_SIDED_95 = 1.96  # standard errors in half a 95 % interval
 
 
-def parameter_table(parameters: Iterable[ParameterEstimate]) -> Table:
-    """Name, joint, start, value ± 95 %, unit, whether the data determine it and what it is tied to."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("parameter", no_wrap=True)
-    table.add_column("joint")
-    for title in ("start", "value", "± 95 %"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("identifiable")
-    table.add_column("tied to", overflow="fold")
+def parameter_table(parameters: Iterable[ParameterEstimate], *, ties: bool = True) -> Table:
+    """One row a parameter; with `ties` also what it is tied to."""
+    table = _table("parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable"))
+    if ties:
+        table.add_column("tied to", overflow="fold")
     for p in parameters:
-        half = TWO_SIDED_95 * p.std if p.std is not None else math.nan
         table.add_row(
             p.name,
             p.joint or "",
-            number(p.start),
-            number(p.value, half),
-            number(half, half),
+            _ascii(number(p.start)),
+            *interval(p.value, p.std),
             p.unit,
             p.identifiable + (", at bound" if p.at_bound else ""),
-            ", ".join(p.tied_to),
+            *([", ".join(p.tied_to)] if ties else []),
             style="" if p.identifiable == "yes" else "dim",
         )
     return table
 
 
+def tied_lines(parameters: Iterable[ParameterEstimate]) -> list[str]:
+    """What is tied to what, as lines of text for a narrow terminal."""
+    tied = [p for p in parameters if p.tied_to]
+    return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
+
+
+def combination_table(combinations: Iterable[Combination]) -> Table:
+    """The inertial combinations that motion can show, which is what single inertial parameters hide."""
+    table = _table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
+    for c in combinations:
+        style = "" if c.identifiable == "yes" else "dim"
+        table.add_row(c.name, *interval(c.value, c.std), c.unit, c.identifiable, style=style)
+    return table
+
+
 def residual_table(residual: ResidualSummary) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("joint")
-    for title in ("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"):
-        table.add_column(title, justify="right", no_wrap=True)
+    table = _table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
     columns = (residual.rms, residual.rms_validation, residual.noise_floor)
     for index, joint in enumerate(residual.joints):
-        table.add_row(joint, *(number(None if c is None else c[index]) for c in columns))
+        table.add_row(joint, *(number(None if column is None else column[index]) for column in columns))
     return table
 
 
 def summary(result: Identification) -> list[str]:
     """The run in a few lines of text."""
-    state = "stopped" if result.stopped else "converged" if result.converged else "did not converge"
+    steps = max((iteration.number for iteration in result.iterations), default=0)
     lines = [
-        f"{result.set_name}: {state} after {len(result.iterations)} iterations in {result.seconds:.2f} s",
-        f"observer {result.observer_name}, {bandwidth_text(result.bandwidth)}",
+        f"{result.set_name}: {result.message}",
+        f"{steps} iterations in {result.seconds:.2f} s; observer {result.observer_name},"
+        f" {bandwidth_text(result.bandwidth)}",
         f"fitted on {', '.join(result.groups)}"
         + (f"; validated on {', '.join(result.validation_groups)}" if result.validation_groups else ""),
     ]
-    if result.condition_number is not None and math.isfinite(result.condition_number):
+    if math.isfinite(result.condition_number):
         lines.append(f"condition number {result.condition_number:.3g}")
-    if result.message:
-        lines.append(str(result.message))
     return lines
 
 
@@ -77,18 +84,20 @@ def bandwidth_text(bandwidth: float | Sequence[float] | np.ndarray) -> str:
     return ", ".join(f"{float(value):.4g}" for value in values) + " rad/s"
 
 
-def number(value: float | None, half_width: float | None = None) -> str:
-    """A number for a table; with a half width, to the digit where that has its second one.
+def interval(value: float, std: float | None) -> tuple[str, str]:
+    """A value and half its 95 % interval, both to the digit where the latter has its second one."""
+    shown, half = with_error(value, None if std is None else TWO_SIDED_95 * std)
+    shown = _ascii(shown)
+    return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
 
-    >>> number(1000.2345, 0.8123), number(0.8123, 0.8123), number(3.0), number(float("nan"))
-    ('1000.23', '0.81', '3', '–')
-    """
-    if value is None or not math.isfinite(value):
-        return "–"
-    if half_width is None or not math.isfinite(half_width) or half_width <= 0.0:
-        return f"{value:.6g}"
-    decimals = 1 - math.floor(math.log10(half_width))
-    largest = max(abs(value), half_width)
-    if largest >= 1e7 or decimals > 9:
-        return f"{value:.4g}"
-    return f"{round(value, decimals):.{max(decimals, 0)}f}"
+
+def _table(*texts: str, numbers: Sequence[str], end: Sequence[str] = ()) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for title in (*texts, *numbers, *end):
+        table.add_column(title, justify="right" if title in numbers else "left", no_wrap=True)
+    return table
+
+
+def _ascii(text: str) -> str:
+    """With a hyphen for a minus, so that numbers can be copied from a terminal into a program."""
+    return text.replace("−", "-")
