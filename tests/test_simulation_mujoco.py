@@ -1,7 +1,7 @@
 """The simulator against MuJoCo, with the arm written down independently.
 
-The links come from the URDF's XML (not through Pinocchio). Each motor is a wheel of its own, tied to its joint
-by a spring: a fixed tendon of length θ − q with stiffness K.
+The links come from the XML of the URDF (not through Pinocchio). Each motor is a wheel of its own, tied to its
+joint by a spring: a fixed tendon of length θ − q with stiffness K.
 """
 
 from __future__ import annotations

@@ -88,6 +88,7 @@ def default_parameters(name: str, joint: str | None, plan: Plan, size: Scale) ->
     stiffness, inertia = float(plan.model.stiffness[i]), plan.model.motor_inertia
     j = i + 1 if i + 1 < plan.robot.n else i - 1
     duration = plan.groups[0].duration
+    start = float(plan.groups[0].reference.sample(np.zeros(1))[0][0, i])
     raw = {
         "coulomb_friction": {"coulomb": 0.2 * torque},
         "stribeck_friction": {"stribeck": 0.2 * torque, "velocity": 0.2 * speed},
@@ -99,12 +100,12 @@ def default_parameters(name: str, joint: str | None, plan: Plan, size: Scale) ->
         "torque_offset": {"offset": 0.15 * torque},
         "torque_gain": {"gain_error": 0.05},
         "torque_delay": {"delay": 0.002},
-        "stiffness_hardening": {"cubic_stiffness": 0.15 * stiffness / bend**2},
-        "backlash": {"half_width": 0.15 * bend},
-        "joint_damping": {"damping": 0.004 * stiffness},
-        "transmission_error": {"amplitude": 0.05 * bend, "order": 7.0, "phase": 0.4},
+        "stiffness_hardening": {"cubic_stiffness": 0.2 * stiffness / bend**2},
+        "backlash": {"half_width": max(0.15 * bend, 2e-4)},
+        "joint_damping": {"damping": 0.008 * stiffness},
+        "transmission_error": {"amplitude": max(0.05 * bend, 3e-4), "order": 7.0, "phase": 0.4},
         "link_coulomb_friction": {"coulomb": 0.2 * torque},
-        "cable_spring": {"stiffness": 0.3 * torque, "rest_angle": 0.2},
+        "cable_spring": {"stiffness": 0.3 * torque, "rest_angle": start + 0.2},
         "payload_error": {"relative_mass_error": 0.1},
         "base_tilt": {"tilt_x": 0.02, "tilt_y": 0.03},
         "external_contact": {"torque": 0.5 * torque, "start": 0.4 * duration, "end": 0.55 * duration},

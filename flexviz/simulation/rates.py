@@ -10,7 +10,7 @@ from flexviz._pinocchio import pin
 from flexviz.simulation.plant import Array, Plant
 
 OSCILLATION = 0.3  # [rad] largest phase of the fastest vibration in one step
-DECAY = 1.0  # [-] largest step times the fastest decay rate
+DECAY = 1.8  # [-] largest step times the fastest decay rate
 
 
 def fastest(plant: Plant, positions: Array) -> tuple[float, float]:

@@ -54,10 +54,13 @@ def replay(
     """
     if not group.segments:
         raise InputError(f'group "{group.name}" has no usable samples', file=group.file)
-    model, softened = _softened(robot, model, group)
-    plant, recorder = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
     closed = kp is not None and kd is not None and group.theta_ref is not None
     closed = closed and bool(np.isfinite(group.theta_ref).all())  # type: ignore[arg-type]
+    step = group.segments[0].step
+    cycle = step / _cycles_per_sample(step, torque_hold if closed else 0.0)
+    gain = np.broadcast_to(np.asarray(kd, dtype=float), robot.n) if closed else None
+    model, changes = _resolvable(robot, model, group, gain, cycle)
+    plant, recorder = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
     gains = (kp, kd) if closed else _weak_gains(robot, plant, group)
     total = sum(len(segment) for segment in group.segments)
     runs: list[Run] = []
@@ -85,7 +88,7 @@ def replay(
         if closed
         else "open loop: the recorded torque drives the model, a weak PD (2 Hz) keeps it near the motion"
     )
-    return _joined(runs, "; ".join([how, *softened]))
+    return _joined(runs, "; ".join([how, *changes]))
 
 
 def _replay_segment(
@@ -102,8 +105,7 @@ def _replay_segment(
 ) -> Run:
     n, step, start = robot.n, segment.step, segment.time[0]
     kp, kd = (robot.to_pin(np.broadcast_to(np.asarray(g, dtype=float), n)) for g in gains)
-    longest = torque_hold if closed and 0.0 < torque_hold < step else LONGEST_CYCLE
-    per_sample = max(1, ceil(step / longest - 1e-9))
+    per_sample = _cycles_per_sample(step, torque_hold if closed else 0.0)
     cycle = step / per_sample
     own = segment.time - start  # [s]
     time = np.arange(len(own) * per_sample) * cycle
@@ -122,6 +124,11 @@ def _replay_segment(
     states, torques = loop.drive(x, before, None, progress, should_stop)
     take = slice(None, None, per_sample)
     return to_run(robot, plant, segment.time, states[take], torques[take], position[take], cycle)
+
+
+def _cycles_per_sample(step: float, torque_hold: float) -> int:
+    longest = torque_hold if 0.0 < torque_hold < step else LONGEST_CYCLE
+    return max(1, ceil(step / longest - 1e-9))
 
 
 def _start(
@@ -159,27 +166,31 @@ def _weak_gains(robot: Robot, plant: Plant, group: Group) -> tuple[Array, Array]
     return inertia * PD_BAND**2, 2.0 * inertia * PD_BAND
 
 
-def _softened(robot: Robot, model: FlexibleModel, group: Group) -> tuple[FlexibleModel, list[str]]:
-    """The model with stiffness no larger, and motor inertia no smaller, than a replay can resolve in time."""
+def _resolvable(
+    robot: Robot, model: FlexibleModel, group: Group, kd: Array | None, cycle: float
+) -> tuple[FlexibleModel, list[str]]:
+    """The model with no more stiffness and no less motor inertia than can be simulated; what changed."""
     plant, _ = make_plant(robot, model, group.bodies)
     data = plant.model.createData()
     q = robot.to_pin(group.segments[0].theta[0])
     mobility = robot.from_pin(np.diag(pin.computeMinverse(plant.model, data, np.ascontiguousarray(q))))
-    inertia = np.maximum(model.motor_inertia, 1e-3 / mobility)
-    inertia = np.maximum(inertia, model.motor_viscous_friction / FASTEST)
-    limit = FASTEST**2 / (mobility + 1.0 / inertia)
-    stiffness = np.minimum(model.stiffness, limit)
-    changed = [
-        joint for joint, k, new in zip(model.joints, model.stiffness, stiffness, strict=True) if new < k
-    ]
+    least = np.maximum(1e-3 / mobility, model.motor_viscous_friction / FASTEST)
+    least = least if kd is None else np.maximum(least, kd * cycle)  # else the controller itself is unstable
+    inertia = np.maximum(model.motor_inertia, least)
+    stiffness = np.minimum(model.stiffness, FASTEST**2 / (mobility + 1.0 / inertia))
+    softer, heavier = (stiffness < model.stiffness), (inertia > model.motor_inertia)
     model = replace(model, stiffness=stiffness, motor_inertia=inertia)
     plant, _ = make_plant(robot, model, group.bodies)
     vibration, _ = rates.fastest(plant, q[None])
     if vibration > 2.0 * FASTEST:
         model = replace(model, stiffness=stiffness * (2.0 * FASTEST / vibration) ** 2)
-        changed = list(model.joints)
-    text = f"softened to {FASTEST / 2 / np.pi:.0f} Hz for the replay: {', '.join(changed)}"
-    return model, [text] if changed else []
+        softer[:] = True
+    notes = []
+    for what, which in (("stiffness lowered", softer), ("motor inertia raised", heavier)):
+        if which.any():
+            names = ", ".join(joint for joint, yes in zip(model.joints, which, strict=True) if yes)
+            notes.append(f"{what} to what can be simulated: {names}")
+    return model, notes
 
 
 def _first(segment: Segment, count: int) -> Segment:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, read_set, write_set
+from flexviz.measurements.writing import make_way
 from flexviz.simulation.hiding import hide
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS, make_preset
@@ -38,8 +39,6 @@ def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str
     if name in PRESETS:
         plan = make_preset(name, start)
     elif Path(name).exists():
-        from dataclasses import replace
-
         plan = replace(plan_from_set(read_set(name)), start=start)
     else:
         valid = choose_from(name, PRESETS)
@@ -63,6 +62,7 @@ def simulate_preset(
 
     Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
     """
+    make_way(Path(out).absolute(), overwrite)  # before the work, not after it
     plan = make_plan(preset_or_set, effects, start)
     runs = simulate_plan(plan, seed, progress, should_stop)
     return SimulatedSet(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,11 +43,12 @@ def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
     return x, tau
 
 
-def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.3, degree: int = 14) -> Array:
+def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.2, degree: int = 8) -> Array:
     """The state at t = 0 with the motors on θ = `motion`(t) (M, n) and the links following without ringing.
 
     The link's motion is the slow one: from q = θ, torque by inverse dynamics, q = θ + error − opening(τ_j), a
-    few times over, with derivatives of the Chebyshev polynomial of `degree` on −width … width [s].
+    few times over, with derivatives of the Chebyshev polynomial of `degree` on −width … width [s]. More
+    would not converge: each adds two derivatives. The jump of a backlash's gap is added at the end.
     """
     n = plant.n
     data = plant.model.createData()
@@ -58,8 +60,10 @@ def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.3, d
     shift = np.zeros_like(theta)
     for i, joint in plant.elastic.items():
         shift[:, i] = [joint.shift(float(value)) for value in theta[:, i]]
+    joints = [replace(plant.joint(i), half_width=0.0) for i in range(n)]
     q = theta + shift
-    for _ in range(4):
+    torque = np.zeros_like(q)
+    for _ in range(3):
         qv = slope @ q
         qa = slope @ qv
         torque = np.array([pin.rnea(plant.model, data, *row).copy() for row in zip(q, qv, qa, strict=True)])
@@ -67,10 +71,11 @@ def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.3, d
         for i, law in plant.link_laws:
             rows = zip(time.tolist(), q[:, i].tolist(), qv[:, i].tolist(), strict=True)
             torque[:, i] += [law(*row) for row in rows]
-        opening = [[plant.joint(i).opening(s) for s in torque[:, i].tolist()] for i in range(n)]
+        opening = [[joint.opening(s) for s in torque[:, i].tolist()] for i, joint in enumerate(joints)]
         q = theta + shift - np.array(opening).T
     x = plant.empty_state()
-    x[:n], x[n : 2 * n] = q[middle], theta[middle]
+    gaps = np.array([plant.joint(i).half_width for i in range(n)]) * np.sign(torque[middle])
+    x[:n], x[n : 2 * n] = q[middle] - gaps, theta[middle]
     x[2 * n : 3 * n] = (slope @ q)[middle]
     x[3 * n : 4 * n] = (slope @ theta)[middle]
     return x
