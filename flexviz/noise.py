@@ -7,7 +7,9 @@ from flexviz.measurements import Segment
 
 Array = NDArray[np.float64]
 
-_DIFFERENCE_GAIN = np.sqrt(70.0)  # Σ C(4, k)²: white noise of unit variance has fourth differences of variance 70
+_DIFFERENCE_GAIN = np.sqrt(
+    70.0
+)  # Σ C(4, k)²: white noise of unit variance has fourth differences of variance 70
 
 
 def white_noise(y: Array) -> Array:

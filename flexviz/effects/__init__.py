@@ -8,4 +8,12 @@ from flexviz.effects.selection import ChosenEffect, choose_effects
 
 EFFECTS: dict[str, Effect] = {e.name: e for e in (CoulombFriction(), LinkCoulombFriction(), TorqueOffset())}
 
-__all__ = ["EFFECTS", "EFFECT_NAMES", "ChosenEffect", "Effect", "JointMotion", "ParameterSpec", "choose_effects"]
+__all__ = [
+    "EFFECTS",
+    "EFFECT_NAMES",
+    "ChosenEffect",
+    "Effect",
+    "JointMotion",
+    "ParameterSpec",
+    "choose_effects",
+]

@@ -1,4 +1,4 @@
-"""What a physical effect is: one small class that carries its law and how it enters the identification equation."""
+"""What a physical effect is: one class with its law and how it enters the identification equation."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ class JointMotion:
 class Effect(ABC):
     """A torque that a joint has beside the base model.
 
-    Effects of `where` "motor" add their torque to the motor's friction, s = τ − Bθ̈ − f_mv θ̇ − u; effects of `where`
-    "link" add theirs to the link's, r = s − Y Γ − f_lv q̇ − u. Both must be linear in their parameters:
-    u = Σ_p p · column_p(t).
+    Effects of `where` "motor" add their torque to the motor's friction, s = τ − Bθ̈ − f_mv θ̇ − u; effects of
+    `where` "link" add theirs to the link's, r = s − Y Γ − f_lv q̇ − u. Both must be linear in their
+    parameters: u = Σ_p p · column_p(t).
     """
 
     name: ClassVar[str]

@@ -4,7 +4,10 @@ import numpy as np
 
 from flexviz.effects.base import Array, Effect, JointMotion, ParameterSpec, smooth_sign
 
-_ARMSTRONG = "Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models … for machines with friction, Automatica 30(7), 1994"
+_ARMSTRONG = (
+    "Armstrong-Hélouvry, Dupont, Canudas de Wit: A survey of models, analysis tools and compensation methods "
+    "for the control of machines with friction, Automatica 30(7), 1994"
+)
 
 
 class CoulombFriction(Effect):

@@ -11,9 +11,14 @@ class TorqueOffset(Effect):
     name = "torque_offset"
     title = "Torque offset"
     where = "motor"
-    explanation = "The recorded torque is wrong by a constant, for example from a current sensor's zero error."
+    explanation = (
+        "The recorded torque is wrong by a constant, for example from a current sensor's zero error."
+    )
     equation = "u = f_0"
-    reference = "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, IEEE CSM 27(5), 2007"
+    reference = (
+        "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, "
+        "IEEE Control Systems Magazine 27(5), 2007"
+    )
     parameters = (ParameterSpec("offset", "Nm", explanation="constant torque"),)
 
     def columns(self, motion: JointMotion) -> Array:

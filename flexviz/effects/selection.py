@@ -30,10 +30,14 @@ def choose_effects(wanted: Iterable[str], joints: tuple[str, ...]) -> tuple[Chos
         name, _, joint = text.partition(":")
         if name not in EFFECTS:
             if name in EFFECT_NAMES:
-                raise InputError(f'effect "{name}" can be simulated but not identified yet; {choose_from(name, EFFECTS)}')
+                raise InputError(
+                    f'effect "{name}" can be simulated but not identified yet; {choose_from(name, EFFECTS)}'
+                )
             raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS)}')
         if joint and joint not in joints:
-            raise InputError(f'effect "{text}": joint "{joint}" is not in the set; {choose_from(joint, joints)}')
+            raise InputError(
+                f'effect "{text}": joint "{joint}" is not in the set; {choose_from(joint, joints)}'
+            )
         for index in range(len(joints)):
             if not joint or joints[index] == joint:
                 chosen[ChosenEffect(name, index)] = None

@@ -1,7 +1,7 @@
 """Where each parameter stands in the solver's vector.
 
-The solver works with the compliance c = 1/K: q = θ − c s is linear in it, a rigid joint is c = 0, and the residual
-is nearly linear, so that a start value ten times off is one good step away.
+The solver works with the compliance c = 1/K: q = θ − c s is linear in it, a rigid joint is c = 0, and the
+residual is nearly linear, so that a start value ten times off is one good step away.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", "kg m²", "kg m²", "kg m²", "k
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), then the effects' parameters.
+    """Order of the solver's vector for n joints: Γ (10n), c, B, f_lv, f_mv (n each), effects' parameters.
 
     Attributes:
         joints: names of the joints.

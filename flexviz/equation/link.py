@@ -51,7 +51,10 @@ class LinkDynamics:
         """
         count, n = q.shape
         terms = LinkTerms(
-            np.empty((count, n, 10 * n)), np.empty((count, n, n)), np.empty((count, n, n)), np.empty((count, n, n))
+            np.empty((count, n, 10 * n)),
+            np.empty((count, n, n)),
+            np.empty((count, n, n)),
+            np.empty((count, n, n)),
         )
         q, v, a = (np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a))
         model, data = self._model, self._data

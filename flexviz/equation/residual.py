@@ -53,19 +53,31 @@ class Equation:
         self._columns: dict[ChosenEffect, Array] = {}
         self._velocity_stiffness: Array | None = None
 
-    def prepare(self, stiffness: Array) -> None:
+    def prepare(self, stiffness: Array) -> bool:
         """Compute the effects' columns; those of link effects follow the stiffness (shape (n,) [Nm/rad]).
+
+        Returns:
+            whether columns that were already there have changed.
 
         The dependence of sign(q̇) on the stiffness is not part of the Jacobian: columns stay as they are until
         this is called again.
         """
         known = self._velocity_stiffness
         moved = known is None or np.max(np.abs(stiffness / known - 1)) > 1e-3
+        changed = False
         for effect in self.layout.effects:
-            if effect not in self._columns or (moved and EFFECTS[effect.effect].where == "link"):
+            stale = effect in self._columns and moved and EFFECTS[effect.effect].where == "link"
+            if stale or effect not in self._columns:
                 self._columns[effect] = self.signals.effect_columns(effect, stiffness)
+            changed |= stale
         if moved:
             self._velocity_stiffness = stiffness.copy()
+        return changed
+
+    @property
+    def has_link_effects(self) -> bool:
+        """Whether some columns depend on the stiffness."""
+        return any(EFFECTS[e.effect].where == "link" for e in self.layout.effects)
 
     def columns_of(self, effect: ChosenEffect) -> Array:
         """An effect's columns, shape (P, D, N); see `Signals.effect_columns`."""

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array, Array]:
     """∂r/∂θ^(k) and ∂r/∂τ^(k) at every sample.
 
-    From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ + f_lv, L₂ = M:
-    δr = δs − Σ_k L_k δq^(k). What the effects' own columns add is left out.
+    From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ +
+    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). What the effects' own columns add is left out.
 
     Args:
         layout: of the vector.

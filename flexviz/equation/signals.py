@@ -1,4 +1,4 @@
-"""What enters the identification equation: observer outputs of all groups, stacked, at the equation's rate."""
+"""What enters the identification equation: all groups' observer outputs, stacked, at its rate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from flexviz.observers import ButterworthZeroPhase, Observer
 
 Array = NDArray[np.float64]
 
-# the velocity whose sign the friction effects use: wide enough for sharp reversals, narrow enough for little noise
+# the velocity whose sign the friction effects use: wide enough for sharp reversals, narrow enough for
+# little noise
 SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
 SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
@@ -78,8 +79,8 @@ class Signals:
             stiffness: shape (n,), for the link velocity [Nm/rad].
 
         Returns:
-            shape (P, D, N): each parameter's column and its derivatives; D = 3 for motor effects (their torque
-            shifts q, q̇ and q̈), D = 1 for link effects.
+            shape (P, D, N): each parameter's column and its derivatives; D = 3 for motor effects (their
+            torque shifts q, q̇ and q̈), D = 1 for link effects.
         """
         law = EFFECTS[effect.effect]
         depth = 3 if law.where == "motor" else 1
@@ -96,7 +97,11 @@ class Signals:
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
         bandwidth = self.observer.bandwidth
-        return self.observer if isinstance(bandwidth, float) else type(self.observer)(float(bandwidth[joint]))
+        return (
+            self.observer
+            if isinstance(bandwidth, float)
+            else type(self.observer)(float(np.atleast_1d(bandwidth)[joint]))
+        )
 
     def _keep(self, block: Block) -> slice:
         time = block.segment.time[:: block.stride]
@@ -167,7 +172,9 @@ def build_signals(
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
             if np.count_nonzero(keep) < 10:
                 continue
-            theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)[:, keep]
+            theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)[
+                :, keep
+            ]
             delay = measurements.torque_hold / 2
             tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)[:, keep]
             parts.append((time[keep], theta, tau))
@@ -177,7 +184,8 @@ def build_signals(
         longest = max((s.time[-1] - s.time[0] for g in groups for s in g.segments), default=0.0)
         raise InputError(
             f"no samples are left: the longest segment has {longest:.3g} s, the observer {observer.name} at "
-            f"{np.min(observer.bandwidth):g} rad/s needs {start + end:.3g} s to settle; take a higher bandwidth"
+            f"{np.min(observer.bandwidth):g} rad/s needs {start + end:.3g} s to settle; "
+            "take a higher bandwidth"
         )
     payload = np.array([measurements.robot.payload_parameters(g.bodies) for g in groups]).reshape(-1, n, 10)
     return Signals(

@@ -1,8 +1,9 @@
 """Base parameters: the combinations of inertial parameters that a robot's motion can show at all.
 
 Columns of Y that are combinations of others for every motion can never be told apart (Gautier, Khalil: Direct
-calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; found numerically by QR,
-Gautier, J. Robotic Systems 8(4), 1991). Masses are regrouped last, so that a planar arm keeps Izz, mx, my.
+calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; found numerically by
+QR, Gautier, J. Robotic Systems 8(4), 1991). Masses are regrouped last, so that a planar arm keeps Izz, mx,
+my.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
     n = robot.n
     q, v, a = rng.uniform(-2.5, 2.5, (3, 12 * n + 8, n))
     y = LinkDynamics(robot).regressor(q, v, a).reshape(-1, 10 * n)
-    order = [10 * j + k for k in _PREFERRED[:-1] for j in reversed(range(n))] + [10 * j for j in reversed(range(n))]
+    order = [10 * j + k for k in _PREFERRED[:-1] for j in reversed(range(n))] + [
+        10 * j for j in reversed(range(n))
+    ]
     scale = np.linalg.norm(y, axis=0)
     kept: list[int] = []
     basis = np.zeros((len(y), 0))
@@ -56,7 +59,7 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
         if norm > 1e-7:
             kept.append(column)
             basis = np.column_stack((basis, rest / norm))
-    matrix = np.linalg.lstsq(y[:, kept], y, rcond=None)[0]
+    matrix: Array = np.linalg.lstsq(y[:, kept], y, rcond=None)[0].astype(float)
     matrix[np.abs(matrix) < 1e-8] = 0.0
     names = []
     for row, column in zip(matrix, kept, strict=True):

@@ -79,8 +79,8 @@ def identify(
         groups: names of the groups to fit; all but the validation groups where None.
         effects: "name" (every joint) or "name:joint", beside those the set's model starts with.
         observer: one of `OBSERVERS`.
-        bandwidth: [rad/s], one number or one a joint. None: the zero-phase Butterworth's is chosen by the data
-            (least residual), the others have a fixed default.
+        bandwidth: [rad/s], one number or one a joint. None: the zero-phase Butterworth's is chosen by the
+            data (least residual), the others have a fixed default.
         refine: run the refinement stage, which removes the observer's bias.
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
@@ -91,7 +91,15 @@ def identify(
     """
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
         return _identify(
-            measurements, groups, tuple(effects), observer, bandwidth, refine, progress, should_stop, max_iterations
+            measurements,
+            groups,
+            tuple(effects),
+            observer,
+            bandwidth,
+            refine,
+            progress,
+            should_stop,
+            max_iterations,
         )
 
 
@@ -108,7 +116,9 @@ def _identify(
 ) -> Identification:
     began = time.perf_counter()
     fitted = _fit_groups(measurements, groups)
-    layout = Layout(measurements.joints, choose_effects((*measurements.effects, *effects), measurements.joints))
+    layout = Layout(
+        measurements.joints, choose_effects((*measurements.effects, *effects), measurements.joints)
+    )
     report = _Reporter(layout, progress, should_stop)
     chosen, equation, start, solution = _plain_fit(
         measurements, fitted, layout, observer, bandwidth, report, max_iterations
@@ -117,7 +127,7 @@ def _identify(
     converged = solution.converged
     message = "converged" if converged else "did not converge; the values are where the solver stopped"
     evaluation = solution.evaluation
-    information, cov, share = _plain_covariance(equation, start, solution)
+    cov, share = _plain_covariance(equation, start, solution)
     refined = False
     if refine and not report.stopped:
         report.stage = "refine"
@@ -198,7 +208,9 @@ def _plain_fit(
         start = start_values(measurements, equation)
         report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
         options = {"report": report, "max_iterations": max_iterations}
-        solution = gauss_newton(equation, start.prior, start.bounds, start.x if near is None else near, **options)
+        solution = gauss_newton(
+            equation, start.prior, start.bounds, start.x if near is None else near, **options
+        )
         for factor in STIFFNESS_FACTORS:
             if solution.converged or report.stopped:
                 break
@@ -233,8 +245,8 @@ def _plain_fit(
     return best
 
 
-def _plain_covariance(equation: Equation, start: Start, solution: Solution) -> tuple[Array, Array, Array]:
-    """Information, sandwich covariance and prior share; parameters at a bound have none."""
+def _plain_covariance(equation: Equation, start: Start, solution: Solution) -> tuple[Array, Array]:
+    """Sandwich covariance and prior share; parameters at a bound have none."""
     layout, weights = equation.layout, solution.weights
     jacobian = solution.evaluation.jacobian * weights[:, :, None]
     residual = solution.evaluation.residual * weights
@@ -247,11 +259,16 @@ def _plain_covariance(equation: Equation, start: Start, solution: Solution) -> t
     index = np.ix_(free, free)
     colour = colour_matrix(residual, jacobian[:, :, free], rows)
     cov[index], share[free] = covariance(information[index], colour, prior[index])
-    return information, cov, share
+    return cov, share
 
 
 def _refine(
-    measurements: MeasurementSet, groups: tuple[Group, ...], layout: Layout, start: Start, x: Array, report: _Reporter
+    measurements: MeasurementSet,
+    groups: tuple[Group, ...],
+    layout: Layout,
+    start: Start,
+    x: Array,
+    report: _Reporter,
 ) -> Refined:
     return refine_fit(Refinement(measurements, groups, layout), start.prior, start.bounds, x, report=report)
 
@@ -275,7 +292,9 @@ def _residuals(
         result = held_out.evaluate(x)
         series |= _series(held_out, result)
         rms_validation = _rms(result.residual)
-    return ResidualSummary(layout.joints, _rms(evaluation.residual), rms_validation, tuple(map(float, floor))), series
+    return ResidualSummary(
+        layout.joints, _rms(evaluation.residual), rms_validation, tuple(map(float, floor))
+    ), series
 
 
 def _rms(residual: Array) -> tuple[float, ...]:

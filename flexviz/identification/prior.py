@@ -1,10 +1,10 @@
 """What is assumed where the data are silent.
 
 Inertial parameters: the log-determinant divergence between a body's pseudo-inertia P and its CAD value P₀,
-D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification, IEEE T-RO 36(2),
-2020). It does not depend on the frame, grows without bound towards bodies that cannot exist (P not positive
-definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker than data that see a
-parameter at all. Everything else: normal around the start values, wide.
+D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification,
+IEEE T-RO 36(2), 2020). It does not depend on the frame, grows without bound towards bodies that cannot exist
+(P not positive definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker than
+data that see a parameter at all. Everything else: normal around the start values, wide.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ def _basis() -> Array:
     e[0, 3, 3] = 1.0
     for k in range(3):
         e[1 + k, k, 3] = e[1 + k, 3, k] = 1.0
-    for index, (i, j) in zip((4, 5, 6, 7, 8, 9), ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)), strict=True):
+    for index, (i, j) in zip(
+        (4, 5, 6, 7, 8, 9), ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)), strict=True
+    ):
         if i == j:  # Σ = ½ tr(I) 1 − I
             e[index, :3, :3] += 0.5 * np.eye(3)
             e[index, i, i] -= 1.0
@@ -45,7 +47,8 @@ def pseudo_inertia(parameters: Array) -> Array:
 def physically_consistent(parameters: Array) -> Array:
     """The nearest parameters (…, 10) whose pseudo-inertia is comfortably positive definite.
 
-    CAD values are often rounded or invented so that no real body has them; bodies without mass get a small one.
+    CAD values are often rounded or invented so that no real body has them; bodies without mass get a small
+    one.
     """
     p = pseudo_inertia(parameters)
     total = np.max(parameters[..., 0]) if parameters.size else 1.0
@@ -72,7 +75,8 @@ class Prior:
         layout: the solver's vector.
         cad: shape (n, 10), positive definite.
         centre: shape (P,), of the normal part.
-        spread: shape (P,), its standard deviations; infinite where there is none. The inertial entries are unused.
+        spread: shape (P,), its standard deviations; infinite where there is none. The inertial entries are
+            unused.
         weight: of the inertial part.
     """
 

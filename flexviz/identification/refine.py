@@ -1,10 +1,11 @@
 """The refinement stage: removes what filtering and noise do to the plain fit.
 
-Two bands. The residual r comes from a wide filter that is exactly flat where the robot moves, so that products of
-filtered signals are right; it is full of noise, but that noise's covariance is known (`whitening`). The Jacobian
-comes from a narrow filter, so that its noise is small and its correlation with the residual's noise negligible: it
-serves as instrument Z. Solved is Zᵀ W r = 0 with W the inverse covariance — generalised least squares without the
-errors-in-variables bias of one band.
+Two bands. The residual r comes from a wide filter that is exactly flat where the robot moves, so that
+products of filtered signals are right; it is full of noise, but that noise's covariance is known
+(`whitening`). The Jacobian comes from a narrow filter, so that its noise is small and its correlation with
+the residual's noise
+negligible: it serves as instrument Z. Solved is Zᵀ W r = 0 with W the inverse covariance — generalised least
+squares without the errors-in-variables bias of one band.
 """
 
 from __future__ import annotations
@@ -68,7 +69,11 @@ class Refinement:
     """Signals in two bands, and the noise's way through the equation."""
 
     def __init__(
-        self, measurements: MeasurementSet, groups: Sequence[Group], layout: Layout, wide_hertz: float = WIDE_HERTZ
+        self,
+        measurements: MeasurementSet,
+        groups: Sequence[Group],
+        layout: Layout,
+        wide_hertz: float = WIDE_HERTZ,
     ) -> None:
         raw = max(s.step for g in groups for s in g.segments)
         wide_hertz = min(wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw))
@@ -119,7 +124,7 @@ class Refinement:
 def residual_noise(
     signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
 ) -> Array:
-    """Mean variance that white noise of standard deviations (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
+    """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
     theta, tau = signal_sensitivity(layout, x, link)
     total = np.zeros(layout.n)
     for block in signals.blocks:
@@ -143,9 +148,9 @@ def refine(
 ) -> Refined:
     """Solve Zᵀ W r = 0 (plus the prior) from the plain fit's x.
 
-    Where the residual is far above the measurement noise the model, not the noise, is what is wrong: a white model
-    error is then added to the noise, as large as it takes to explain the residual, so that nothing is weighted by a
-    noise that does not matter.
+    Where the residual is far above the measurement noise the model, not the noise, is what is wrong: a white
+    model error is then added to the noise, as large as it takes to explain the residual, so that nothing is
+    weighted by a noise that does not matter.
     """
     first = _solve(refinement, prior, bounds, x, max_iterations, report)
     if first.chi_square <= CONSISTENT:
@@ -171,7 +176,9 @@ class _Point:
     used: NDArray[np.bool_]
 
 
-def _whitened(refinement: Refinement, x: Array, whiteners: list[Whitener] | None) -> tuple[_Point, list[Whitener]]:
+def _whitened(
+    refinement: Refinement, x: Array, whiteners: list[Whitener] | None
+) -> tuple[_Point, list[Whitener]]:
     lay, blocks = refinement.layout, refinement.blocks
     for equation in (refinement.wide, refinement.narrow):
         equation.prepare(1 / x[lay.compliance])
@@ -190,9 +197,9 @@ def _whitened(refinement: Refinement, x: Array, whiteners: list[Whitener] | None
 def settled(r: Array) -> NDArray[np.bool_]:
     """Samples of one stretch outside the transients at its ends, shape (N,).
 
-    A record that starts with a jump leaves a longer transient than one that does not. The whitened residual shows it:
-    windows of 1/80 of the stretch at either end are dropped up to the last one, within the first eighth, that is
-    TRANSIENT times as large as usual.
+    A record that starts with a jump leaves a longer transient than one that does not. The whitened residual
+    shows it: windows of 1/80 of the stretch at either end are dropped up to the last one, within the first
+    eighth, that is TRANSIENT times as large as usual.
     """
     window = max(3, len(r) // 80)
     count = len(r) // window
@@ -219,8 +226,8 @@ def _solve(
 ) -> Refined:
     lay, blocks = refinement.layout, refinement.blocks
     whiteners: list[Whitener] | None = None
-    converged = False
-    for iteration in range(max_iterations):
+    iteration = 0
+    while True:
         # the noise's way through the equation is followed anew once the parameters are nearly right
         point, whiteners = _whitened(refinement, x, whiteners if iteration >= 2 else None)
         gradient, prior_hessian = prior.gradient_and_hessian(x)
@@ -230,12 +237,13 @@ def _solve(
         step, at_bound = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         report(x, 0.5 * float((point.r**2).sum()), length)
-        if length < NEGLIGIBLE and iteration >= 2:
-            converged = True
+        converged = length < NEGLIGIBLE and iteration >= 2
+        if converged or iteration == max_iterations:
             break
         x = _feasible_step(prior, bounds, x, step)
-    chi_squares = (point.r**2).sum(axis=0) / np.count_nonzero(point.used)
-    chi_square = float(chi_squares.mean())
+        iteration += 1
+    chi_squares: Array = np.sum(point.r**2, axis=0) / np.count_nonzero(point.used)
+    chi_square = float(np.mean(chi_squares))
     free = ~at_bound
     colour = (
         information * max(chi_square, 1.0)

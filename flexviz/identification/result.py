@@ -144,14 +144,16 @@ class Identification:
         raise KeyError(f"no parameter {name!r} of joint {joint!r}")
 
     def to_json(self) -> dict[str, Any]:
-        """The `identify --json` document of the contract (format 1), with the base parameters as an extra key."""
+        """The contract's `identify --json` document, with the base parameters as an extra key."""
         bandwidth = self.bandwidth
         return {
             "format": 1,
             "set": self.set_name,
             "observer": {
                 "name": self.observer_name,
-                "bandwidth": bandwidth if isinstance(bandwidth, float) else [float(b) for b in bandwidth],
+                "bandwidth": bandwidth
+                if isinstance(bandwidth, float)
+                else [float(b) for b in np.atleast_1d(bandwidth)],
             },
             "refined": self.refined,
             "groups": list(self.groups),

@@ -95,7 +95,7 @@ def gauss_newton(
         bounds: of the parameters.
         x: start, feasible.
         mask: shape (N, n), samples to use; all where None.
-        reweightings: how often σ is estimated.
+        reweightings: how often σ is estimated; more often where columns follow the stiffness.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
         tolerance: a step shorter than this (in standard deviations) ends a round.
@@ -113,7 +113,7 @@ def gauss_newton(
     converged = False
     try:
         report(x, cost, np.inf)
-        for _ in range(reweightings):
+        for _ in range(reweightings + (5 if equation.has_link_effects else 0)):
             converged = False
             while iterations < max_iterations:
                 iterations += 1
@@ -129,9 +129,11 @@ def gauss_newton(
                     break
                 x, now, cost = accepted
                 report(x, cost, length)
-            equation.prepare(1 / x[equation.layout.compliance])
+            changed = equation.prepare(1 / x[equation.layout.compliance])
+            if changed:
+                now = equation.evaluate(x)
             new = _weights(now.residual, used, equation)
-            settled = converged and np.allclose(new[new > 0], weights[new > 0], rtol=0.02)
+            settled = converged and not changed and np.allclose(new[new > 0], weights[new > 0], rtol=0.02)
             weights = new
             cost = _cost(now, weights, prior, x)
             if settled:
@@ -150,7 +152,9 @@ def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) ->
     return gradient + scaled.T @ residual, hessian + scaled.T @ scaled
 
 
-def bounded_step(gradient: Array, hessian: Array, x: Array, bounds: Bounds) -> tuple[Array, NDArray[np.bool_]]:
+def bounded_step(
+    gradient: Array, hessian: Array, x: Array, bounds: Bounds
+) -> tuple[Array, NDArray[np.bool_]]:
     """The Gauss–Newton step with parameters that would cross a bound put onto it; and which those are."""
     fixed = np.zeros(len(x), bool)
     step = np.zeros(len(x))
@@ -195,7 +199,8 @@ def _line_search(
     length = 1.0
     for _ in range(MAX_HALVINGS):
         trial = bounds.clip(x + length * step)
-        # within one step a stiffness may grow at most tenfold: the residual is nearly linear in c, not exactly
+        # within one step a stiffness may grow at most tenfold: the residual is nearly linear in c,
+        # not exactly
         trial[compliance] = np.maximum(trial[compliance], 0.1 * x[compliance])
         if prior.feasible(trial):
             now = equation.evaluate(trial)

@@ -7,16 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout
 from flexviz.equation.link import LinkDynamics
-from flexviz.identification.prior import Prior, physically_consistent, pseudo_inertia
+from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.identification.solver import Bounds
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
-DEFLECTION_GUESS = 5e-3  # [rad] a joint without a rough stiffness is taken to deflect by this under its rms torque
-SPREAD_LOG = 3.0  # a stiffness or motor inertia a factor e³ = 20 from its start value is one standard deviation off
+DEFLECTION_GUESS = (
+    5e-3  # [rad] a joint without a rough stiffness is taken to deflect by this under its rms torque
+)
+SPREAD_LOG = (
+    3.0  # a stiffness or motor inertia a factor e³ = 20 from its start value is one standard deviation off
+)
 
 
 @dataclass(frozen=True)
@@ -39,16 +44,13 @@ class Start:
 def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     """Rigid least squares on the observer's θ, θ̇, θ̈ and τ, then the paper's shares.
 
-    Motor inertia: the set's rough value, else half of the rigid fit's mean inertia about the joint. Stiffness: the
-    set's rough value, else a guess from the torque.
+    Motor inertia: the set's rough value, else half of the rigid fit's mean inertia about the joint.
+    Stiffness: the set's rough value, else a guess from the torque.
     """
     lay, sig, robot = equation.layout, equation.signals, measurements.robot
     n = lay.n
     cad = physically_consistent(robot.cad_parameters)
-    for effect in lay.effects:
-        # rigid: link and motor side are the same
-        equation.prepare(np.full(n, 1e12))
-        break
+    equation.prepare(np.full(n, 1e12))  # rigid: the link moves like the motor
     regressor = LinkDynamics(robot).regressor(sig.theta[0], sig.theta[1], sig.theta[2])
     torque = sig.tau[0].copy()
     for block in sig.blocks:
@@ -64,13 +66,12 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
         columns[:, effect.joint, shifted] = equation.columns_of(effect)[:, 0].T
 
     given = measurements.initial_motor_inertia
-    joint_inertia = _joint_inertia(regressor, cad, n)
     solution, residual = _rigid_fit(columns, torque, cad, None, n)
     fitted = solution[: 10 * n].reshape(n, 10)
     if given is not None:
         motor_inertia = np.array(given, float)
     else:
-        total = np.maximum(_joint_inertia(regressor, fitted, n) + solution[10 * n : 11 * n], 0.1 * joint_inertia)
+        total = np.maximum(_joint_inertia(fitted) + solution[10 * n : 11 * n], 0.1 * _joint_inertia(cad))
         motor_inertia = 0.5 * total
     solution, residual = _rigid_fit(columns, torque, cad, motor_inertia, n)
     inertial = _feasible_between(cad, solution[: 10 * n].reshape(n, 10))
@@ -88,7 +89,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     x[lay.motor_inertia] = motor_inertia
     x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
     x[lay.effect_start :] = solution[12 * n :]
-    bounds = _bounds(lay, stiffness, motor_inertia)
+    bounds = _bounds(lay, stiffness, motor_inertia, np.max(np.abs(sig.tau[0]), axis=0))
     x = bounds.clip(x)
     prior = Prior(lay, cad, x.copy(), _spread(lay, x, rms_torque, sig.theta[1]))
     return Start(x, prior, bounds, np.sqrt(np.mean(residual**2, axis=0)))
@@ -106,12 +107,8 @@ def _rigid_fit(
     centre, scale = np.zeros(size), np.full(size, np.inf)
     centre[: 10 * n] = cad.ravel()
     for body in range(n):
-        from flexviz.identification.prior import BASIS
-
-        inverse = np.linalg.inv(pseudo_inertia(cad[body]))
-        moved = inverse @ BASIS
-        hessian = np.einsum("kab,lba->kl", moved, moved)
-        scale[10 * body : 10 * body + 10] = 1 / np.sqrt(np.diag(hessian))
+        moved = np.linalg.inv(pseudo_inertia(cad[body])) @ BASIS
+        scale[10 * body : 10 * body + 10] = 1 / np.sqrt(np.einsum("kab,kba->k", moved, moved))
     centre[10 * n : 11 * n] = 0.0
     free = np.ones(size, bool)
     x = centre.copy()
@@ -134,13 +131,11 @@ def _rigid_fit(
     return x, residual
 
 
-def _joint_inertia(regressor: Array, inertial: Array, n: int) -> Array:
-    """Mean inertia about each joint [kg m²], from the regressor's own Izz-like part: M_jj = Y(q, 0, e_j)·Γ − g."""
-    # the body's inertia about its own joint axis bounds M_jj from below and needs no further dynamics calls
-    tensor = np.zeros((n, 3, 3))
-    upper = inertial[:, 4:]
+def _joint_inertia(inertial: Array) -> Array:
+    """Each body's largest inertia about its own joint's frame, shape (n,) [kg m²]: a scale, no more."""
+    tensor = np.zeros((len(inertial), 3, 3))
     for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
-        tensor[:, i, j] = tensor[:, j, i] = upper[:, k]
+        tensor[:, i, j] = tensor[:, j, i] = inertial[:, 4 + k]
     return np.max(np.linalg.eigvalsh(tensor), axis=1)
 
 
@@ -157,16 +152,17 @@ def _feasible_between(cad: Array, fitted: Array) -> Array:
     return out
 
 
-def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array) -> Bounds:
-    from flexviz.effects import EFFECTS
-
+def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque: Array) -> Bounds:
     lower, upper = np.full(lay.size, -np.inf), np.full(lay.size, np.inf)
     lower[lay.compliance], upper[lay.compliance] = 1e-3 / stiffness, 1e3 / stiffness
     lower[lay.motor_inertia], upper[lay.motor_inertia] = 1e-3 * motor_inertia, 1e3 * motor_inertia
     lower[lay.link_viscous] = lower[lay.motor_viscous] = 0.0
     for effect, where in lay.effect_slices():
         specs = EFFECTS[effect.effect].parameters
-        lower[where], upper[where] = [p.lower for p in specs], [p.upper for p in specs]
+        # no torque of an effect is larger than everything that was measured
+        reach = [largest_torque[effect.joint] if p.unit == "Nm" else np.inf for p in specs]
+        lower[where] = [max(p.lower, -r) for p, r in zip(specs, reach, strict=True)]
+        upper[where] = [min(p.upper, r) for p, r in zip(specs, reach, strict=True)]
     return Bounds(lower, upper)
 
 

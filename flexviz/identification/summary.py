@@ -37,7 +37,7 @@ def grade(kind: str, std: float, scale: float, prior_share: float) -> str:
 
 
 def natural_scale(prior: Prior) -> Array:
-    """How far an inertial parameter may plausibly lie from CAD: the prior's own spread there, shape (10n,)."""
+    """How far an inertial parameter may lie from CAD: the prior's own spread there, shape (10n,)."""
     x = np.zeros(prior.layout.size)
     x[prior.layout.inertial] = prior.cad.ravel()
     hessian = prior.gradient_and_hessian(x)[1]
@@ -49,7 +49,8 @@ def natural_scale(prior: Prior) -> Array:
 
 
 def parameter_estimates(
-    layout: Layout, x: Array, start: Array, cov: Array, share: Array, at_bound: NDArray[np.bool_], prior: Prior,
+    layout: Layout, x: Array, start: Array, cov: Array, share: Array, at_bound: NDArray[np.bool_], prior:
+        Prior,
     rms_torque: Array,
 ) -> tuple[ParameterEstimate, ...]:  # fmt: skip
     """All parameters in the order of the solver's vector, then the friction sums."""
@@ -77,7 +78,15 @@ def parameter_estimates(
             tied = tuple(labels[i] for i in strongest if row[i] >= TIED)
         out.append(
             ParameterEstimate(
-                name, joint, float(values[k]), float(std[k]), unit, float(begin[k]), identifiable, tied, bool(at_bound[k])
+                name,
+                joint,
+                float(values[k]),
+                float(std[k]),
+                unit,
+                float(begin[k]),
+                identifiable,
+                tied,
+                bool(at_bound[k]),
             )
         )
     for j in range(n):
@@ -87,7 +96,13 @@ def parameter_estimates(
         verdict = grade("friction", deviation, max(total, 1e-12), float(min(share[pair])))
         out.append(
             ParameterEstimate(
-                "viscous_friction_sum", layout.joints[j], total, deviation, "Nm s/rad", float(start[pair].sum()), verdict
+                "viscous_friction_sum",
+                layout.joints[j],
+                total,
+                deviation,
+                "Nm s/rad",
+                float(start[pair].sum()),
+                verdict,
             )
         )
     return tuple(out)
@@ -117,7 +132,9 @@ def combinations(
     labels = [f"{INERTIAL_NAMES[k]}:{joint}" for joint in layout.joints for k in range(10)]
     spread = natural_scale(prior)
     values = base.matrix @ x[inertial]
-    deviation = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", base.matrix, cov[inertial, inertial], base.matrix), 0.0))
+    deviation = np.sqrt(
+        np.maximum(np.einsum("ij,jk,ik->i", base.matrix, cov[inertial, inertial], base.matrix), 0.0)
+    )
     out = []
     for i, column in enumerate(base.columns):
         row = base.matrix[i]
@@ -138,9 +155,13 @@ def combinations(
     return tuple(out)
 
 
-def condition_number(jacobian: Array, layout: Layout, base: BaseParameters, at_bound: NDArray[np.bool_]) -> float:
-    """Of the weighted Jacobian (shape (M, P)), columns scaled to unit length, over base and joint parameters."""
-    columns = [c for c in base.columns] + [k for k in range(layout.inertial.stop, layout.size) if not at_bound[k]]
+def condition_number(
+    jacobian: Array, layout: Layout, base: BaseParameters, at_bound: NDArray[np.bool_]
+) -> float:
+    """Of the weighted Jacobian (M, P), columns scaled to unit length, over base and joint parameters."""
+    columns = [c for c in base.columns] + [
+        k for k in range(layout.inertial.stop, layout.size) if not at_bound[k]
+    ]
     part = jacobian[:, columns]
     norm = np.linalg.norm(part, axis=0)
     part = part[:, norm > 0] / norm[norm > 0]

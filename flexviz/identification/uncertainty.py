@@ -1,8 +1,9 @@
 """Standard errors that know the residual's colour.
 
-The residual is filtered noise (and model error): its samples are correlated in time and between joints, so the
-textbook covariance σ²(JᵀJ)⁻¹ is wrong, here by up to a factor of twelve. The sandwich A⁻¹ (Jᵀ T J) A⁻¹ uses the
-residual's own covariance T, taken as stationary within a group and estimated from its smoothed cross spectrum.
+The residual is filtered noise (and model error): its samples are correlated in time and between joints, so
+the textbook covariance σ²(JᵀJ)⁻¹ is wrong, here by up to a factor of twelve. The sandwich A⁻¹ (Jᵀ T J) A⁻¹
+uses the residual's own covariance T, taken as stationary within a group and estimated from its smoothed cross
+spectrum.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+
+from flexviz._scipy import fft
 
 Array = NDArray[np.float64]
 

@@ -1,13 +1,13 @@
 """Whitening of the residual by the measurement noise's own way through the equation.
 
-White noise in θ and τ passes the observer (known, stationary) and then the equation (known, but changing with the
-pose). The residual's covariance between two instants is therefore known in closed form:
+White noise in θ and τ passes the observer (known, stationary) and then the equation (known, but changing with
+the pose). The residual's covariance between two instants is therefore known in closed form:
 
     Cov(r_t, r_u) = Σ_jk A_j(t) ρ_jk(t − u) A_k(u)ᵀ,    A_k = ∂r/∂θ^(k) or ∂r/∂τ^(k),
 
-ρ_jk(t − u) the covariance of the filtered noise's j-th and k-th derivatives. Each sample is predicted from the p
-before it with exactly these covariances and divided by what then remains (a banded approximation of the inverse
-Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988). The first samples of a stretch lose nothing.
+ρ_jk(t − u) the covariance of the filtered noise's j-th and k-th derivatives. Each sample is predicted from
+the p before it with exactly these covariances and divided by what then remains (a banded approximation of the
+inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988). The first samples of a stretch lose nothing.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
+from flexviz._scipy import fft
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
@@ -57,8 +57,10 @@ def noise_kernel(observer: Observer, joint_step: float, raw_step: float, count: 
     Returns:
         shape (lags + 1, count, count): E[x^(j)(t) x^(k)(t − lag)].
     """
-    length = 8192
-    omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    # fine enough to resolve the band, long enough to hold the lags
+    slowest = float(np.min(observer.bandwidth)) * joint_step
+    length = 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
+    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
     gain = [observer.transfer(omega, k) for k in range(count)]
     out = np.empty((lags + 1, count, count))
     for j in range(count):
@@ -116,7 +118,9 @@ def _predict(covariance: Array, predictor: Array, remaining: Array, rows: slice,
             block = covariance[j - i, t - 1 - i]
             past[:, i, :, j, :] = block
             past[:, j, :, i, :] = block.transpose(0, 2, 1)
-    cross = np.stack([covariance[k + 1, t] for k in range(order)], axis=1)  # (T, order, n, n): Cov(r_t, r_{t−1−k})
+    cross = np.stack(
+        [covariance[k + 1, t] for k in range(order)], axis=1
+    )  # (T, order, n, n): Cov(r_t, r_{t−1−k})
     right = cross.transpose(0, 1, 3, 2).reshape(len(t), order * n, n)
     weights = np.linalg.solve(past.reshape(len(t), order * n, order * n), right)
     predictor[:order, t] = weights.reshape(len(t), order, n, n).transpose(1, 0, 3, 2)

@@ -69,7 +69,8 @@ class Observer(ABC):
         low, high = BANDWIDTH_LIMITS
         if value.ndim != 1 or not np.all(np.isfinite(value)) or np.any(value < low) or np.any(value > high):
             raise InputError(
-                f"observer bandwidth {bandwidth!r} is not between {low:g} and {high:g} rad/s (one number or one a joint)"
+                f"observer bandwidth {bandwidth!r} is not between {low:g} and {high:g} rad/s "
+                "(one number or one a joint)"
             )
         self._bandwidth = value
 
@@ -82,7 +83,8 @@ class Observer(ABC):
         """The bandwidth of each joint, shape (joints,) [rad/s]."""
         if self._bandwidth.size not in (1, joints):
             raise InputError(
-                f"{self._bandwidth.size} bandwidths were given for {joints} joints: give one number or {joints} numbers"
+                f"{self._bandwidth.size} bandwidths were given for {joints} joints: "
+                f"give one number or {joints} numbers"
             )
         return np.broadcast_to(self._bandwidth, (joints,)).astype(float)
 
@@ -95,7 +97,14 @@ class Observer(ABC):
 
     @abstractmethod
     def derivatives(
-        self, y: Array, step: float, count: int, *, position: bool = False, delay: float = 0.0, stride: int = 1
+        self,
+        y: Array,
+        step: float,
+        count: int,
+        *,
+        position: bool = False,
+        delay: float = 0.0,
+        stride: int = 1,
     ) -> Array:
         """Smoothed derivatives 0 … count−1 of a signal.
 
@@ -103,7 +112,8 @@ class Observer(ABC):
             y: shape (N, n), uniformly sampled.
             step: sampling step [s].
             count: number of derivatives including the zeroth, up to 5.
-            position: y is a position, which continues smoothly beyond the segment's ends; else a torque, which may jump.
+            position: y is a position, which continues smoothly beyond the segment's ends; else a torque,
+                which may jump.
             delay: the signal is delayed by this [s] (used for a torque held by its controller).
             stride: only every stride-th sample is returned.
 
@@ -134,7 +144,9 @@ class Observer(ABC):
         time = segment.time[::stride]
         keep = self.valid(segment.time)[::stride]
         theta = self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True, stride=stride)
-        tau = self.derivatives(segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2, stride=stride)
+        tau = self.derivatives(
+            segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2, stride=stride
+        )
         return Samples(time[keep], theta[:, keep], tau[:, keep])
 
     def valid(self, time: Array) -> NDArray[np.bool_]:

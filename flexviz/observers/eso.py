@@ -38,7 +38,7 @@ def _eso_coefficients() -> Array:
     for k in range(1, ORDER):
         state = polynomial.polymul([1.0, -1.0], rows[-1][1:]) - comb(ORDER, k) * error
         rows.append(state)
-    return np.array([row[1:] for row in rows])
+    return np.array([row[1:] for row in rows], dtype=np.float64)
 
 
 def _equal_delay_coefficients() -> Array:
@@ -78,7 +78,14 @@ class _PoleObserver(Observer):
         return out
 
     def derivatives(
-        self, y: Array, step: float, count: int, *, position: bool = False, delay: float = 0.0, stride: int = 1
+        self,
+        y: Array,
+        step: float,
+        count: int,
+        *,
+        position: bool = False,
+        delay: float = 0.0,
+        stride: int = 1,
     ) -> Array:
         return self._states(shifted(y, step, delay), step, range(count))[:, ::stride]
 
@@ -101,7 +108,7 @@ class CausalEso(_PoleObserver):
 
 
 class EqualDelayEso(_PoleObserver):
-    """One filter F = (w/(s+w))⁶ on θ and τ alike, derivatives sᵏF: everything is equally late, F droops 3(ω/w)²."""
+    """F = (w/(s+w))⁶ on θ and τ alike, derivatives sᵏF: everything is equally late, F droops 3(ω/w)²."""
 
     name = "eso-equal-delay"
     title = "Extended-state observer with equal delay"

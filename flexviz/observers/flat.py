@@ -10,9 +10,9 @@ from flexviz.observers.zero_phase import Array, ZeroPhaseObserver
 class FlatZeroPhase(ZeroPhaseObserver):
     """Gain 1 up to w, a smooth (infinitely differentiable) transition, 0 from 1.8 w.
 
-    Products of filtered signals are not the filtered products: with a Butterworth gain at 15 Hz, the droop of 6e-4
-    at 6 Hz leaves a residual far above the noise of a good encoder. A gain that is exactly one where the robot moves
-    leaves none.
+    Products of filtered signals are not the filtered products: with a Butterworth gain at 15 Hz, the droop of
+    6e-4 at 6 Hz leaves a residual far above the noise of a good encoder. A gain that is exactly one where the
+    robot moves leaves none.
     """
 
     name = "flat-zero-phase"

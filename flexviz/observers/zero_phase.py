@@ -1,16 +1,16 @@
 """Zero-phase observers: a real, even gain G(ω) applied in the frequency domain, derivatives by (iω)^k.
 
-The segment is continued at both ends by reflection: positions odd, so that neither value nor slope jumps; torques
-even, because a controller's torque may start with a spike, about which an odd reflection would turn everything. What
-the reflection gets wrong stays within the filter's memory, which `settling` drops.
+The segment is continued at both ends by reflection: positions odd, so that neither value nor slope jumps;
+torques even, because a controller's torque may start with a spike, about which an odd reflection would turn
+everything. What the reflection gets wrong stays within the filter's memory, which `settling` drops.
 """
 
 from abc import abstractmethod
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
+from flexviz._scipy import fft
 from flexviz.observers.base import Observer
 
 Array = NDArray[np.float64]
@@ -36,11 +36,14 @@ def spectral_derivatives(
         shape (count, ceil(N / stride), m).
     """
     samples, columns = y.shape
-    # Samples are picked from a finer grid that still holds everything the gain lets through: cutting a spectrum
+    # Samples are picked from a finer grid that still holds everything the gain lets through: cutting a
+    # spectrum
     # that ω⁴ has lifted would ring over the whole segment.
     inner = 1
     if band is not None:
-        inner = max(d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band))
+        inner = max(
+            d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band)
+        )
     outer, stride = stride // inner, inner
     # the continuation is a multiple of the stride so that the decimated grid meets the samples
     pad = min(int(np.ceil(margin / step / stride)) * stride, (samples - 1) // stride * stride)
@@ -103,7 +106,14 @@ class ZeroPhaseObserver(Observer):
         return self.memory(), self.memory()
 
     def derivatives(
-        self, y: Array, step: float, count: int, *, position: bool = False, delay: float = 0.0, stride: int = 1
+        self,
+        y: Array,
+        step: float,
+        count: int,
+        *,
+        position: bool = False,
+        delay: float = 0.0,
+        stride: int = 1,
     ) -> Array:
         bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
         return spectral_derivatives(
@@ -124,7 +134,7 @@ class ZeroPhaseObserver(Observer):
 
 
 class ButterworthZeroPhase(ZeroPhaseObserver):
-    """Fourth-order Butterworth run forwards and backwards: gain 1/(1 + (ω/w)⁸), flat over the motion's band."""
+    """Fourth-order Butterworth run forwards and backwards: gain 1/(1 + (ω/w)⁸)."""
 
     name = "butterworth-zero-phase"
     title = "Butterworth, zero phase"
