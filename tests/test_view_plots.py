@@ -40,7 +40,7 @@ def test_thinning_keeps_extremes_and_order(count: int, seed: int) -> None:
 def test_no_nan_reaches_a_chart() -> None:
     y = np.array([np.nan, 1.0, np.inf, -np.inf, np.nan, 2.0])
     assert finite(y).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 2.0]
-    plot = time_plot("k", "t", np.arange(6.0), [("a", "#000000", y)])
+    plot = time_plot("k", "t", "Nm", np.arange(6.0), [("a", "#000000", y)])
     assert all(np.isfinite(column).all() for column in plot.data())
 
 
@@ -122,7 +122,6 @@ class Series:
     residual: np.ndarray
     torque: np.ndarray
     q: np.ndarray
-    valid: np.ndarray
 
 
 @dataclass
@@ -142,7 +141,7 @@ def result_for(measurements: MeasurementSet) -> Any:
     time_, tau = segment.time[every], segment.tau[every]
     residual = 0.1 * np.ones_like(tau)
     q = segment.theta[every] - tau / np.array([2000.0, 1500.0])
-    return Result({"g1": Series(time_, residual, tau, q, np.ones(len(time_), bool))})
+    return Result({"g1": Series(time_, residual, tau, q)})
 
 
 def test_signals_before_and_after(measurements: MeasurementSet) -> None:
@@ -185,6 +184,7 @@ def test_motion_exaggerates_deflection_and_error() -> None:
     texts = scene_labels(both, 2.0, 10.0)
     assert "deflection ×2" in texts[0] and "error ×10" in texts[1]
     assert "not identified" in scene_labels(motion, 2.0, 1.0)[1]
+    assert "simulated data" in scene_labels(motion, 2.0, 1.0, simulated_data=True)[0]
 
 
 def test_sample_clips_to_the_ends() -> None:
@@ -216,3 +216,12 @@ def test_convergence_is_positive_scaled_and_finite() -> None:
         assert cost.logarithmic and cost.lines[0].values.min() > 0 and step.lines[0].values.min() > 0
         assert parameters.lines[0].label == "K j" and parameters.lines[0].values[-1] == 1.0
     assert "iteration 3" in progress_text(steps)
+
+
+def test_small_values_are_shown_in_thousandths() -> None:
+    for scale, unit in ((1.0, "Nm"), (1e-2, "mNm"), (1e-6, "µNm"), (0.0, "Nm")):
+        plot = time_plot(
+            "k", "t", "Nm", np.arange(3.0), [("a", "#000000", scale * np.array([0.0, 1.0, 0.5]))]
+        )
+        assert plot.title == f"t [{unit}]"
+        assert not scale or 0.1 <= plot.lines[0].values.max() < 100

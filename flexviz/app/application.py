@@ -27,7 +27,7 @@ from flexviz.session import Analysis, Session
 from flexviz.view.status import error_text
 
 TICK = 0.1  # [s] playheads, the time slider and live plots follow this often
-NOT_CONTROLS = ("job", "command", "client")
+NOT_CONTROLS = ("job", "command", "client", "resized", "gone")
 
 
 class Application:
@@ -53,10 +53,20 @@ class Application:
         self.dock.finish()
         self.on("job", self._job)
         self.on("client", self.show.scene.aim)
+        self.on("resized", self.show.scene.resized)
+        self.on("gone", self.show.scene.gone)
 
         @server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:
             self.queue.put("client", client, each=True)
+
+            @client.camera.on_update
+            async def _(camera: viser.CameraHandle) -> None:
+                self.queue.put("resized", camera.client)
+
+        @server.on_client_disconnect
+        async def _(client: viser.ClientHandle) -> None:
+            self.queue.put("gone", client, each=True)
 
         self.open(opened)
         self.show.clock.play()

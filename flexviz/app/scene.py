@@ -87,7 +87,7 @@ class RobotNodes:
         segments = np.stack([path[:-1], path[1:]], axis=1)
         if self._trail is None:
             self._trail = self._server.scene.add_line_segments(
-                f"/{self.name}/trail", segments, colors=colour, line_width=1.5
+                f"/{self.name}/trail", segments, colors=colour, thickness=1.5, thickness_units="screen"
             )
         else:
             self._trail.points = segments
@@ -105,6 +105,8 @@ class Scene:
         self._on_click = on_click
         self._grid: Any = None
         self._labels: dict[str, Any] = {}
+        self._aimed: dict[int, tuple[int, int]] = {}  # canvas size each browser was aimed for
+        self._views: dict[int, np.ndarray] = {}  # and where its camera was put
         self.measured: RobotNodes | None = None
         self.identified: RobotNodes | None = None
         server.scene.set_up_direction("+z")
@@ -144,11 +146,27 @@ class Scene:
         if self.measured is None:
             return
         width, height = client.camera.image_width, client.camera.image_height
+        self._aimed[client.client_id] = (width, height)
         hidden = min(230.0 / max(height, 1), 0.4)
         camera, look = self._stage.camera(self._layout, width / max(height, 1), hidden)
+        self._views[client.client_id] = camera
         with client.atomic():
             client.camera.position = camera
             client.camera.look_at = look
+
+    def gone(self, client: viser.ClientHandle) -> None:
+        """A browser has left."""
+        self._aimed.pop(client.client_id, None)
+        self._views.pop(client.client_id, None)
+
+    def resized(self, client: viser.ClientHandle) -> None:
+        """Aim again when the canvas has another size (docks appear late) and nobody has looked around."""
+        now = (client.camera.image_width, client.camera.image_height)
+        if self.measured is None or self._aimed.get(client.client_id, now) == now:
+            return
+        moved = client.camera.position - self._views[client.client_id]
+        if np.linalg.norm(moved) < 1e-3 * self._stage.width:
+            self.aim(client)
 
     def labels(self, measured: str, identified: str) -> None:
         """Write what each robot shows, and by how much it is exaggerated, above it."""

@@ -32,6 +32,7 @@ class Show:
         self.plots = PlotPanel(app)
         self.joint = 0
         self._replays: dict[str, Any] = {}  # of the present result, by group
+        self._failed: set[str] = set()  # groups along which it could not be simulated
         self._replayed: Any = None  # the result they belong to
         app.on("click", lambda joint: self.select(joint=joint))
         app.on("layout", self.layout)
@@ -75,12 +76,12 @@ class Show:
         """Draw the present result: motion, colours, plots; simulate its own motion where that is missing."""
         measurements, result = self._app.measurements, self._app.session.analysis.identification
         if result is not self._replayed:
-            self._replays, self._replayed = {}, result
+            self._replays, self._failed, self._replayed = {}, set(), result
         self.motion = measured_motion(measurements, self.group, result)
         run = self._replays.get(self.group.name)
         if run is not None:
             self.motion = with_replay(self.motion, run)
-        elif result is not None:
+        elif result is not None and self.group.name not in self._failed:
             self._app.worker.stop("replay")
             self._app.submit("replay", replay_group, measurements.path, result.model, self.group.name)
         rms = joint_rms(result, self.group.name)
@@ -94,9 +95,8 @@ class Show:
         """Draw the present motion with the present factors, labels and trails."""
         deflection, error = self._app.view.factors
         self.playback.show(Showing(self.motion, deflection, error))
-        current = self._app.worker.current
-        simulating = current is not None and current.key == "replay"
-        self.scene.labels(*scene_labels(self.motion, deflection, error, simulating))
+        simulated = self._app.measurements.simulated
+        self.scene.labels(*scene_labels(self.motion, deflection, error, self._why_no_model(), simulated))
         every = self.motion.time[:: max(len(self.motion.time) // TRAIL, 1)]
         drawn = [self.motion.pose(float(t), deflection, error) for t in every]
         for nodes, index, colour in (
@@ -105,6 +105,11 @@ class Show:
         ):
             if nodes is not None:
                 nodes.trail([pair[index] for pair in drawn], rgb(colour))
+
+    def _why_no_model(self) -> str:
+        if self._app.session.analysis.identification is None:
+            return "not identified yet"
+        return "simulation failed" if self.group.name in self._failed else "being simulated"
 
     def layout(self, layout: str) -> None:
         """Side by side or overlaid."""
@@ -123,9 +128,9 @@ class Show:
             if group == self.group.name:
                 self.show_model()
         elif event.kind == "failed":
-            self._app.fail(f"the identified model could not be simulated: {event.value}")
-        elif event.kind == "started":
+            self._failed.add(group)
             self.show_motion()
+            self._app.fail(f"the identified model could not be simulated: {event.value}")
 
     def tick(self) -> None:
         """Let playheads and the time slider follow the clock."""

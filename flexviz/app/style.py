@@ -55,8 +55,13 @@ def half(uuid: str) -> str:
     return (
         f'div:has(> div.mantine-Flex-root > div > p > label[for="{uuid}"]) '
         f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n"
-        f"{flex(uuid)} > div:first-child {{ width: 5.4em; }}"
+        f"{flex(uuid)} > div:first-child {{ width: 5.4em !important; }}"
     )
+
+
+def wide_label(uuid: str) -> str:
+    """A rule that gives a control's label the room of a whole name."""
+    return f"{flex(uuid)} > div:first-child {{ width: 12em !important; }}"
 
 
 def pressed(uuid: str, index: int) -> str:

@@ -34,8 +34,22 @@ def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
     if len(x) == 1:
         x, cost, step = np.array([1.0, 2.0]), np.repeat(cost, 2), np.repeat(step, 2)
     return (
-        Plot("cost", "Cost", x, (Line("cost", MEASURED, cost),), x_label, logarithmic=True),
-        Plot("step", "Step (relative)", x, (Line("step", MODEL, step),), x_label, logarithmic=True),
+        Plot(
+            "cost",
+            "Cost (weights are renewed on the way)",
+            x,
+            (Line("cost", MEASURED, cost),),
+            x_label,
+            logarithmic=True,
+        ),
+        Plot(
+            "step",
+            "Step (relative; 0.001 and less at the bottom)",
+            x,
+            (Line("step", MODEL, step),),
+            x_label,
+            logarithmic=True,
+        ),
         Plot("parameters", "Parameters / present value", x, scaled(iterations, len(x)), x_label, height=260),
     )
 
@@ -49,7 +63,7 @@ def scaled(iterations: Sequence[Iteration], length: int) -> tuple[Line, ...]:
         values = np.concatenate((np.repeat(values[:1], length - len(values), axis=0), values))
     now = values[-1]
     scale = np.where(np.abs(now) > 1e-9, np.abs(now), 1.0)
-    shares = np.clip(np.nan_to_num(values / scale), -10.0, 10.0)
+    shares = np.clip(np.nan_to_num(values / scale), -5.0, 5.0)
     moved = np.argsort(-np.ptp(shares, axis=0), kind="stable")[:LINES]
     return tuple(
         Line(short(names[i]), SERIES[rank % len(SERIES)], shares[:, i], dashed=rank >= len(SERIES))
@@ -65,11 +79,9 @@ def short(name: str) -> str:
     return f"{SHORT.get(parameter, parameter)} {joint}".strip()
 
 
-def positive(values: Sequence[float]) -> np.ndarray:
-    """The values, none below 1e-12 of the largest, so that a logarithmic axis can show them."""
-    column = np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0)
-    top = float(column.max(initial=0.0)) or 1.0
-    return np.maximum(column, 1e-12 * top)
+def positive(values: Sequence[float], floor: float = 1e-3) -> np.ndarray:
+    """The values, none below `floor`, so that a logarithmic axis can show them."""
+    return np.maximum(np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0), floor)
 
 
 def progress_text(iterations: Sequence[Iteration]) -> str:

@@ -65,18 +65,24 @@ class Motion:
 
 
 def scene_labels(
-    motion: Motion, deflection: float, error: float, simulating: bool = False
+    motion: Motion,
+    deflection: float,
+    error: float,
+    why: str = "not identified yet",
+    simulated_data: bool = False,
 ) -> tuple[str, str]:
-    """What stands above the measured and the identified robot; the factors are always written there."""
-    known = motion.deflection is not None
-    side = "deflection unknown" if not known else f"deflection ×{deflection:g}"
-    measured = f"measured, {side}"
-    if known and deflection:
-        measured += f"\n({motion.deflection_source})"
+    """What stands above the measured and the identified robot; the factors are always written there.
+
+    `why` says why there is no simulated motion of the identified model, where there is none.
+    """
+    first = "measured (simulated data)" if simulated_data else "measured"
+    if motion.deflection is None:
+        measured = f"{first}\ndeflection unknown before Run"
+    else:
+        measured = f"{first}\ndeflection ×{deflection:g} ({motion.deflection_source})"
     if motion.model_theta is None:
-        why = "being simulated" if simulating else "not identified yet"
         return measured, f"{why}:\nshows the measured motor angle"
-    return measured, f"identified, deflection ×{deflection:g}\nsimulated, error ×{error:g}"
+    return measured, f"identified, error ×{error:g}\ndeflection ×{deflection:g} (simulated)"
 
 
 def sample(time: Array, values: Array, at: float) -> Array:
@@ -137,15 +143,14 @@ def _deflection(
     if group.q is not None and np.isfinite(group.q).all():
         return theta - _columns(time, group.time, group.q), "link encoders"
     series = None if result is None else result.residuals.get(group.name)
-    if series is not None and result is not None and np.any(series.valid):
+    if series is not None and result is not None and len(series.time):
         deflection = series.torque / result.model.stiffness
-        valid = np.asarray(series.valid, dtype=bool)
-        return _columns(time, series.time[valid], deflection[valid]), "identified: torque / K"
+        return _columns(time, series.time, deflection), "identified"
     if measurements.initial_stiffness is None:
-        return None, "unknown before Run (the set gives no stiffness)"
+        return None, "unknown"
     tau = np.concatenate([segment.tau for segment in group.segments])
     rough = _smooth(tau, all_time) / measurements.initial_stiffness
-    return _columns(time, all_time, rough), "rough: τ / the set's start stiffness"
+    return _columns(time, all_time, rough), "rough, from start K"
 
 
 def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:

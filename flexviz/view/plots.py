@@ -118,21 +118,28 @@ def playhead(x: Array, time: float) -> Array:
     return line
 
 
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"))
+
+
 def time_plot(
-    key: str,
-    title: str,
-    x: Array,
-    lines: Sequence[tuple[str, str, Array]],
-    *,
-    height: int = 190,
-    note: str = "",
+    key: str, title: str, unit: str, x: Array, lines: Sequence[tuple[str, str, Array]], *, height: int = 190
 ) -> Plot:
-    """A plot over time, thinned, with a playhead; lines are (label, colour, values)."""
+    """A plot over time, thinned, with a playhead; lines are (label, colour, values), the later ones thinner.
+
+    Small values are shown in thousandths or millionths of the unit, since an axis has three decimals at most.
+    """
     thinned, columns = thin(x, [values for _, _, values in lines])
+    largest = max((float(np.abs(column).max(initial=0.0)) for column in columns), default=0.0)
+    fallback = PREFIXES[0 if largest == 0 else -1]
+    factor, prefix = next(((f, p) for f, p in PREFIXES if largest * f >= 0.1), fallback)
+    widths = (2.6, 1.3) if len(lines) > 1 else (1.5,)
     drawn = tuple(
-        Line(label, colour, column) for (label, colour, _), column in zip(lines, columns, strict=True)
+        Line(label, colour, factor * column, widths[min(i, len(widths) - 1)])
+        for i, ((label, colour, _), column) in enumerate(zip(lines, columns, strict=True))
     )
-    return Plot(key, title, thinned, drawn, playhead=np.zeros(len(thinned)), height=height, note=note)
+    return Plot(
+        key, f"{title} [{prefix}{unit}]", thinned, drawn, playhead=np.zeros(len(thinned)), height=height
+    )
 
 
 def no_plot(key: str, note: str) -> Plot:

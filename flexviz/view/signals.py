@@ -34,10 +34,7 @@ def model_torque(
     series = None if result is None else result.residuals.get(group.name)
     if series is None or not len(series.time):
         return None
-    valid = np.asarray(series.valid, dtype=bool)
-    if not valid.any():
-        return None
-    time, residual = series.time[valid], series.residual[valid, joint]
+    time, residual = series.time, series.residual[:, joint]
     measured_time, measured = torque(group, joint)
     return time, np.interp(time, measured_time, measured) - residual, residual
 
@@ -50,7 +47,7 @@ def signals_plots(
     model = model_torque(group, joint, result)
     if model is None:
         first = time_plot(
-            "torque", f"Torque, {name} [Nm]", time, [("measured", MEASURED, measured)], height=200
+            "torque", f"Torque, {name}", "Nm", time, [("measured", MEASURED, measured)], height=200
         )
         waiting = no_plot("residual", "Model torque and residual appear here after Run (step 3, Identify).")
         return (first, waiting, _error_plot(group, joint, name, motion))
@@ -61,9 +58,9 @@ def signals_plots(
         ("model", MODEL, np.interp(time[inside], model_time, explained)),
     ]
     return (
-        time_plot("torque", f"Torque, {name} [Nm]", time[inside], lines, height=200),
+        time_plot("torque", f"Torque, {name}", "Nm", time[inside], lines, height=200),
         time_plot(
-            "residual", f"Residual, {name} [Nm]", model_time, [("residual", RESIDUAL, residual)], height=200
+            "residual", f"Residual, {name}", "Nm", model_time, [("residual", RESIDUAL, residual)], height=200
         ),
         _error_plot(group, joint, name, motion),
     )
@@ -74,5 +71,5 @@ def _error_plot(group: Group, joint: int, name: str, motion: Motion | None) -> P
         return no_plot("error", "")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     return time_plot(
-        "error", f"Simulated − measured θ, {name} [rad]", motion.time, [("error", MODEL, error)], height=200
+        "error", f"Simulated − measured θ, {name}", "rad", motion.time, [("error", MODEL, error)], height=200
     )

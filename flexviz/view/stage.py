@@ -26,6 +26,7 @@ class Stage:
     centre: (3,) middle of one robot's motion [m], in its own frame.
     size: half the height of one robot's motion as it is seen [m].
     width: half its extent along `right` [m].
+    depth: half its extent towards the viewer [m].
     floor: height of the grid [m].
     """
 
@@ -34,6 +35,7 @@ class Stage:
     centre: Array
     size: float
     width: float
+    depth: float
     floor: float
 
     def offsets(self, layout: str) -> tuple[Array, Array]:
@@ -52,10 +54,10 @@ class Stage:
 
         The lowest share `hidden` of the canvas lies under the playback panel.
         """
-        half_width = self.width * (2.05 if layout != "Overlaid" else 1.05)
+        half_width = self.width * (2.35 if layout != "Overlaid" else 1.15)
         half_height = 1.35 * self.size / (1.0 - hidden)  # with the labels
         half_height = max(half_height, half_width / aspect)
-        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + 0.5 * self.width
+        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + self.depth
         look = self.centre + np.array([0.0, 0.0, 0.12 * self.size - hidden * half_height])
         return look + distance * self.towards, look
 
@@ -81,7 +83,8 @@ def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
     along = (points - centre) @ right
     width = max(float(np.abs(along).max()), 0.25 * shape.reach)
     size = max(float(np.abs((points - centre) @ np.cross(towards, right)).max()), 0.3 * shape.reach)
-    return Stage(right, towards, centre, size, width, float(min(0.0, low[2] - 0.02 * shape.reach)))
+    depth = float(np.abs((points - centre) @ towards).max())
+    return Stage(right, towards, centre, size, width, depth, float(min(0.0, low[2] - 0.02 * shape.reach)))
 
 
 def _points(robot: Robot, shape: Shape, theta: Array) -> tuple[Array, Array]:

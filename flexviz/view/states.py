@@ -74,13 +74,13 @@ def states_plots(group: Group, joint: int, observer: Observer, torque_hold: floa
     plots = []
     for k, (key, title) in enumerate(zip(KEYS, ORDERS, strict=True)):
         if k == 0:
-            lines = (Line("measured", MEASURED, thinned[6]), Line("observer", MODEL, thinned[0]))
+            lines = (Line("measured", MEASURED, thinned[6], 2.6), Line("observer", MODEL, thinned[0], 1.3))
             plots.append(Plot(key, title, x, lines, height=HEIGHT, note=note))
         else:
             plots.append(
                 Plot(key, title, x[inside], (Line("observer", MODEL, thinned[k][inside]),), height=HEIGHT)
             )
-    lines = (Line("measured", MEASURED, thinned[7]), Line("observer", MODEL, thinned[5]))
+    lines = (Line("measured", MEASURED, thinned[7], 2.6), Line("observer", MODEL, thinned[5], 1.3))
     plots.append(Plot("tau", "τ [Nm]", x, lines, height=HEIGHT))
     if disturbance:
         lines = (Line("observer", MODEL, thinned[8][inside]),)

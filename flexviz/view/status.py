@@ -58,10 +58,9 @@ def status_html(step: str, message: str, error: str, tone: str = "") -> str:
 def joint_rms(result: Identification | None, group: str) -> np.ndarray | None:
     """(n,) rms residual of each joint in a group [Nm], or None where it is not known."""
     series = None if result is None else result.residuals.get(group)
-    if series is None or not np.any(series.valid):
+    if series is None or not len(series.time):
         return None
-    residual = series.residual[np.asarray(series.valid, dtype=bool)]
-    return np.sqrt(np.mean(residual**2, axis=0))
+    return np.sqrt(np.mean(series.residual**2, axis=0))
 
 
 def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, int]]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
+from flexviz.app.style import wide_label
 from flexviz.app.work import identify_set
 from flexviz.effects import EFFECTS
 from flexviz.jobs import JobEvent
@@ -34,6 +35,7 @@ class IdentifyStep:
                     box = gui.add_checkbox(name, False, hint=f"{effect.explanation} {effect.equation}")
                     watch(box, app.queue, f"effect-{name}")
                     app.on(f"effect-{name}", lambda on, name=name: self._effect(name, on))
+                    app.add_style(wide_label(box._impl.uuid))
                     self._effects[name] = box
             self._refine = gui.add_checkbox(
                 "Refine", False, hint="a second stage that removes the observer's bias; takes longer"

@@ -1,0 +1,91 @@
+"""A real server and a real Chromium; screenshots go where FLEXVIZ_SCREENSHOTS says."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FLAGS = [
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+CHROMIUM = next(
+    (path for path in ("/usr/bin/chromium", shutil.which("chromium") or "") if Path(path).is_file()), None
+)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        try:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        except sync_api.Error as error:
+            pytest.skip(f"no Chromium ({str(error).splitlines()[0]})")
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def serve() -> Iterator[Callable[..., str]]:
+    """serve(SET) -> the page's address."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: str) -> str:
+        command = [sys.executable, "-m", "flexviz", "serve", *arguments, "--no-browser", "--port", "0"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        running.append(process)
+        assert process.stdout is not None
+        found = re.search(r"http://\S+", process.stdout.readline())
+        assert found, "the server did not start"
+        return found[0]
+
+    yield start
+    for process in running:
+        process.terminate()
+        process.wait(timeout=15)
+
+
+@pytest.fixture
+def open_page(chromium: Any) -> Iterator[Callable[..., Any]]:
+    """open_page(address, width, height) -> a page whose plots are there; errors of the page fail the test."""
+    pages: list[Any] = []
+    errors: list[str] = []
+
+    def open_(address: str, width: int = 1280, height: int = 800) -> Any:
+        page = chromium.new_page(viewport={"width": width, "height": height})
+        pages.append(page)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector(".uplot .u-over", timeout=60_000)
+        for button in page.query_selector_all(".mantine-Notification-closeButton"):
+            button.click()
+        return page
+
+    yield open_
+    for page in pages:
+        page.close()
+    assert not errors
+
+
+@pytest.fixture
+def shot() -> Callable[[Any, str], bytes]:
+    """shot(page, name) -> a screenshot, kept where FLEXVIZ_SCREENSHOTS names a folder."""
+
+    def take(page: Any, name: str) -> bytes:
+        picture: bytes = page.screenshot()
+        folder = os.environ.get("FLEXVIZ_SCREENSHOTS")
+        if folder:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            (Path(folder) / f"{name}.png").write_bytes(picture)
+        return picture
+
+    return take

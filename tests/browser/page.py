@@ -1,0 +1,63 @@
+"""How the tests find things on the page."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+
+def row(page: Any, label: str) -> Any:
+    """The row of the control with this label."""
+    box = page.locator("label", has_text=label).filter(visible=True)
+    exact = [i for i in range(box.count()) if box.nth(i).inner_text().strip() == label]
+    assert len(exact) == 1, f"{len(exact)} controls are called {label!r}"
+    return box.nth(exact[0]).locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
+
+
+def button(page: Any, name: str) -> Any:
+    """The one button with this text."""
+    found = page.get_by_role("button", name=name, exact=True)
+    assert found.count() == 1, f"{found.count()} buttons are called {name!r}"
+    return found
+
+
+def tab(page: Any, name: str) -> Any:
+    """The one tab with this name."""
+    return page.get_by_role("tab", name=name, exact=True)
+
+
+def charts(page: Any) -> dict[str, list[list[float]]]:
+    """Title -> data of every chart on the page."""
+    return page.evaluate(
+        """() => Object.fromEntries(Object.values(window.__viserTestpoints?.uplots ?? {}).map(u => [
+            u.chart.root.querySelector('.u-title')?.textContent, u.chart.data.map(d => Array.from(d))]))"""
+    )
+
+
+def chart(page: Any, start: str) -> list[list[float]]:
+    """Data of the chart whose title begins with `start`."""
+    found = [data for title, data in charts(page).items() if title and title.startswith(start)]
+    assert len(found) == 1, f"{len(found)} charts begin with {start!r}: {list(charts(page))}"
+    return found[0]
+
+
+def node(page: Any, name: str) -> list[float] | None:
+    """World matrix of a scene node (16 numbers, column by column), or None where there is none."""
+    return page.evaluate(
+        "name => window.__viserMutable?.nodeRefFromName?.[name]?.matrixWorld?.elements?.slice() ?? null", name
+    )
+
+
+def until(condition: Callable[[], Any], timeout: float = 30.0, what: str = "it") -> Any:
+    """Wait for a true value and return it."""
+    deadline = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        time.sleep(0.05)
+    return value
+
+
+def status(page: Any) -> str:
+    """The status line."""
+    return page.locator(".fv-status").inner_text()

@@ -1,0 +1,182 @@
+"""The app in real Chromium: load, tune, run, stop, look."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.browser.page import button, chart, charts, node, row, status, tab, until
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def address(serve: Callable[..., str]) -> str:
+    return serve()
+
+
+WIDER = """() => [...document.querySelectorAll('.fv, .fv-table, .uplot, button')]
+    .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
+    .filter(e => e.scrollWidth > e.clientWidth + 2)
+    .map(e => e.className + ': ' + e.textContent.slice(0, 60))"""
+
+
+def canvas_colours(picture: bytes, width: int) -> int:
+    """How many colours the middle of a screenshot has, between the docks and above the playback panel."""
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(picture)).convert("RGB")
+    middle = np.asarray(image.crop((345, 60, width - 445, image.height // 2)))
+    return len(np.unique(middle.reshape(-1, 3), axis=0))
+
+
+def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> None:
+    page = open_page(address)
+    assert "Step Data" in status(page) and "no model yet" in status(page)
+    until(lambda: node(page, "/measured/joint1"), what="the measured robot")
+    assert node(page, "/identified/joint1") is not None
+    before = node(page, "/measured/joint2")
+    until(lambda: node(page, "/measured/joint2") != before, what="motion")
+    button(page, "Pause").click()
+    page.wait_for_timeout(800)
+    still = node(page, "/measured/joint2")
+    page.wait_for_timeout(500)
+    assert node(page, "/measured/joint2") == still
+    assert canvas_colours(shot(page, "1-data"), 1280) > 50, "the canvas is blank"
+    button(page, "Step ▶").click()
+    until(lambda: node(page, "/measured/joint2") != still, what="one step")
+    button(page, "Play").click()
+
+
+def test_the_bandwidth_slider_redraws_the_states(address: str, open_page: Any, shot: Any) -> None:
+    page = open_page(address)
+    button(page, "Observer").click()
+    tab(page, "States").click()
+    until(lambda: any(title.startswith("θ̈") for title in charts(page)), what="the states")
+    before = chart(page, "θ⁗")
+    slider = row(page, "Bandwidth [rad/s]").get_by_role("slider")
+    slider.focus()
+    begin = time.monotonic()
+    for _ in range(5):
+        page.keyboard.press("ArrowRight")
+    until(lambda: chart(page, "θ⁗") != before, what="new states")
+    assert time.monotonic() - begin < 5.0
+    assert all(np.isfinite(column).all() for data in charts(page).values() for column in data)
+    shot(page, "2-observer")
+    row(page, "Observer type").get_by_role("combobox").click()
+    page.get_by_role("option", name="eso", exact=True).click()
+    until(lambda: any(title.startswith("disturbance") for title in charts(page)), what="the disturbance")
+    button(page, "Use the observer's own bandwidth").click()
+    row(page, "Observer type").get_by_role("combobox").click()
+    page.get_by_role("option", name="butterworth-zero-phase", exact=True).click()
+    until(lambda: "Butterworth" in page.inner_text("body"), what="the first observer again")
+
+
+def test_run_shows_convergence_table_residual_and_the_models_motion(
+    address: str, open_page: Any, shot: Any
+) -> None:
+    page = open_page(address)
+    button(page, "Identify").click()
+    tab(page, "Convergence").click()
+    button(page, "Run").click()
+    until(lambda: "validation error" in status(page) and "converge" in status(page), 60, "a result")
+    number = re.search(r"(?:validation|fit) error ([\d.]+) Nm", status(page))
+    assert number and float(number[1]) > 0
+    cost = until(lambda: len(chart(page, "Cost")[0]) > 1 and chart(page, "Cost"), what="the cost")
+    assert all(value > 0 for value in cost[1])
+    assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
+    button(page, "Pause").click()
+    shot(page, "3-identify")
+    tab(page, "Signals").click()
+    until(lambda: any(title.startswith("Residual") for title in charts(page)), what="the residual")
+    torque = chart(page, "Torque")
+    assert len(torque) == 4  # time, measured, model, playhead
+    until(
+        lambda: any(title.startswith("Simulated − measured") for title in charts(page)),
+        60,
+        "the simulated motion",
+    )
+    assert node(page, "/identified/joint2") is not None
+    shot(page, "4-signals")
+    row(page, "Layout").get_by_role("combobox").click()
+    page.get_by_role("option", name="Overlaid").click()
+    until(
+        lambda: node(page, "/identified")[12:15] == node(page, "/measured")[12:15],
+        what="one robot in the other",
+    )  # type: ignore[index]
+    page.wait_for_timeout(500)
+    shot(page, "5-overlaid")
+    row(page, "Layout").get_by_role("combobox").click()
+    page.get_by_role("option", name="Side by side").click()
+
+
+def test_keys_play_and_undo(address: str, open_page: Any) -> None:
+    page = open_page(address)
+    button(page, "Pause").click()
+    page.mouse.click(600, 120)  # the empty sky: no control has the focus
+    page.wait_for_timeout(600)
+    still = node(page, "/measured/joint2")
+    page.keyboard.press("Space")
+    until(lambda: node(page, "/measured/joint2") != still, what="playing")
+    page.keyboard.press("Control+z")
+    until(lambda: "undone" in status(page), what="the undo")
+    page.keyboard.press("Control+Shift+z")
+    until(lambda: "redone" in status(page), what="the redo")
+
+
+def test_two_pages_show_the_same(address: str, open_page: Any) -> None:
+    one, two = open_page(address), open_page(address)
+    button(one, "Data").click()
+    until(lambda: "Step Data" in status(two), what="the other page")
+    role = row(one, "t1p1: t1, p1").get_by_role("combobox")
+    role.click()
+    one.get_by_role("option", name="Ignore").click()
+    until(
+        lambda: row(two, "t1p1: t1, p1").get_by_role("combobox").input_value() == "Ignore",
+        what="the other page",
+    )
+    one.mouse.click(600, 120)  # out of the text field, which has an undo of its own
+    one.keyboard.press("Control+z")
+    until(
+        lambda: row(two, "t1p1: t1, p1").get_by_role("combobox").input_value() == "Fit", what="the undo there"
+    )
+
+
+def test_a_reload_loses_nothing(address: str, open_page: Any) -> None:
+    page = open_page(address)
+    before = status(page)
+    page.reload()
+    page.wait_for_selector(".fv-status", timeout=30_000)
+    until(lambda: status(page) == before, what="the same status")
+
+
+@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_overlaps_or_is_cut(
+    address: str, open_page: Any, shot: Any, size: tuple[int, int], dark: bool
+) -> None:
+    page = open_page(address + ("/?darkMode" if dark else ""), *size)
+    button(page, "Pause").click()
+    page.wait_for_timeout(1500)
+    for step, plots in (("Data", "Signals"), ("Observer", "States"), ("Identify", "Convergence")):
+        button(page, step).click()
+        tab(page, plots).click()
+        page.wait_for_timeout(700)
+        picture = shot(page, f"{step.lower()}-{size[0]}-{'dark' if dark else 'light'}")
+        assert canvas_colours(picture, size[0]) > 50
+        assert not page.evaluate(WIDER), "wider than its place"
+
+
+@pytest.mark.skipif("FLEXVIZ_REAL_SET" not in os.environ, reason="FLEXVIZ_REAL_SET names no measurement set")
+def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
+    page = open_page(serve(os.environ["FLEXVIZ_REAL_SET"]))
+    button(page, "Identify").click()
+    row(page, "coulomb_friction").get_by_role("checkbox").click()
+    button(page, "Run").click()
+    until(lambda: "validation error" in status(page), 120, "a result")
+    shot(page, "6-real")

@@ -1,0 +1,210 @@
+"""The whole application without a browser: events in, what is on the screen out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.app.application import Application
+from flexviz.app.server import start_server
+from flexviz.app.work import open_set, sets_beside
+from tests.small_set import write_small_set
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("app")
+    write_small_set(root / "other")
+    return write_small_set(root / "small")
+
+
+@pytest.fixture(scope="module")
+def app(folder: Path) -> Iterator[Application]:
+    server = start_server("127.0.0.1", 0)
+    application = Application(server, open_set(folder))
+    yield application
+    application.close()
+    server.stop()
+
+
+def act(app: Application, key: str, value: Any = None) -> None:
+    """An event, and the loop until it has acted."""
+    app.queue.put(key, value, each=True)
+    while len(app.queue):
+        app.once(0.0)
+    app.once(0.0)
+
+
+def until(app: Application, condition: Callable[[], bool], timeout: float = 60.0) -> None:
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain; status: {status(app)}"
+        app.once(0.05)
+
+
+def pass_time(app: Application, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    until(app, lambda: time.monotonic() >= end, timeout=seconds + 5.0)
+
+
+def status(app: Application) -> str:
+    return app.dock._status.content
+
+
+def chart(app: Application, column: str, key: str) -> tuple[np.ndarray, ...]:
+    return getattr(app.show.plots, f"_{column}")._charts[key]._handle.data
+
+
+def test_starts_playing_and_says_where_one_is(app: Application) -> None:
+    assert app.show.clock.playing
+    assert "Step Data" in status(app) and "no model yet" in status(app)
+    frames = app.show.playback.frames
+    until(app, lambda: app.show.playback.frames > frames + 5, timeout=5.0)
+    for column in (chart(app, "signals", "torque"), chart(app, "states", "theta4")):
+        assert all(np.isfinite(values).all() and len(values) <= 600 for values in column)
+
+
+def test_bandwidth_redraws_the_states(app: Application) -> None:
+    before = chart(app, "states", "theta3")[1]
+    act(app, "bandwidth-log", np.log10(120.0))
+    after = chart(app, "states", "theta3")[1]
+    assert len(before) != len(after) or not np.array_equal(before, after)
+    assert app.session.analysis.bandwidth == pytest.approx(120.0, rel=1e-3)
+    assert "120" in app.observer._numbers.content
+    act(app, "observer", "eso")
+    assert "disturbance" in app.show.plots._states._charts
+    act(app, "bandwidth-default")
+    assert app.session.analysis.bandwidth is None
+    for _ in range(3):
+        app.undo()
+    assert app.session.analysis.observer == "butterworth-zero-phase"
+
+
+def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
+    torque = chart(app, "signals", "torque")[1]
+    act(app, "joint", "joint2")
+    assert app.show.joint == 1 and not np.array_equal(torque, chart(app, "signals", "torque")[1])
+    act(app, "click", 0)
+    assert app.dock._joint.value == "joint1"
+    act(app, "group", "g3")
+    assert app.show.group.name == "g3" and app.dock._group.value == "g3"
+    act(app, "group", "g1")
+
+
+def test_steps_show_their_controls(app: Application) -> None:
+    for step in ("Observer", "Identify", "Data"):
+        act(app, "step", step)
+        assert [name for name, part in app.steps.items() if part.folder.visible] == [step]
+        assert f"Step {step}" in status(app)
+
+
+def test_roles_and_effects_are_in_the_history(app: Application) -> None:
+    act(app, "role0", "Ignore")
+    act(app, "role1", "Validate")
+    assert app.identify._run.disabled and "No group" in app.data._hint.content
+    app.undo()
+    app.undo()
+    assert app.data._rows[0].value == "Fit" and not app.identify._run.disabled
+    act(app, "effect-torque_offset", True)
+    assert app.session.analysis.effects == ("torque_offset",)
+    app.undo()
+    assert not app.identify._effects["torque_offset"].value
+    assert app.identify._effects["coulomb_friction"].disabled  # the set's own
+
+
+def test_playback_controls(app: Application) -> None:
+    act(app, "playback", "Pause")
+    act(app, "time", 1.5)
+    assert app.show.clock.time == pytest.approx(1.5)
+    act(app, "playback", "Step ▶")
+    assert app.show.clock.time == pytest.approx(1.5 + 1 / 30)
+    pass_time(app, 0.2)
+    act(app, "command", "toggle")
+    until(app, lambda: app.show.clock.playing, timeout=2.0)
+    act(app, "speed", "2×")
+    act(app, "layout", "Overlaid")
+    act(app, "layout", "Side by side")
+    frames = app.show.playback.frames
+    pass_time(app, 1.0)
+    assert app.show.playback.frames - frames > 15
+
+
+def test_a_key_that_a_focused_slider_takes_does_not_step(app: Application) -> None:
+    act(app, "playback", "Pause")
+    act(app, "time", 1.0)
+    app.queue.put("command", "forward", each=True)
+    app.queue.put("deflection", 5)
+    pass_time(app, 0.3)
+    assert app.show.clock.time == pytest.approx(1.0)
+    act(app, "command", "forward")
+    pass_time(app, 0.3)
+    assert app.show.clock.time == pytest.approx(1.0 + 1 / 30)
+
+
+def test_the_factor_is_always_written_in_the_scene(app: Application) -> None:
+    app.view.set_deflection(77)
+    act(app, "deflection", 77)
+    assert "deflection ×77" in app.show.scene._labels["measured"].text
+    assert "not identified yet" in app.show.scene._labels["identified"].text
+
+
+def test_another_set_opens_and_a_broken_one_says_why(app: Application, folder: Path) -> None:
+    assert "other" in sets_beside(folder) and "planar-2r-demo" in sets_beside(folder)
+    broken = folder.parent / "broken"
+    write_small_set(broken)
+    (broken / "a.csv").write_text("time,theta_joint1\n0,1\n")
+    act(app, "set", "other")
+    until(app, lambda: app.measurements.name == "other")
+    assert app.data._choice.value == "other"
+    act(app, "set", "broken")
+    until(app, lambda: "bad" in status(app))
+    assert "a.csv" in status(app) and app.measurements.name == "other"
+    act(app, "set", "small")
+    until(app, lambda: app.measurements.name == "small")
+
+
+def test_a_mistake_is_shown_and_the_app_goes_on(app: Application, capsys: Any) -> None:
+    act(app, "role0", "no such role")
+    assert "bad" in status(app)
+    act(app, "no such event")
+    act(app, "step", "Data")
+    assert app.dock.step == "Data"
+
+
+@pytest.mark.slow
+def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
+    act(app, "run")
+    assert app.identify.running and app.identify._run.disabled and not app.identify._stop.disabled
+    frames, begin = app.show.playback.frames, time.monotonic()
+    app.show.clock.play()
+    until(app, lambda: not app.identify.running)
+    rate = (app.show.playback.frames - frames) / (time.monotonic() - begin)
+    result = app.session.analysis.identification
+    assert result is not None and app.session.analysis.up_to_date
+    assert "validation error" in status(app) and "Nm" in status(app)
+    assert "stiffness" in app.identify._table.content
+    assert len(chart(app, "convergence", "cost")[0]) >= 2
+    assert "residual" in app.show.plots._signals._charts
+    assert rate > 10
+    until(app, lambda: app.show.motion.model_theta is not None)
+    assert "error ×" in app.show.scene._labels["identified"].text
+    app.undo()
+    assert app.session.analysis.identification is None and "no model yet" in status(app)
+    app.redo()
+    assert app.session.analysis.identification is result
+    act(app, "run")
+    act(app, "stop")
+    until(app, lambda: not app.identify.running)
+    assert not app.identify._run.disabled
+
+
+@pytest.mark.skipif("FLEXVIZ_REAL_SET" not in os.environ, reason="FLEXVIZ_REAL_SET names no measurement set")
+def test_a_real_set_opens(app: Application) -> None:
+    app.open(open_set(Path(os.environ["FLEXVIZ_REAL_SET"])))
+    assert "no model yet" in status(app)
