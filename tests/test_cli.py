@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import stat
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 from typing import Literal
 
@@ -216,6 +218,43 @@ def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
     result = IdentifyContract.model_validate(json.loads(file.read_text()))
     assert not result.converged and result.parameters
     assert "stopped" in out
+
+
+# -- record and serve
+
+
+@pytest.mark.slow
+def test_record_writes_a_recording(
+    demo_set: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "demo.rrd"
+    capsys.readouterr()
+    assert main(["record", str(demo_set), "--out", str(file), "--group", "t1p1"]) == 0
+    captured = capsys.readouterr()
+    assert str(file) in captured.out and "fitted on t1p1" in captured.out and "iteration" in captured.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["demo.rrd", "demo.rrd.sha256"]
+
+
+@pytest.mark.slow
+def test_serve_answers_until_interrupted(demo_set: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flexviz", "serve", str(demo_set), "--port", "0", "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        line = process.stdout.readline()
+        found = re.search(r"http://127\.0\.0\.1:\d+", line)
+        assert found, line
+        with urllib.request.urlopen(found.group(), timeout=60) as page:
+            assert page.status == 200
+        process.send_signal(signal.SIGINT)
+        err = process.communicate(timeout=60)[1]
+    finally:
+        process.kill()
+    assert process.returncode == 130 and "Traceback" not in err, err
 
 
 # -- pieces

@@ -89,4 +89,6 @@ def test_wheel_works_in_an_empty_folder(installed: Path, tmp_path: Path) -> None
     site = str(installed.parent)
     assert run(installed, tmp_path, "python", "-c", FINDS_ITS_DATA.format(site=site)) == "found"
     assert run(installed, tmp_path, "flexviz", "--version") == "flexviz 0.1.0"
+    (demo,) = installed.parent.glob("lib/python*/site-packages/flexviz/_data/sessions/planar-2r-demo")
+    assert "stiffness" in run(installed, tmp_path, "flexviz", "identify", str(demo))
     assert not any(tmp_path.iterdir())
