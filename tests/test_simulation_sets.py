@@ -21,6 +21,8 @@ from flexviz.simulation import (
     Sensors,
     Sinusoid,
     make_plan,
+    move,
+    record,
     simulate_plan,
     simulate_preset,
     write_plan,
@@ -113,6 +115,7 @@ def test_seed_repeats_the_numbers() -> None:
         np.testing.assert_array_equal(one[name].theta, same[name].theta)
         assert not np.array_equal(one[name].theta, other[name].theta)
         np.testing.assert_array_equal(one[name].q, other[name].q)  # the noise is in the record only
+    np.testing.assert_array_equal(record(plan, move(plan), 4)["t1p1"].tau, other["t1p1"].tau)
     difference = one["t1p1"].theta - other["t1p1"].theta
     np.testing.assert_allclose(difference.std(axis=0), 2e-5 * np.sqrt(2), rtol=0.1)
     difference = one["t1p1"].tau - other["t1p1"].tau
@@ -133,7 +136,7 @@ def test_noise_and_resolution_in_the_loop() -> None:
 def test_torque_filter_smooths_and_still_controls() -> None:
     plan = short(make_plan("paper-a", start="moving"), 1.0)
     controller = plan.controller
-    smooth = Controller(controller.kp, controller.kd, controller.cycle, torque_filter=200.0)
+    smooth = Controller(controller.kp, controller.kd, controller.cycle, torque_filter=50.0)
     plain, filtered = (plan.run(plan.groups[0]), replace(plan, controller=smooth).run(plan.groups[0]))
     assert np.abs(filtered.theta - plain.theta).max() < 0.01
     assert not np.array_equal(plain.tau, filtered.tau)

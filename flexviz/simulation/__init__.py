@@ -10,6 +10,8 @@ from flexviz.simulation.sensors import Sensors
 from flexviz.simulation.sets import (
     SimulatedSet,
     make_plan,
+    move,
+    record,
     simulate_plan,
     simulate_preset,
     write_plan,
@@ -28,7 +30,9 @@ __all__ = [
     "SimulatedSet",
     "Sinusoid",
     "make_plan",
+    "move",
     "random_fourier",
+    "record",
     "replay",
     "simulate_plan",
     "simulate_preset",

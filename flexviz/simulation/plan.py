@@ -45,6 +45,7 @@ class Plan:
     initial_stiffness, initial_motor_inertia: (n,) rough values that the set gives.
     single: write the signals as float32.
     extra: also write link positions and joint torques.
+    note: where the true values come from, for truth.json.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Plan:
     effects: tuple[str, ...] = ()
     single: bool = False
     extra: bool = True
+    note: str = ""
     files: dict[str, str] = field(default_factory=dict)
 
     def run(

@@ -33,6 +33,7 @@ PAPER_TRAJECTORIES = {"t1": (1.0, 0.5 * np.pi), "t2": (0.7, 0.3 * np.pi), "t3": 
 # The paper's true values are lost. These were chosen near its start values; as there, they are regrouped
 # about joint 1: Izz1 + l1² m2, mx1 + l1 m2, with l1 = 1 m.
 PLANAR_TRUTH = {"izz1": 2.50, "mx1": 1.05, "my1": 0.02, "izz2": 1.42, "mx2": 0.40, "my2": 0.05}
+PLANAR_NOTE = "the paper's true values are lost; these were chosen near its start values"
 PLANAR_MASS = (0.60, 0.75)  # [kg] of the two links; the motion does not show how the values above are split
 
 
@@ -95,6 +96,7 @@ def paper(letter: str) -> Plan:
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=np.array([900.0, 1000.0]),
         initial_motor_inertia=np.array([2.56, 1.49]),
+        note=PLANAR_NOTE,
     )
 
 
@@ -135,6 +137,7 @@ def planar_2r() -> Plan:
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=np.array([900.0, 1000.0]),
         initial_motor_inertia=np.array([2.56, 1.49]),
+        note=PLANAR_NOTE,
         single=True,
     )
 
@@ -175,6 +178,7 @@ def panda() -> Plan:
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=rough(settings.stiffness, 0.3, rng),
         initial_motor_inertia=rough(settings.motor_inertia, 0.3, rng),
+        note="chosen for demonstration; masses, centres and inertias are 15 % away from the URDF's",
         single=True,
     )
 

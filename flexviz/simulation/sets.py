@@ -77,20 +77,42 @@ def simulate_plan(
     should_stop: Callable[[], bool] | None = None,
 ) -> dict[str, Run]:
     """Group name -> what its sensors recorded."""
+    return record(plan, move(plan, seed, progress, should_stop), seed)
+
+
+def move(
+    plan: Plan,
+    seed: int = 0,
+    progress: SetProgress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> dict[str, Run]:
+    """Group name -> its motion without the record's noise; `seed` matters only where the controller feels noise.
+
+    Many seeds of one plan cost one `move` and a `record` each.
+    """
     runs: dict[str, Run] = {}
     total = sum(group.duration for group in plan.groups)
     done = 0.0
-    for group in plan.groups:
+    for k, group in enumerate(plan.groups):
 
         def report(share: float, group: PlannedGroup = group, done: float = done) -> None:
             if progress is not None:
                 progress(f"simulating {group.name}", (done + share * group.duration) / total)
 
-        rng = np.random.default_rng([seed, plan.groups.index(group)])
-        run = plan.run(group, seed=rng, progress=report, should_stop=should_stop)
-        runs[group.name] = run if plan.sensors.feedback else run.measured(plan.sensors, rng)
+        rng = np.random.default_rng([seed, k])
+        runs[group.name] = plan.run(group, seed=rng, progress=report, should_stop=should_stop)
         done += group.duration
     return runs
+
+
+def record(plan: Plan, runs: dict[str, Run], seed: int) -> dict[str, Run]:
+    """The motions of `move` as the plan's sensors record them with this seed."""
+    if plan.sensors.feedback:
+        return runs
+    return {
+        group.name: runs[group.name].measured(plan.sensors, np.random.default_rng([seed, k]))
+        for k, group in enumerate(plan.groups)
+    }
 
 
 def write_plan(

@@ -23,6 +23,7 @@ def truth(plan: Plan, seed: int) -> dict[str, Any]:
         "preset": plan.name,
         "seed": seed,
         "start": plan.start,
+        "note": plan.note,
         "joints": list(plan.robot.joints),
         "parameters": parameters(plan.model),
         "effects": effects(plan.model),
