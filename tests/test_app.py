@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
 from flexviz.app.work import open_set, sets_beside
+from flexviz.resources import sessions_dir
 from tests.small_set import write_small_set
 
 
@@ -179,6 +181,7 @@ def test_a_mistake_is_shown_and_the_app_goes_on(app: Application, capsys: Any) -
 
 @pytest.mark.slow
 def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
+    app.open(open_set(sessions_dir() / DEMO))
     act(app, "run")
     assert app.identify.running and app.identify._run.disabled and not app.identify._stop.disabled
     frames, begin = app.show.playback.frames, time.monotonic()
@@ -188,7 +191,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     result = app.session.analysis.identification
     assert result is not None and app.session.analysis.up_to_date
     assert "validation error" in status(app) and "Nm" in status(app)
-    assert "stiffness" in app.identify._table.content
+    assert "Nm/rad" in app.identify._table.content
     assert len(chart(app, "convergence", "cost")[0]) >= 2
     assert "residual" in app.show.plots._signals._charts
     assert rate > 10

@@ -17,7 +17,7 @@ from flexviz.view.convergence import convergence_plots, progress_text
 from flexviz.view.motion import Motion, measured_motion, nice_factor, sample, scene_labels, with_replay
 from flexviz.view.plots import POINTS, finite, playhead, thin, time_plot
 from flexviz.view.signals import signals_plots
-from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots
+from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots, stretch
 from tests.small_set import write_small_set
 
 
@@ -225,3 +225,13 @@ def test_small_values_are_shown_in_thousandths() -> None:
         )
         assert plot.title == f"t [{unit}]"
         assert not scale or 0.1 <= plot.lines[0].values.max() < 100
+
+
+def test_of_a_long_recording_a_stretch_is_filtered(measurements: MeasurementSet) -> None:
+    segment = measurements.groups[0].segments[0]
+    whole, nothing = stretch([segment], 0.0)
+    assert whole == [segment] and nothing == ""
+    (part,), note = stretch([segment], 2.0, longest=500)
+    assert len(part) == 500 and part.time[0] < 2.0 < part.time[-1] and "long recording" in note
+    (end,), _ = stretch([segment], 1e9, longest=500)
+    assert end.time[-1] == segment.time[-1]

@@ -105,7 +105,8 @@ class PlotPanel:
         """The observer's states of the selected joint in the selected group."""
         show, analysis = self._app.show, self._app.session.analysis
         observer = observer_for(analysis.observer, analysis.bandwidth, show.joint)
-        self._states.show(states_plots(show.group, show.joint, observer, self._app.measurements.torque_hold))
+        hold, now = self._app.measurements.torque_hold, show.clock.time
+        self._states.show(states_plots(show.group, show.joint, observer, hold, now))
 
     def show_convergence(self, iterations: list[Any]) -> None:
         """The solver's way."""

@@ -170,14 +170,8 @@ class Scene:
 
     def labels(self, measured: str, identified: str) -> None:
         """Write what each robot shows, and by how much it is exaggerated, above it."""
-        left, right = self._stage.offsets(self._layout)
-        height = np.array([0.0, 0.0, self._stage.label_height()])
-        middle = np.array([self._stage.centre[0], self._stage.centre[1], 0.0])
-        raised = np.array([0.0, 0.0, 0.22 * self._stage.size]) if self._layout == "Overlaid" else np.zeros(3)
-        for name, text, at in (
-            ("measured", measured, left + middle + height),
-            ("identified", identified, right + middle + height + raised),
-        ):
+        left, right = self._stage.label_places(self._layout)
+        for name, text, at in (("measured", measured, left), ("identified", identified, right)):
             if name in self._labels:
                 self._labels[name].text = text
                 self._labels[name].position = at

@@ -31,6 +31,7 @@ CSS = """
 .fv-map { display: inline-block; width: 5em; height: 0.7em; vertical-align: -0.05em; border-radius: 2px; }
 .fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
 .fv-joints { max-height: 3.2em; overflow-y: auto; }
+[data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
 """
 

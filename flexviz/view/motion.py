@@ -101,10 +101,16 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     start, end = group.segments[0].time[0], group.segments[-1].time[-1]
     count = max(int((end - start) * RATE) + 1, 2)
     time = np.linspace(start, end, count)
-    all_time = np.concatenate([segment.time for segment in group.segments])
-    theta = _columns(time, all_time, np.concatenate([segment.theta for segment in group.segments]))
+    all_time = joined(group, "time")
+    theta = _columns(time, all_time, joined(group, "theta"))
     deflection, source = _deflection(measurements, group, result, time, all_time, theta)
     return Motion(group.name, time, theta, deflection, source)
+
+
+def joined(group: Group, name: str) -> Array:
+    """time (N,), theta or tau (N, n) over all segments; no copy where there is one segment."""
+    parts = [getattr(segment, name) for segment in group.segments]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def with_replay(motion: Motion, run: Any) -> Motion:
@@ -148,7 +154,7 @@ def _deflection(
         return _columns(time, series.time, deflection), "identified"
     if measurements.initial_stiffness is None:
         return None, "unknown"
-    tau = np.concatenate([segment.tau for segment in group.segments])
+    tau = joined(group, "tau")
     rough = _smooth(tau, all_time) / measurements.initial_stiffness
     return _columns(time, all_time, rough), "rough, from start K"
 

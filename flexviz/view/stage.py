@@ -45,9 +45,11 @@ class Stage:
         apart = 1.12 * self.width * self.right
         return -apart, apart
 
-    def label_height(self) -> float:
-        """Height of the labels over a robot's base [m]."""
-        return float(self.centre[2] + 1.2 * self.size)
+    def label_places(self, layout: str) -> tuple[Array, Array]:
+        """(3,) where the measured and the identified robot's labels stand: above them, beside each other."""
+        apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
+        above = self.centre + np.array([0.0, 0.0, 1.2 * self.size])
+        return above - apart, above + apart
 
     def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
         """Position and point looked at (3,), so that both robots fit a canvas of width / height `aspect`.

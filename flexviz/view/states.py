@@ -17,6 +17,7 @@ from flexviz.view.text import number
 Array = NDArray[np.float64]
 
 HEIGHT = 150  # [pixels]
+LONGEST = 100_000  # samples of a recording that are filtered for a plot
 ORDERS = ("θ [rad]", "θ̇ [rad/s]", "θ̈ [rad/s²]", "θ⃛ [rad/s³]", "θ⁗ [rad/s⁴]")
 KEYS = ("theta", "theta1", "theta2", "theta3", "theta4")
 
@@ -49,52 +50,69 @@ def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: in
     return make_observer(name, None if own is None else float(own))  # type: ignore[arg-type]
 
 
-def states_plots(group: Group, joint: int, observer: Observer, torque_hold: float = 0.0) -> tuple[Plot, ...]:
-    """θ … its 4th derivative, τ and the disturbance of one joint, one plot each."""
-    times: list[Array] = []
-    columns: list[list[Array]] = [[] for _ in range(9)]
-    disturbance = True
-    for segment in group.segments:
-        states = observer.states(one_joint(segment, joint), torque_hold)
-        times.append(states.time)
-        for k in range(5):
-            columns[k].append(states.theta[k, :, 0])
-        columns[5].append(states.tau[0, :, 0])
-        columns[6].append(segment.theta[:, joint])
-        columns[7].append(segment.tau[:, joint])
-        if states.disturbance is None:
-            disturbance = False
-        else:
-            columns[8].append(states.disturbance[:, 0])
-    time = np.concatenate(times)
-    valid = np.concatenate([observer.valid(t) for t in times])
-    joined = [np.concatenate(parts) if parts else np.zeros(len(time)) for parts in columns]
-    x, thinned = thin(time, joined)
+def states_plots(
+    group: Group, joint: int, observer: Observer, torque_hold: float = 0.0, at: float = 0.0
+) -> tuple[Plot, ...]:
+    """θ … its 4th derivative, τ and the disturbance of one joint, one plot each.
+
+    Of a long recording only the stretch around `at` [s] is computed, so that the slider stays quick.
+    """
+    segments, cut = stretch(group.segments, at)
+    time, valid, columns = estimate(segments, joint, observer, torque_hold)
+    x, thinned = thin(time, [*columns, *(measured(segments, joint, name) for name in ("theta", "tau"))])
     inside, note = settled(x, time[valid])
-    plots = []
-    for k, (key, title) in enumerate(zip(KEYS, ORDERS, strict=True)):
-        if k == 0:
-            lines = (Line("measured", MEASURED, thinned[6], 2.6), Line("observer", MODEL, thinned[0], 1.3))
-            plots.append(Plot(key, title, x, lines, height=HEIGHT, note=note))
-        else:
-            plots.append(
-                Plot(key, title, x[inside], (Line("observer", MODEL, thinned[k][inside]),), height=HEIGHT)
-            )
-    lines = (Line("measured", MEASURED, thinned[7], 2.6), Line("observer", MODEL, thinned[5], 1.3))
-    plots.append(Plot("tau", "τ [Nm]", x, lines, height=HEIGHT))
-    if disturbance:
-        lines = (Line("observer", MODEL, thinned[8][inside]),)
-        plots.append(Plot("disturbance", "disturbance [rad/s⁵]", x[inside], lines, height=HEIGHT))
+    theta = Line("measured", MEASURED, thinned[-2], 2.6), Line("observer", MODEL, thinned[0], 1.3)
+    tau = Line("measured", MEASURED, thinned[-1], 2.6), Line("observer", MODEL, thinned[5], 1.3)
+    plots = [Plot(KEYS[0], ORDERS[0], x, theta, height=HEIGHT, note=f"{cut}{note}")]
+    for k in range(1, 5):
+        plots.append(_derivative(KEYS[k], ORDERS[k], x[inside], thinned[k][inside]))
+    plots.append(Plot("tau", "τ [Nm]", x, tau, height=HEIGHT))
+    if len(columns) > 6:
+        plots.append(_derivative("disturbance", "disturbance [rad/s⁵]", x[inside], thinned[6][inside]))
     else:
         plots.append(no_plot("disturbance", "This observer has no disturbance state; the ESO has one."))
     return tuple(plots)
 
 
+def _derivative(key: str, title: str, x: Array, values: Array) -> Plot:
+    return Plot(key, title, x, (Line("observer", MODEL, values),), height=HEIGHT)
+
+
+def estimate(
+    segments: Sequence[Segment], joint: int, observer: Observer, torque_hold: float
+) -> tuple[Array, NDArray[np.bool_], list[Array]]:
+    """Time, validity and θ … θ⁗, τ (and the disturbance, where there is one) of one joint, each (N,)."""
+    parts: list[list[Array]] = []
+    for segment in segments:
+        states = observer.states(one_joint(segment, joint), torque_hold)
+        row = [states.time, states.valid, *states.theta[:, :, 0], states.tau[0, :, 0]]
+        parts.append(row if states.disturbance is None else [*row, states.disturbance[:, 0]])
+    time, valid, *columns = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+    return time, valid.astype(bool), columns
+
+
+def measured(segments: Sequence[Segment], joint: int, name: str) -> Array:
+    """θ or τ of one joint over the segments, (N,)."""
+    return np.concatenate([getattr(segment, name)[:, joint] for segment in segments])
+
+
+def stretch(segments: Sequence[Segment], at: float, longest: int = LONGEST) -> tuple[list[Segment], str]:
+    """The segments, or of a long recording `longest` samples around `at` [s], and a sentence about it."""
+    if sum(len(segment) for segment in segments) <= longest:
+        return list(segments), ""
+    index = max((i for i, segment in enumerate(segments) if segment.time[0] <= at), default=0)
+    segment = segments[index]
+    first = int(np.clip(np.searchsorted(segment.time, at) - longest // 2, 0, max(len(segment) - longest, 0)))
+    part = slice(first, first + longest)
+    cut = replace(segment, time=segment.time[part], theta=segment.theta[part], tau=segment.tau[part])
+    return [cut], f"A long recording: {cut.time[0]:.0f} to {cut.time[-1]:.0f} s are shown. "
+
+
 def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
     """Which instants x lie outside the start-up and end transients, and a sentence about what is left out."""
-    if not len(valid):
-        return np.ones(len(x), bool), "At this bandwidth the whole recording is start-up transient."
-    inside = (x >= valid[0]) & (x <= valid[-1])
+    inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
+    if np.count_nonzero(inside) < 2:
+        return np.ones(len(x), bool), "At this bandwidth everything is start-up transient."
     start, end = float(valid[0] - x[0]), float(x[-1] - valid[-1])
     if start + end < 1e-6:
         return inside, ""

@@ -73,8 +73,8 @@ def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, i
 def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "") -> str:
     """What the colours of the scene mean, with numbers; `note` says how the model was simulated."""
     robots = (
-        f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured (solid) '
-        f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified (ghost)</div>'
+        f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured: solid, blue trail '
+        f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified: ghost</div>'
     )
     if note:
         robots += f'<div class="fv-dim fv-clip" title="{escape(note)}">{escape(note)}</div>'

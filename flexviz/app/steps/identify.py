@@ -104,6 +104,7 @@ class IdentifyStep:
         if self.running or not analysis.groups_with("fit"):
             return
         self._running = analysis.settings
+        self._app.worker.stop("replay")  # it is simulated anew afterwards
         self.iterations = []
         self._draw_convergence()
         self._app.say("running", "busy")
@@ -131,6 +132,7 @@ class IdentifyStep:
         if event.kind == "started":
             return
         settings, self._running = self._running, None
+        self._draw_convergence()
         if event.kind == "done" and settings is not None and settings[0] == self._app.session.analysis.path:
             result = event.value
             self._app.change("identified", self._app.session.analysis.with_identification(result, settings))
@@ -139,6 +141,8 @@ class IdentifyStep:
             self._app.fail(event.value)
         elif event.kind == "stopped":
             self._app.say("stopped before a first result")
+        if event.kind != "done":
+            self._app.show.show_model()
         self.refresh()
 
     def _summary(self, result: Any) -> str:
