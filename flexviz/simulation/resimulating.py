@@ -59,7 +59,7 @@ def plan_from_set(measurements: MeasurementSet) -> Plan:
         initial_stiffness=measurements.initial_stiffness,
         initial_motor_inertia=measurements.initial_motor_inertia,
         effects=measurements.effects,
-        note="the set's [initial] values and URDF, or values in proportion to its inertia where it gives none",
+        note="the set's [initial] values and URDF, or in proportion to its inertia where it gives none",
         files={} if ":" in robot.source else {robot.source: robot.urdf_path.read_text(encoding="utf-8")},
     )
 

@@ -86,7 +86,7 @@ def move(
     progress: SetProgress | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> dict[str, Run]:
-    """Group name -> its motion without the record's noise; `seed` matters only where the controller feels noise.
+    """Group name -> its motion without the record's noise; `seed` is for noise that the controller feels.
 
     Many seeds of one plan cost one `move` and a `record` each.
     """
