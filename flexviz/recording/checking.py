@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,10 +65,12 @@ def check_recording(path: str | Path) -> Checked:
     chunks = rows = 0
     entities: dict[str, None] = {}
     try:
-        for chunk in RrdReader(str(file)).stream():
-            rows += chunk.to_record_batch().num_rows
-            chunks += 1
-            entities[chunk.entity_path] = None
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a file without its end is only a warning for the reader
+            for chunk in RrdReader(str(file)).stream():
+                rows += chunk.to_record_batch().num_rows
+                chunks += 1
+                entities[chunk.entity_path] = None
     except Exception as error:  # whatever a damaged file makes the decoder raise
         raise InputError(f"is not a readable Rerun recording ({error})", file=file) from None
     if chunks == 0:

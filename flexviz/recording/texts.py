@@ -75,6 +75,8 @@ def group_text(measurements: MeasurementSet, group: Group, motion: Motion, strid
         lines.append(
             f"- identified motion: {escaped(motion.model_note)}; θ differs by {error:.2g} rad at most"
         )
+    elif motion.model_note:
+        lines.append(f"- identified motion: {escaped(motion.model_note)}")
     return "\n".join(lines)
 
 

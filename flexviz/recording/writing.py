@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rerun as rr
 
-from flexviz.errors import Cancelled, InputError
+from flexviz.errors import Cancelled, ConvergenceError, InputError
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.recording import signals
@@ -77,7 +81,8 @@ def record_set(
     os.close(descriptor)
     part = Path(name)
     try:
-        writer.write(part)
+        with ending_tidily():
+            writer.write(part)
         checked = check_recording(part)
         if missing := writer.entities - set(checked.entities):
             raise OSError(f"{len(missing)} entities were not written, {min(missing)} among them")
@@ -92,6 +97,19 @@ def record_set(
     finally:
         part.unlink(missing_ok=True)
     return Recorded(file, file.stat().st_size, checked.chunks, checked.sha256)
+
+
+@contextmanager
+def ending_tidily() -> Iterator[None]:
+    """Let a request to terminate (SIGTERM) unwind the program, so that nothing half written stays."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
 
 
 def check_target(file: Path) -> None:
@@ -196,16 +214,19 @@ class Writer:
 
         measurements = self.measurements
         what = f"{group.name}: simulating the identified model"
-        run = replay(
-            measurements.robot,
-            result.model,
-            group,
-            measurements.kp,
-            measurements.kd,
-            torque_hold=measurements.torque_hold,
-            progress=lambda part: self._step(what, done + share * part),
-            should_stop=self._should_stop,
-        )
+        try:
+            run = replay(
+                measurements.robot,
+                result.model,
+                group,
+                measurements.kp,
+                measurements.kd,
+                torque_hold=measurements.torque_hold,
+                progress=lambda part: self._step(what, done + share * part),
+                should_stop=self._should_stop,
+            )
+        except ConvergenceError as error:  # a bad model may diverge: everything else is still worth seeing
+            return replace(motion, model_note=f"none: {error}")
         signals.send_run(recording, measurements, group, run, self.samples)
         return with_replay(motion, run)
 

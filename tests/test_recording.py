@@ -1,0 +1,364 @@
+"""Recordings: what was logged is read back and compared, and files are whole or not there."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+from small_set import write_small_set
+
+from flexviz._pinocchio import pin
+from flexviz.errors import Cancelled, ConvergenceError, InputError
+from flexviz.identification import identify
+from flexviz.measurements import GroupTable, read_set, write_set
+from flexviz.observers import make_observer
+from flexviz.recording import check_recording, record_set
+from flexviz.recording.columns import broken_at_gaps, stride_for
+from flexviz.recording.paths import path
+from flexviz.recording.scene import normals, quaternions
+from flexviz.recording.texts import escaped
+from flexviz.resources import sessions_dir
+from flexviz.simulation import replay
+from flexviz.view.motion import measured_motion, with_replay
+
+FIRST = "t1p1"
+
+
+class Read:
+    """A recording's content by entity."""
+
+    def __init__(self, file: Path) -> None:
+        self.reader = RrdReader(str(file))
+        self.batches: dict[str, list[pa.RecordBatch]] = {}
+        for chunk in self.reader.stream():
+            self.batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+
+    def component(self, entity: str, name: str) -> Any:
+        """All rows of a component, the lists of one row flattened."""
+        for batch in self.batches[entity]:
+            if name in batch.schema.names:
+                return np.array(batch.column(name).flatten().to_pylist())
+        raise KeyError((entity, name))
+
+    def line(self, entity: str, timeline: str = "time") -> tuple[np.ndarray, np.ndarray]:
+        """Instants ([s], or a sequence) and values of a scalar entity."""
+        for batch in self.batches[entity]:
+            if "Scalars:scalars" in batch.schema.names:
+                index = batch.column(timeline)
+                ticks = np.asarray(index.cast(pa.int64()))
+                instants = ticks * 1e-9 if pa.types.is_duration(index.type) else ticks
+                return instants, np.array(batch.column("Scalars:scalars").flatten())
+        raise KeyError(entity)
+
+    def text(self, entity: str) -> str:
+        return str(self.component(entity, "TextDocument:text")[0])
+
+
+@pytest.fixture(scope="module")
+def demo() -> Any:
+    return read_set(sessions_dir() / "planar-2r-demo")
+
+
+@pytest.fixture(scope="module")
+def result(demo: Any) -> Any:
+    return identify(demo)
+
+
+@pytest.fixture(scope="module")
+def recorded(demo: Any, result: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    steps: list[tuple[str, float]] = []
+    file = tmp_path_factory.mktemp("recorded") / "demo.rrd"
+    written = record_set(demo, result, file, progress=lambda what, share: steps.append((what, share)))
+    assert written.file == file and written.bytes == file.stat().st_size
+    shares = [share for _, share in steps]
+    assert np.diff(shares).min() > -1e-9 and shares[0] == 0.0 and shares[-1] == 1.0
+    return written
+
+
+@pytest.fixture(scope="module")
+def content(recorded: Any) -> Read:
+    return Read(recorded.file)
+
+
+def test_measured_signals(demo: Any, content: Read) -> None:
+    for group in demo.groups:
+        segment = group.segments[0]
+        stride = stride_for(group.samples, 10_000)
+        for j, joint in enumerate(demo.joints):
+            for name in ("theta", "tau"):
+                instants, values = content.line(path("groups", group.name, "measured", name, joint))
+                np.testing.assert_allclose(instants, segment.time[::stride], atol=2e-9)
+                np.testing.assert_array_equal(values, getattr(segment, name)[::stride, j])
+
+
+def test_all_observer_states(demo: Any, result: Any, content: Read) -> None:
+    observer = make_observer(result.observer_name, result.bandwidth)
+    names = [("theta", k) for k in range(5)] + [("tau", k) for k in range(3)]
+    for group in demo.groups:
+        states = observer.states(group.segments[0], demo.torque_hold)
+        stride = stride_for(group.samples, 10_000)
+        for kind, inside in (("states", True), ("transients", False)):
+            rows = np.flatnonzero(states.valid == inside)[::stride]
+            assert len(rows) > 10
+            for name, order in names:
+                for j, joint in enumerate(demo.joints):
+                    entity = path("groups", group.name, kind, f"{name}_{order}", joint)
+                    instants, values = content.line(entity)
+                    expected = getattr(states, name)[order][rows, j]
+                    if kind == "states":
+                        np.testing.assert_allclose(instants, states.time[rows], atol=2e-9)
+                        np.testing.assert_array_equal(values, expected)
+                    else:  # start and end, with a NaN between them
+                        np.testing.assert_array_equal(values[np.isfinite(values)], expected)
+                        assert np.count_nonzero(np.isnan(values)) == 1
+
+
+def test_residual_and_iterations(demo: Any, result: Any, content: Read) -> None:
+    for name, series in result.residuals.items():
+        for j, joint in enumerate(demo.joints):
+            for signal_name in ("residual", "torque", "q"):
+                instants, values = content.line(path("groups", name, "identification", signal_name, joint))
+                np.testing.assert_allclose(instants, series.time, atol=2e-9)
+                np.testing.assert_array_equal(values, getattr(series, signal_name)[:, j])
+    numbers = np.arange(len(result.iterations)) + 1
+    for name in ("cost", "step"):
+        index, values = content.line(f"/optimiser/{name}", "iteration")
+        np.testing.assert_array_equal(index, numbers)
+        np.testing.assert_array_equal(values, [getattr(iteration, name) for iteration in result.iterations])
+        seconds, _ = content.line(f"/optimiser/{name}")
+        assert np.all(np.diff(seconds) > 0) and seconds[-1] == pytest.approx(result.seconds)
+    last = result.iterations[-1]
+    for name, value in zip(last.names, last.values, strict=True):
+        parameter, _, joint = name.partition(":")
+        index, values = content.line(path("optimiser", "parameters", parameter, joint), "iteration")
+        rows = [i for i, iteration in enumerate(result.iterations) if name in iteration.names]
+        np.testing.assert_array_equal(index, numbers[rows])
+        assert values[-1] == value
+    stages = content.component("/optimiser/stage", "TextLog:text")
+    assert list(stages) == [iteration.stage for iteration in result.iterations]
+
+
+def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
+    group = demo.group(FIRST)
+    run = replay(demo.robot, result.model, group, demo.kp, demo.kd, torque_hold=demo.torque_hold)
+    motion = with_replay(measured_motion(demo, group, result), run)
+    assert motion.model_theta is not None
+    for name, theta in (("measured", motion.theta), ("identified", motion.model_theta)):
+        for link in ("link1", "link2"):
+            entity = path("groups", FIRST, "robots", name, link)
+            positions = content.component(entity, "Transform3D:translation")
+            turns = content.component(entity, "Transform3D:quaternion")
+            assert len(positions) == len(turns) == len(motion.time)
+            for row in (0, 137, len(motion.time) - 1):
+                pose = demo.robot.link_poses(theta[row])[link]
+                np.testing.assert_allclose(positions[row], pose[:3, 3], atol=1e-6)
+                np.testing.assert_allclose(
+                    pin.Quaternion(*turns[row][[3, 0, 1, 2]]).matrix(), pose[:3, :3], atol=1e-6
+                )
+            vertices = content.component(entity, "Mesh3D:vertex_positions")
+            faces = content.component(entity, "Mesh3D:triangle_indices")
+            assert len(vertices) > 20 and faces.max() < len(vertices)
+    roots = [path("groups", FIRST, "robots", name) for name in ("measured", "identified")]
+    offsets = [content.component(root, "Transform3D:translation")[0] for root in roots]
+    assert np.linalg.norm(offsets[0] - offsets[1]) > 1.0
+    for j, joint in enumerate(demo.joints):
+        instants, values = content.line(path("groups", FIRST, "identified", "theta", joint))
+        stride = stride_for(len(run.time), 10_000)
+        np.testing.assert_array_equal(values, run.theta[::stride, j])
+        assert len(instants) == len(values)
+    heavier = [entity for entity in content.batches if "/t2p2/" in entity and entity.endswith("payload\\ 1")]
+    assert len(heavier) == 2
+
+
+def test_simulated_data_are_called_simulated(content: Read) -> None:
+    assert "simulated data" in content.component("/__properties", "RecordingInfo:name")[0].lower()
+    assert content.component("/__properties/flexviz", "simulated")[0]
+    assert "Simulated data" in content.text("/summary")
+    assert "Simulated data" in content.text(path("groups", FIRST, "about"))
+    label = content.component(path("groups", FIRST, "robots", "measured", "label"), "Points3D:labels")
+    assert label[0] == "measured (simulated data)"
+
+
+def test_words(demo: Any, result: Any, content: Read) -> None:
+    summary = content.text("/summary")
+    assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
+    assert "validation, never fitted" in content.text(path("groups", "t4p2", "about"))
+    assert "closed loop" in content.text(path("groups", FIRST, "about")) or demo.kp is None
+    assert escaped("a_b|c*") == "a\\_b\\|c\\*"
+
+
+def test_blueprint(recorded: Any) -> None:
+    reader = RrdReader(str(recorded.file))
+    (stored,) = reader.blueprints()
+    values: dict[str, list[Any]] = {}
+    for chunk in reader.stream(store=stored):
+        for name, column in chunk.to_record_batch().to_pydict().items():
+            values.setdefault(name, []).extend(column)
+    assert ["time"] in values["TimePanelBlueprint:timeline"]
+    assert ["iteration"] in values["DataframeQuery:timeline"]
+    views = [entry[0] for entry in values["ViewBlueprint:class_identifier"] if entry]
+    assert (
+        views.count("3D") == 4 and "TimeSeries" in views and "Dataframe" in views and "TextDocument" in views
+    )
+    names = " ".join(entry[0] for entry in values["ViewBlueprint:display_name"] if entry)
+    for words in ("3D t1p1", "4th derivative of θ", "Residual [Nm]", "Cost", "Step", "Parameters", "Summary"):
+        assert words in names
+
+
+# -- files -------------------------------------------------------------------------------------------
+
+
+def test_checksum_and_damage(recorded: Any, tmp_path: Path) -> None:
+    assert check_recording(recorded.file).sha256 == recorded.sha256
+    beside = recorded.file.with_name("demo.rrd.sha256")
+    assert beside.read_text() == f"{recorded.sha256}  demo.rrd\n"
+    raw = bytearray(recorded.file.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    damaged = tmp_path / "demo.rrd"
+    damaged.write_bytes(raw)
+    (tmp_path / "demo.rrd.sha256").write_text(beside.read_text())
+    for name, data, words in (
+        ("demo.rrd", bytes(raw), "damaged"),
+        ("empty.rrd", b"", "Rerun recording"),
+        ("garbage.rrd", b"garbage" * 99, "Rerun recording"),
+        ("cut.rrd", bytes(raw[:20]), "Rerun recording"),
+    ):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(InputError, match=words) as caught:
+            check_recording(tmp_path / name)
+        assert name in str(caught.value) and "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="cannot be read"):
+        check_recording(tmp_path / "nothing.rrd")
+
+
+def test_stopping_leaves_nothing(demo: Any, result: Any, tmp_path: Path) -> None:
+    (tmp_path / "old.rrd").write_text("what was there")
+    asked = iter(range(1000))
+    with pytest.raises(Cancelled):
+        record_set(demo, result, tmp_path / "old.rrd", should_stop=lambda: next(asked) > 4)
+    assert (tmp_path / "old.rrd").read_text() == "what was there"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["old.rrd"]
+
+
+@pytest.mark.parametrize("out", ["", "nowhere/x.rrd"])
+def test_impossible_targets(demo: Any, tmp_path: Path, out: str) -> None:
+    with pytest.raises(InputError, match=r"would be right|does not exist"):
+        record_set(demo, None, tmp_path / out)
+
+
+def test_terminated_program_leaves_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flexviz", "record", str(sessions_dir() / "planar-2r-demo"), "--out"]
+    process = subprocess.Popen([*command, str(tmp_path / "x.rrd")], stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "simulating" in line:
+            break
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode not in (0, None)
+    for _ in range(50):
+        if not os.listdir(tmp_path):
+            break
+        time.sleep(0.1)
+    assert os.listdir(tmp_path) == []
+
+
+# -- other sets --------------------------------------------------------------------------------------
+
+
+def test_without_identification_and_with_gaps(tmp_path: Path) -> None:
+    """Only what was measured; the ESO's disturbance; names of any kind; lines broken at gaps; decimated."""
+    small = read_set(write_small_set(tmp_path / "small"))
+    name = "a/b θ *[x]"
+    group = GroupTable.of(small.groups[0])
+    keep = np.r_[0:900, 1000:2000]
+    assert group.q is not None
+    cut = {signal: getattr(group, signal)[keep] for signal in ("time", "theta", "tau", "q")}
+    table = replace(group, name=name, file="a.csv", **cut)
+    write_set(
+        tmp_path / "odd",
+        robot="robot.urdf",
+        joints=small.joints,
+        groups=[table],
+        payloads={"p1": ()},
+        files={"robot.urdf": small.robot.urdf_path},
+    )
+    odd = read_set(tmp_path / "odd")
+    observer = make_observer("eso", 100.0)
+    record_set(odd, None, tmp_path / "x.rrd", observer=observer, samples=500)
+    content = Read(tmp_path / "x.rrd")
+    instants, values = content.line(path("groups", name, "measured", "theta", "joint1"))
+    assert len(values) == 225 + 250 + 1 and np.isnan(values[225]) and np.all(np.diff(instants) > 0)
+    _, q = content.line(path("groups", name, "measured", "q", "joint1"))
+    assert np.isfinite(q).sum() == 475
+    assert path("groups", name, "measured", "q", "joint2") not in content.batches
+    states = [observer.states(segment) for segment in odd.groups[0].segments]
+    _, disturbance = content.line(path("groups", name, "states", "disturbance", "joint2"))
+    expected = np.concatenate(
+        [s.disturbance[np.flatnonzero(s.valid)[::4], 1] for s in states if s.disturbance is not None]
+    )
+    np.testing.assert_array_equal(disturbance[np.isfinite(disturbance)], expected)
+    assert not any("optimiser" in entity or "identified" in entity for entity in content.batches)
+    assert "Nothing was identified" in content.text("/summary") and "Simulated" not in content.text(
+        "/summary"
+    )
+    assert not content.component("/__properties/flexviz", "simulated")[0]
+
+
+def test_a_model_that_diverges_is_still_recorded(
+    demo: Any, result: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def diverges(*arguments: Any, **options: Any) -> None:
+        raise ConvergenceError("the simulation diverged at 1 s")
+
+    monkeypatch.setattr("flexviz.simulation.replay", diverges)
+    record_set(demo, result, tmp_path / "x.rrd", samples=200)
+    content = Read(tmp_path / "x.rrd")
+    assert "diverged at 1 s" in content.text(path("groups", FIRST, "about"))
+    assert path("groups", FIRST, "robots", "measured", "link1") in content.batches
+    assert path("groups", FIRST, "robots", "identified", "link1") not in content.batches
+
+
+# -- parts -------------------------------------------------------------------------------------------
+
+
+def test_quaternions() -> None:
+    rng = np.random.default_rng(0)
+    axes = rng.normal(size=(400, 3))
+    axes[:100] = np.eye(3)[rng.integers(0, 3, 100)]
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    angles = rng.uniform(-np.pi, np.pi, 400)
+    angles[:3] = np.pi
+    rotations = np.array(
+        [pin.AngleAxis(angle, axis).matrix() for angle, axis in zip(angles, axes, strict=True)]
+    )
+    found = quaternions(rotations)
+    back = np.array([pin.Quaternion(w, x, y, z).matrix() for x, y, z, w in found])
+    np.testing.assert_allclose(back, rotations, atol=1e-12)
+    smooth = quaternions(np.array([pin.AngleAxis(a, axes[0]).matrix() for a in np.linspace(0, 12, 500)]))
+    assert np.linalg.norm(np.diff(smooth, axis=0), axis=1).max() < 0.02
+
+
+def test_normals_point_outwards() -> None:
+    import trimesh
+
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    found = normals(np.asarray(sphere.vertices), np.asarray(sphere.faces, dtype=np.uint32))
+    assert np.min(np.sum(found * sphere.vertices, axis=1)) > 0.95
+
+
+def test_gaps_and_strides() -> None:
+    time_, values = broken_at_gaps(np.array([0.0, 1, 2, 9, 10]), np.ones((5, 2)))
+    np.testing.assert_array_equal(time_, [0, 1, 2, 5.5, 9, 10])
+    assert np.isnan(values[3]).all() and np.isfinite(np.delete(values, 3, axis=0)).all()
+    assert [stride_for(n, 100) for n in (1, 100, 101, 1000)] == [1, 1, 2, 10]
