@@ -16,8 +16,8 @@ from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
 
 Array = NDArray[np.float64]
 
-# an error in a repeated-pole filter's initial state fades as (wt)⁵e^(−wt)/5!: 5e-5·… is left at wt = 18
-SETTLED = 18.0
+# an error in the initial state fades as (wt)⁵e^(−wt)/5!, and the k-th derivative starts with w^k of it
+SETTLED = 25.0
 
 
 def gains(bandwidth: float) -> Array:

@@ -30,4 +30,4 @@ class FlatZeroPhase(ZeroPhaseObserver):
         return self.ratio * float(self._bandwidth.max())
 
     def memory(self) -> float:
-        return 35.0 / float(self._bandwidth.min())
+        return 50.0 / float(self._bandwidth.min())

@@ -1,0 +1,194 @@
+"""The identification equation: every Jacobian against finite differences, and zero at the truth."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.equation import Equation, Layout, build_signals
+from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.errors import InputError
+from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
+from flexviz.measurements import Group, MeasurementSet, Segment
+from flexviz.observers import FlatZeroPhase
+from flexviz.robot import PayloadBody, Robot
+
+
+def made_up_set(robot: Robot, link: str, seed: int = 0, seconds: float = 4.0) -> MeasurementSet:
+    """Smooth random signals that obey no equation: Jacobians must hold anywhere."""
+    rng = np.random.default_rng(seed)
+    step, n = 2e-3, robot.n
+    time = step * np.arange(int(seconds / step))
+
+    def smooth(size: float) -> np.ndarray:
+        omega = rng.uniform(1.0, 12.0, (5, 1, n))
+        wave = np.sin(omega * time[:, None] + rng.uniform(0, 6, (5, 1, n))) * rng.uniform(0.3, 1, (5, 1, n))
+        return size * wave.sum(axis=0)
+
+    groups = []
+    for k, bodies in enumerate(((), (PayloadBody(link, 1.5, [0.1, 0.02, 0.05], [0.01, 0.02, 0.03, 0, 0, 0]),))):
+        segment = Segment(time, smooth(0.4), smooth(20.0), step)
+        groups.append(Group(f"g{k}", f"t{k}", f"p{k}", bodies, False, Path("none"), (segment,), time))
+    return MeasurementSet(
+        path=Path("none"),
+        name="made-up",
+        robot=robot,
+        joints=robot.joints,
+        torque_hold=0.0,
+        initial_stiffness=None,
+        initial_motor_inertia=None,
+        kp=None,
+        kd=None,
+        effects=(),
+        payloads={g.payload: g.bodies for g in groups},
+        groups=tuple(groups),
+        simulated=True,
+    )
+
+
+def point(layout: Layout, robot: Robot, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    x = np.zeros(layout.size)
+    x[layout.inertial] = (physically_consistent(robot.cad_parameters) * rng.uniform(0.9, 1.1)).ravel()
+    x[layout.compliance] = 1 / rng.uniform(500, 3000, layout.n)
+    x[layout.motor_inertia] = rng.uniform(0.3, 2.0, layout.n)
+    x[layout.link_viscous] = rng.uniform(0.2, 2.0, layout.n)
+    x[layout.motor_viscous] = rng.uniform(0.2, 2.0, layout.n)
+    x[layout.effect_start :] = rng.uniform(0.5, 2.0, layout.size - layout.effect_start)
+    return x
+
+
+ROBOTS = {
+    "planar": (lambda: Robot.load("robots:planar_2r"), "link2"),
+    "panda": (lambda: Robot.load("example-robot-data:panda", [f"panda_joint{k}" for k in range(1, 8)]), "panda_hand"),
+    "ur5, joints in another order": (
+        lambda: Robot.load(
+            "example-robot-data:ur5",
+            [
+                "elbow_joint",
+                "shoulder_pan_joint",
+                "shoulder_lift_joint",
+                "wrist_3_joint",
+                "wrist_1_joint",
+                "wrist_2_joint",
+            ],
+        ),
+        "tool0",
+    ),
+}
+
+
+@pytest.mark.parametrize("effects", [(), tuple(EFFECTS)], ids=["base", "all effects"])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_jacobian_against_finite_differences(name, effects):
+    make, link = ROBOTS[name]
+    robot = make()
+    measurements = made_up_set(robot, link, seconds=5.0)
+    layout = Layout(robot.joints, choose_effects(effects, robot.joints))
+    signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.2)
+    equation = Equation(robot, signals, layout)
+    x = point(layout, robot)
+    equation.prepare(1 / x[layout.compliance])
+    jacobian = equation.evaluate(x).jacobian
+    size = np.abs(jacobian).max(axis=(0, 1))
+    for k in range(layout.size):
+        h = 1e-5 * max(abs(x[k]), 1e-3 if k < layout.compliance.start else 1e-8)
+        up, down = x.copy(), x.copy()
+        up[k] += h
+        down[k] -= h
+        slope = (equation.evaluate(up).residual - equation.evaluate(down).residual) / (up[k] - down[k])
+        error = np.abs(slope - jacobian[:, :, k]).max()
+        rounding = 1e-13 * np.abs(equation.evaluate(x).residual).max() / h
+        assert error <= 1e-6 * max(size[k], 1e-9) + 50 * rounding, layout.names()[k]
+
+
+def test_sensitivity_to_signals_against_finite_differences():
+    robot = Robot.load("robots:planar_2r")
+    measurements = made_up_set(robot, "link2")
+    layout = Layout(robot.joints)
+    signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.1)
+    x = point(layout, robot)
+    equation = Equation(robot, signals, layout)
+    theta, tau = signal_sensitivity(layout, x, equation.link_terms(x))
+    for matrices, field in ((theta, "theta"), (tau, "tau")):
+        for k in range(len(matrices)):
+            for j in range(robot.n):
+                moved = []
+                for sign in (1, -1):
+                    values = getattr(signals, field).copy()
+                    values[k, :, j] += sign * 1e-5
+                    other = Equation(robot, replace(signals, **{field: values}), layout)
+                    moved.append(other.evaluate(x).residual)
+                slope = (moved[0] - moved[1]) / 2e-5
+                np.testing.assert_allclose(matrices[k][:, :, j], slope, rtol=1e-5, atol=1e-6)
+
+
+def test_order_of_joints_does_not_matter():
+    names = ["joint2", "joint1"]
+    first = Robot.load("robots:planar_2r")
+    second = Robot.load("robots:planar_2r", names)
+    measurements = made_up_set(first, "link2")
+    turned = replace(
+        measurements,
+        robot=second,
+        joints=second.joints,
+        groups=tuple(
+            replace(
+                g,
+                segments=tuple(replace(s, theta=s.theta[:, ::-1], tau=s.tau[:, ::-1]) for s in g.segments),
+            )
+            for g in measurements.groups
+        ),
+    )
+    results = []
+    for m, robot in ((measurements, first), (turned, second)):
+        layout = Layout(robot.joints)
+        signals = build_signals(m, m.groups, FlatZeroPhase(2 * np.pi * 5))
+        x = point(layout, first)
+        if robot is second:
+            x = np.concatenate([x[:20].reshape(2, 10)[::-1].ravel(), x[20:].reshape(-1, 2)[:, ::-1].ravel()])
+        results.append(Equation(robot, signals, layout).evaluate(x).residual)
+    np.testing.assert_allclose(results[0], results[1][:, ::-1], rtol=1e-10, atol=1e-9)
+
+
+def test_choosing_effects():
+    joints = ("a", "b")
+    chosen = choose_effects(["coulomb_friction", "torque_offset:b", "coulomb_friction:a"], joints)
+    assert chosen == (
+        ChosenEffect("coulomb_friction", 0),
+        ChosenEffect("coulomb_friction", 1),
+        ChosenEffect("torque_offset", 1),
+    )
+    with pytest.raises(InputError, match="did you mean"):
+        choose_effects(["coulomb_frictoin"], joints)
+    with pytest.raises(InputError, match='joint "c"'):
+        choose_effects(["coulomb_friction:c"], joints)
+
+
+def test_prior_derivatives_and_feasibility():
+    robot = Robot.load("example-robot-data:panda", [f"panda_joint{k}" for k in range(1, 8)])
+    layout = Layout(robot.joints)
+    cad = physically_consistent(robot.cad_parameters)
+    assert np.all(np.linalg.eigvalsh(pseudo_inertia(cad))[:, 0] > 0)
+    x = point(layout, robot)
+    prior = Prior(layout, cad, x * 0.8, np.maximum(np.abs(x), 1e-3))
+    x[3] += 0.01 * x[0]
+    gradient, hessian = prior.gradient_and_hessian(x)
+    rng = np.random.default_rng(0)
+    direction = rng.standard_normal(layout.size) * np.maximum(np.abs(x), 1e-4) * 1e-6
+    slope = prior.value(x + direction) - prior.value(x - direction)
+    assert slope / 2 == pytest.approx(gradient @ direction, rel=1e-5)
+    change = prior.gradient_and_hessian(x + direction)[0] - prior.gradient_and_hessian(x - direction)[0]
+    np.testing.assert_allclose(change / 2, hessian @ direction, rtol=1e-4, atol=1e-9 * np.abs(hessian @ direction).max())
+    x[0] = -1.0
+    assert not prior.feasible(x) and prior.value(x) == np.inf
+    assert BASIS.shape == (10, 4, 4)
+
+
+def test_too_short_a_record_is_named():
+    robot = Robot.load("robots:planar_2r")
+    measurements = made_up_set(robot, "link2", seconds=0.5)
+    with pytest.raises(InputError, match="settle"):
+        build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 2))
