@@ -42,9 +42,8 @@ def main() -> None:
 
         ours, floor = best(lambda plan=plan, group=group: plan.run(group)), best(bare)
         cost = f"{ours / cycles * 1e6:.1f} µs a cycle of {plan.controller.cycle * 1e3:g} ms"
-        print(
-            f"{name}: {plan.robot.n} joints, {cost}, {ours / floor:.1f} × the bare ABA calls, {DURATION / ours:.0f} × real time"
-        )
+        ratios = f"{ours / floor:.1f} × the bare ABA calls, {DURATION / ours:.0f} × real time"
+        print(f"{name}: {plan.robot.n} joints, {cost}, {ratios}")
 
 
 if __name__ == "__main__":

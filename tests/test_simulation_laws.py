@@ -94,7 +94,7 @@ def robot() -> Robot:
     return Robot.load("robots:planar_2r")
 
 
-def run_with(robot: Robot, *effects: EffectValue, duration: float = 1.5, payload: str = "p1") -> Run:
+def run_with(robot: Robot, *effects: EffectValue, duration: float = 1.1, payload: str = "p1") -> Run:
     model = FlexibleModel(robot.joints, K, B, LINK, MOTOR, planar_inertial(), effects)
     return simulate_run(
         robot,

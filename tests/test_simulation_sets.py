@@ -28,7 +28,7 @@ from flexviz.simulation import (
     write_plan,
 )
 from flexviz.simulation.laws import LAWS
-from flexviz.simulation.presets import PAPER_GROUPS, PLANAR_TRUTH, paper_payloads, planar_inertial
+from flexviz.simulation.presets import PAPER_GROUPS, PLANAR_TRUTH, paper, paper_payloads, planar_inertial
 from flexviz.simulation.truth import truth
 
 
@@ -142,7 +142,8 @@ def test_torque_filter_smooths_and_still_controls() -> None:
     assert not np.array_equal(plain.tau, filtered.tau)
 
 
-def test_set_and_truth(tmp_path: Path) -> None:
+def test_set_and_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PRESETS, "paper-f", lambda: short(paper("f"), 0.5))
     shares: list[float] = []
     done = simulate_preset(
         "paper-f",
@@ -155,7 +156,7 @@ def test_set_and_truth(tmp_path: Path) -> None:
     assert shares == sorted(shares) and shares[-1] == 1.0
     found = read_set(done.folder)
     assert [g.name for g in found.fit_groups] == ["t1p1"] and found.simulated and not found.warnings
-    assert found.torque_hold == 0.00025 and found.groups[0].samples == 40000
+    assert found.torque_hold == 0.00025 and found.groups[0].samples == 2000
     assert found.effects == () and found.kp is not None
     np.testing.assert_allclose(found.robot.cad_parameters, done.plan.robot.cad_parameters)
     saved = json.loads((done.folder / "truth.json").read_text())
