@@ -8,7 +8,7 @@ import pytest
 
 from flexviz.equation import Layout
 from flexviz.errors import InputError
-from flexviz.identification import Identification, identify
+from flexviz.identification import Identification, identify, sweep
 from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.refine import settled
 from flexviz.identification.solver import Bounds, bounded_step
@@ -73,9 +73,19 @@ def test_json_is_the_contract(demo_fit):
     assert document["format"] == 1 and document["converged"] is True
     names = {(p["name"], p["joint"]) for p in document["parameters"]}
     for joint in ("joint1", "joint2"):
-        for name in ("stiffness", "motor_inertia", "link_viscous_friction", "viscous_friction_sum", "izz", "mass"):
+        for name in (
+            "stiffness",
+            "motor_inertia",
+            "link_viscous_friction",
+            "viscous_friction_sum",
+            "izz",
+            "mass",
+        ):
             assert (name, joint) in names
-    assert ("coulomb_friction.coulomb", "joint2") in names and ("coulomb_friction.coulomb", "joint1") not in names
+    assert ("coulomb_friction.coulomb", "joint2") in names and (
+        "coulomb_friction.coulomb",
+        "joint1",
+    ) not in names
     assert all(p["identifiable"] in ("yes", "weak", "no") for p in document["parameters"])
     assert set(document["residual"]) == {"joints", "rms", "rms_validation", "noise_floor"}
 
@@ -260,3 +270,13 @@ def test_names_match_the_layout():
     layout = Layout(("a", "b"))
     assert len(layout.names()) == layout.size == 28
     assert layout.names()[layout.compliance.start] == ("stiffness", "a", "Nm/rad")
+
+
+def test_sweep_has_its_minimum_inside(demo):
+    result = sweep(
+        demo, "butterworth-zero-phase", 2 * np.pi * np.array([1.0, 4.0, 6.0, 20.0]), effects=["coulomb_friction"]
+    )
+    assert len(result.bandwidths) >= 3 and result.rms_validation.shape == (len(result.bandwidths), 2)
+    assert result.bandwidths[0] < result.best < result.bandwidths[-1]
+    with pytest.raises(InputError, match="settle"):
+        sweep(demo, "eso", [0.1])

@@ -9,6 +9,7 @@ from flexviz.identification.result import (
     ResidualSummary,
 )
 from flexviz.identification.solver import Iteration
+from flexviz.identification.sweep import SweepResult, sweep
 
 __all__ = [
     "Combination",
@@ -17,5 +18,7 @@ __all__ = [
     "ParameterEstimate",
     "ResidualSeries",
     "ResidualSummary",
+    "SweepResult",
     "identify",
+    "sweep",
 ]

@@ -23,7 +23,13 @@ from flexviz.equation.signals import Signals
 from flexviz.identification.prior import Prior
 from flexviz.identification.solver import Bounds, bounded_step
 from flexviz.identification.uncertainty import colour_matrix, covariance
-from flexviz.identification.whitening import Whitener, lagged_covariance, noise_kernel, whitener
+from flexviz.identification.whitening import (
+    Whitener,
+    lagged_covariance,
+    noise_kernel,
+    score_covariance,
+    whitener,
+)
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase, Observer
@@ -115,6 +121,26 @@ class Refinement:
             cov[0] += np.diag(1e-9 * size + self.tolerance)
             out.append(whitener(cov))
         return out
+
+    def score_covariance(self, x: Array, z: Array, whiteners: list[Whitener]) -> Array:
+        """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
+
+        Args:
+            x: shape (P,).
+            z: shape (N, n, P), whitened instruments; zero where samples are not used.
+            whiteners: one a block.
+        """
+        theta, tau = signal_sensitivity(self.layout, x, self.narrow.link_terms(x))
+        total = np.zeros((self.layout.size, self.layout.size))
+        for block, white in zip(self.blocks, whiteners, strict=True):
+            rows, raw = block.rows, block.segment.step
+            weights = white.transposed(z[rows])
+            way = (self.wide.signals.observer, raw * block.stride, raw)
+            total += score_covariance(weights, theta[:, rows], self.noise[0] ** 2, *way)
+            total += score_covariance(weights, tau[:, rows], self.noise[1] ** 2, *way)
+            scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
+            total += scaled.T @ scaled
+        return total
 
     def noise_variance(self, x: Array, link: LinkTerms) -> Array:
         """Mean variance of the wide residual from measurement noise alone, shape (n,) [Nm²]."""
@@ -246,7 +272,7 @@ def _solve(
     chi_square = float(np.mean(chi_squares))
     free = ~at_bound
     colour = (
-        information * max(chi_square, 1.0)
+        refinement.score_covariance(x, point.z, whiteners or []) * max(chi_square, 1.0)
         if chi_square < 1.2
         else colour_matrix(point.r, point.z, [b.rows for b in blocks])
     )

@@ -43,6 +43,14 @@ class Whitener:
             rest[k + 1 :] -= matrix[k + 1 :] @ flat[: len(flat) - k - 1]
         return (self.scale @ rest).reshape(y.shape)
 
+    def transposed(self, z: Array) -> Array:
+        """Wᵀ z for z of shape (N, n, P): the same shape."""
+        scaled = self.scale.transpose(0, 2, 1) @ z
+        out = scaled.copy()
+        for k, matrix in enumerate(self.predictor):
+            out[: len(z) - k - 1] -= matrix[k + 1 :].transpose(0, 2, 1) @ scaled[k + 1 :]
+        return out
+
 
 def noise_kernel(observer: Observer, joint_step: float, raw_step: float, count: int, lags: int) -> Array:
     """Covariance of the derivatives of filtered white noise of unit variance a raw sample.
@@ -92,6 +100,46 @@ def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Arr
         stacked = earlier.transpose(1, 0, 3, 2).reshape(count - k, depth * n, n)
         out[k, k:] = wide[k:] @ stacked
     return out
+
+
+def score_covariance(
+    weights: Array,
+    sensitivity: Array,
+    variance: Array,
+    observer: Observer,
+    joint_step: float,
+    raw_step: float,
+) -> Array:
+    """Covariance of Σ_t weights_tᵀ r_t when r is white noise of one source on its way through the equation.
+
+    The predictor's few samples cannot resolve how little noise there is at the lowest frequencies, where the
+    robot moves, so that the whitened residual is not quite white there; this is exact.
+
+    Args:
+        weights: shape (N, n, P).
+        sensitivity: shape (D, N, n, n), ∂r/∂ of the source's derivatives.
+        variance: shape (n,), of the raw samples.
+        observer: whose transfer functions the noise passes.
+        joint_step: step of the equation's samples [s].
+        raw_step: step of the raw samples [s].
+
+    Returns:
+        shape (P, P).
+    """
+    length = fft.next_fast_len(2 * len(weights), real=True)
+    omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
+    share[0] = 1.0
+    if length % 2 == 0:
+        share[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
+    scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
+    size = weights.shape[2]
+    total = np.zeros((len(omega), weights.shape[1], size), complex)
+    for k, matrix in enumerate(sensitivity):
+        passed = fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
+        total += np.conj(observer.transfer(omega, k))[:, None, None] * passed
+    flat = (total * scale[:, :, None]).reshape(-1, size)
+    return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
 def whitener(covariance: Array) -> Whitener:

@@ -44,22 +44,22 @@ def cascade(y: Array, step: float, bandwidth: float) -> Array:
 
     rows = np.ascontiguousarray(y.T)  # time runs along memory: the recursions below are sequential in it
     z = np.empty((ORDER, *rows.shape))
-    now, following = rows[:, :-1], rows[:, 1:]
+    flat = z.reshape(ORDER, -1)
     for i in range(ORDER):
-        drive = (constant[i] - ramp[i]) * now
-        drive += ramp[i] * following
-        for m in range(i):
-            drive += transition[i - m] * z[m, :, :-1]
+        drive = (constant[i] - ramp[i]) * rows
+        drive[:, :-1] += ramp[i] * rows[:, 1:]
+        if i:
+            drive += (np.array(transition[i:0:-1]) @ flat[:i]).reshape(rows.shape)
         z[i, :, 0] = rows[:, 0]
-        z[i, :, 1:] = lfilter([1.0], [1.0, -pole], drive, axis=-1, zi=pole * rows[:, :1])[0]
+        z[i, :, 1:] = lfilter([1.0], [1.0, -pole], drive[:, :-1], axis=-1, zi=pole * rows[:, :1])[0]
     return z.transpose(0, 2, 1)
 
 
 def combine(z: Array, coefficients: Array) -> Array:
     """Σ_j coefficients[:, j−1] z_j: shape (len(coefficients), N, m)."""
     rows = z.transpose(0, 2, 1)
-    out = np.tensordot(coefficients, rows, axes=(1, 0))
-    return out.transpose(0, 2, 1)
+    out = coefficients @ rows.reshape(len(rows), -1)
+    return out.reshape(-1, *rows.shape[1:]).transpose(0, 2, 1)
 
 
 def evaluate(coefficients: Array, omega: Array, bandwidth: float) -> NDArray[np.complex128]:

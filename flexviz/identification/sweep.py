@@ -1,0 +1,97 @@
+"""Residual against observer bandwidth.
+
+The paper chooses the bandwidth with the least torque error. That certifies nothing about the parameters of a causal
+observer, whose states lag differently; so the sweep also gives the parameters at every bandwidth, to see what moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.errors import InputError
+from flexviz.identification.identify import identify
+from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """One plain fit a bandwidth.
+
+    Attributes:
+        observer: name of the observer.
+        bandwidths: shape (M,) [rad/s].
+        rms_fit: shape (M, n) [Nm].
+        rms_validation: shape (M, n) [Nm]; NaN without validation groups.
+        stiffness, motor_inertia: shape (M, n), what was identified at each bandwidth [Nm/rad], [kg m²].
+        best: the bandwidth of least held-out error (of least error where nothing is held out), each joint counted in
+            units of its own least error [rad/s].
+    """
+
+    observer: str
+    bandwidths: Array
+    rms_fit: Array
+    rms_validation: Array
+    stiffness: Array
+    motor_inertia: Array
+    best: float
+
+
+def sweep(
+    measurements: MeasurementSet,
+    observer: str,
+    bandwidths: Sequence[float] | Array,
+    *,
+    groups: Sequence[str] | None = None,
+    effects: Iterable[str] = (),
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> SweepResult:
+    """Identify at each bandwidth and compare the errors.
+
+    Args:
+        measurements: the set.
+        observer: its name.
+        bandwidths: [rad/s], at least one; those too narrow for the records are left out.
+        groups, effects: as in `identify`.
+        progress: called with the number done and the total.
+        should_stop: asked between fits; what is done so far is returned (at least one fit is made).
+
+    Raises:
+        InputError: when no bandwidth is wide enough for the records.
+    """
+    effects = tuple(effects)
+    rows = []
+    n = len(measurements.joints)
+    refused: InputError | None = None
+    for done, w in enumerate(bandwidths):
+        if rows and should_stop is not None and should_stop():
+            break
+        try:
+            result = identify(measurements, groups=groups, effects=effects, observer=observer, bandwidth=float(w))
+        except InputError as error:
+            refused = error
+            continue
+        held_out = result.residual.rms_validation
+        rows.append(
+            (
+                float(w),
+                result.residual.rms,
+                np.full(n, np.nan) if held_out is None else held_out,
+                result.model.stiffness,
+                result.model.motor_inertia,
+            )
+        )
+        if progress is not None:
+            progress(done + 1, len(bandwidths))
+    if not rows:
+        raise refused or InputError("no bandwidth to try was given")
+    tried, fit, validation, stiffness, inertia = (np.array(column) for column in zip(*rows, strict=True))
+    judged = fit if np.isnan(validation).any() else validation
+    best = float(tried[int(np.argmin((judged / judged.min(axis=0)).mean(axis=1)))])
+    return SweepResult(observer, tried, fit, validation, stiffness, inertia, best)
