@@ -35,7 +35,8 @@ _WHERE = {
     "Observer": "flexviz.observers",
     "OBSERVERS": "flexviz.observers",
     "make_observer": "flexviz.observers",
-    "sweep": "flexviz.observers",
+    "sweep": "flexviz.identification",
+    "SweepResult": "flexviz.identification",
     "identify": "flexviz.identification",
     "Identification": "flexviz.identification",
     "Iteration": "flexviz.identification",
@@ -52,11 +53,13 @@ if TYPE_CHECKING:
         Iteration,
         ParameterEstimate,
         ResidualSummary,
+        SweepResult,
         identify,
+        sweep,
     )
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
-    from flexviz.observers import OBSERVERS, Observer, make_observer, sweep
+    from flexviz.observers import OBSERVERS, Observer, make_observer
     from flexviz.robot import PayloadBody, Robot
     from flexviz.simulation import replay, simulate_run
 
@@ -78,6 +81,7 @@ __all__ = [
     "ResidualSummary",
     "Robot",
     "Segment",
+    "SweepResult",
     "__version__",
     "identify",
     "make_observer",

@@ -19,7 +19,7 @@ LONGEST = 420  # lines in one Python file
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
     ("errors", "resources", "jobs"),
-    ("_pinocchio", "robot", "robot_files", "robot_settings", "model"),
+    ("_pinocchio", "_scipy", "robot", "robot_files", "robot_settings", "model"),
     ("measurements", "noise"),
     ("observers", "effects"),
     ("equation",),
