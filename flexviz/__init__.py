@@ -82,6 +82,7 @@ __all__ = [
     "Robot",
     "Segment",
     "SweepResult",
+    "SweepResult",
     "__version__",
     "identify",
     "make_observer",
