@@ -82,7 +82,6 @@ __all__ = [
     "Robot",
     "Segment",
     "SweepResult",
-    "SweepResult",
     "__version__",
     "identify",
     "make_observer",
