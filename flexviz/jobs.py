@@ -112,10 +112,10 @@ class Worker:
 
     def close(self) -> None:
         """Stop everything and end the child process."""
-        self.stop()
         with self._change:
             self._closed = True
             self._change.notify_all()
+        self.stop()
         self._thread.join(timeout=STOP_GRACE + 1.0)
         if self._child is not None:
             self._child.kill()
@@ -162,7 +162,7 @@ class Worker:
             if job.stop.is_set() and asked is None:
                 asked = time.monotonic()
                 child.send(("stop", job.number))
-            if asked is not None and time.monotonic() - asked > STOP_GRACE:
+            if self._closed or (asked is not None and time.monotonic() - asked > STOP_GRACE):
                 child.kill()
                 raise Cancelled
             message = child.receive(0.02)

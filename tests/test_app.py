@@ -150,7 +150,7 @@ def test_a_key_that_a_focused_slider_takes_does_not_step(app: Application) -> No
 
 
 def test_the_factor_is_always_written_in_the_scene(app: Application) -> None:
-    app.view.set_deflection(77)
+    app.view._deflection.value = 77
     act(app, "deflection", 77)
     assert "deflection ×77" in app.show.scene._labels["measured"].text
     assert "not identified yet" in app.show.scene._labels["identified"].text

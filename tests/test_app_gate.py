@@ -11,6 +11,7 @@ import msgpack
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
 from flexviz.app.events import EventQueue
 from flexviz.app.gate import admitted, is_loopback
@@ -20,7 +21,7 @@ from flexviz.errors import InputError
 viser = pytest.importorskip("viser")
 from flexviz.app.controls import choose, press, watch  # noqa: E402
 
-PROTOCOL = "viser-v1.1.1"
+PROTOCOL = Subprotocol("viser-v1.1.1")
 
 
 class Controls:
@@ -53,10 +54,16 @@ def controls(server: Any) -> Controls:
 
 
 @pytest.fixture
-def client(server: Any) -> Iterator[ClientConnection]:
-    with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as connection:  # type: ignore[list-item]
+def client(server: Any) -> Iterator[Any]:
+    with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as connection:
         connection.send(camera())
         yield connection
+
+
+def packed(message: Any) -> bytes:
+    data = msgpack.packb(message)
+    assert data is not None
+    return data
 
 
 def camera() -> bytes:
@@ -65,11 +72,11 @@ def camera() -> bytes:
         "near": 0.1, "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0, 0, 0),
         "up_direction": (0, 0, 1),
     }  # fmt: skip
-    return msgpack.packb(message)
+    return packed(message)
 
 
 def update(handle: Any, value: Any, **more: Any) -> bytes:
-    return msgpack.packb(
+    return packed(
         {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value, **more}}
     )
 
@@ -135,7 +142,7 @@ def test_bad_values_do_not(client: ClientConnection, controls: Controls, name: s
 def test_nothing_but_a_value_can_be_set(client: ClientConnection, controls: Controls, attribute: str) -> None:
     before = getattr(controls.slider._impl, attribute)
     message = {"type": "GuiUpdateMessage", "uuid": controls.slider._impl.uuid, "updates": {attribute: "x"}}
-    client.send(msgpack.packb(message))
+    client.send(packed(message))
     client.send(update(controls.slider, 6.0, **{attribute: "x"}))
     assert settle(controls.queue, client, controls) == []
     assert getattr(controls.slider._impl, attribute) is before
@@ -203,7 +210,7 @@ def test_unwanted_messages_do_nothing(
         raise AssertionError("a public tunnel was asked for")
 
     monkeypatch.setattr("viser._viser.ViserTunnel", tunnel)
-    client.send(msgpack.packb(message))
+    client.send(packed(message))
     assert settle(controls.queue, client, controls) == []
     assert server._share_tunnel is None
 
@@ -215,7 +222,7 @@ def test_garbage_ends_only_its_own_connection(
     server: Any, client: ClientConnection, controls: Controls, garbage: Any
 ) -> None:
     url = f"ws://127.0.0.1:{server.get_port()}"
-    with connect(url, subprotocols=[PROTOCOL], max_size=None) as other:  # type: ignore[list-item]
+    with connect(url, subprotocols=[PROTOCOL], max_size=None) as other:
         other.send(garbage)
         try:
             while True:
@@ -254,7 +261,7 @@ def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, s
         connect(
             f"ws://127.0.0.1:{server.get_port()}",
             subprotocols=[PROTOCOL],
-            additional_headers=headers,  # type: ignore[list-item]
+            additional_headers=headers,
         )
     assert refused.value.response.status_code in (400, 403)
 

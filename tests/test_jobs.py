@@ -191,3 +191,12 @@ def test_closed_worker_takes_no_job() -> None:
     worker.close()
     with pytest.raises(FlexvizError, match="closed"):
         worker.submit("count", count, 1, listener=Ears())
+
+
+def test_closing_waits_for_no_job() -> None:
+    worker, ears = Worker(), Ears()
+    worker.submit("stubborn", time_waster, listener=ears)
+    assert ears.until_progress() == "begun"
+    begin = time.monotonic()
+    worker.close()
+    assert time.monotonic() - begin < 2.0 and not worker.busy

@@ -15,7 +15,7 @@ from flexviz.view import colours, status
 from flexviz.view.geometry import FACES, robot_shape, thinned
 from flexviz.view.stage import stage
 from flexviz.view.tables import parameters_html, set_html, truth_values
-from flexviz.view.text import escape, number, title, with_error
+from flexviz.view.text import escape, number, short_names, title, with_error
 from tests.small_set import write_small_set
 
 
@@ -217,3 +217,9 @@ def test_a_planar_motion_is_looked_at_squarely() -> None:
     near, _ = placed.camera("Overlaid", 1.0)
     far, _ = placed.camera("Side by side", 0.5)
     assert np.linalg.norm(far) > np.linalg.norm(near)
+
+
+def test_joints_are_named_shortly_where_that_is_clear() -> None:
+    assert short_names(("panda_joint1", "panda_joint2")) == ["joint1", "joint2"]
+    assert short_names(("joint_1", "joint_2")) == ["joint_1", "joint_2"]
+    assert short_names(("only_one",)) == ["only_one"]

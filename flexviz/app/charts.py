@@ -92,7 +92,7 @@ class ChartColumn:
 
 def _look(plot: Plot) -> tuple[Any, ...]:
     lines = tuple((line.label, line.colour, line.width, line.dashed) for line in plot.lines)
-    return lines, plot.playhead is not None, plot.logarithmic, plot.x_label
+    return lines, plot.playhead is not None, plot.logarithmic, plot.x_label, plot.span
 
 
 def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
@@ -116,7 +116,8 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
 
 
 def _scales(plot: Plot) -> dict[str, Any]:
-    scales: dict[str, Any] = {"x": {"time": False}, "y": {"distr": 3} if plot.logarithmic else {}}
+    across: dict[str, Any] = {"time": False} if plot.span is None else {"time": False, "range": plot.span}
+    scales: dict[str, Any] = {"x": across, "y": {"distr": 3} if plot.logarithmic else {}}
     if plot.playhead is not None:
         scales["now"] = {"range": (0.02, 1.0)}  # its zeros lie below the chart
     return scales

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import viser
-import viser.infra._infra as infra
+import websockets.asyncio.server as websocket_server
 from viser import _messages as messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -58,7 +58,7 @@ def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
 @contextlib.contextmanager
 def guarded_serve(bound_to: str) -> Iterator[None]:
     """While a ViserServer starts inside this context, its websocket server gets the Host and Origin check."""
-    module: Any = infra.websockets.asyncio.server
+    module: Any = websocket_server  # viser looks `serve` up here when it starts
     original = module.serve
 
     def serve(*args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any) -> Any:

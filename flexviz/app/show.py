@@ -43,7 +43,7 @@ class Show:
         self._replays, self._replayed, self.joint = {}, None, 0
         self.group = measurements.groups[0]
         self.motion = measured_motion(measurements, self.group, None)
-        self._app.view.set_deflection(nice_factor(self.motion))
+        self._app.view.suggest_deflection(nice_factor(self.motion), anew=True)
         self.playback.show(None)
         with self.playback.hold():
             placed = stage(measurements.robot, opened.shape, self.motion.theta)
@@ -78,6 +78,7 @@ class Show:
         if result is not self._replayed:
             self._replays, self._failed, self._replayed = {}, set(), result
         self.motion = measured_motion(measurements, self.group, result)
+        self._app.view.suggest_deflection(nice_factor(self.motion))
         run = self._replays.get(self.group.name)
         if run is not None:
             self.motion = with_replay(self.motion, run)

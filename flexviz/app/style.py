@@ -27,10 +27,9 @@ CSS = """
 .fv-box { display: inline-block; width: 0.8em; height: 0.8em; border-radius: 2px; margin-right: 0.3em;
   border: 1px solid rgba(128, 128, 128, 0.6); vertical-align: -0.05em; }
 .fv-ghost { opacity: 0.55; margin-left: 0.8em; }
-.fv-clip { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .fv-map { display: inline-block; width: 5em; height: 0.7em; vertical-align: -0.05em; border-radius: 2px; }
 .fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
-.fv-joints { max-height: 3.2em; overflow-y: auto; }
+.fv-joints { max-height: 4.6em; overflow-y: auto; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
 """

@@ -13,7 +13,7 @@ from flexviz.view.plots import Line, Plot, no_plot
 if TYPE_CHECKING:
     from flexviz.identification import Iteration
 
-LINES = 14  # parameters drawn at most; the ones that moved most
+LINES = 14  # parameters drawn at most
 
 
 def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
@@ -55,7 +55,7 @@ def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
 
 
 def scaled(iterations: Sequence[Iteration], length: int) -> tuple[Line, ...]:
-    """Each parameter divided by its present value; of many, the ones that moved most."""
+    """Each parameter divided by its present value; of many, stiffness and motor inertia first."""
     names = iterations[-1].names
     rows = [iteration.values for iteration in iterations if tuple(iteration.names) == tuple(names)]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
@@ -64,11 +64,20 @@ def scaled(iterations: Sequence[Iteration], length: int) -> tuple[Line, ...]:
     now = values[-1]
     scale = np.where(np.abs(now) > 1e-9, np.abs(now), 1.0)
     shares = np.clip(np.nan_to_num(values / scale), -5.0, 5.0)
-    moved = np.argsort(-np.ptp(shares, axis=0), kind="stable")[:LINES]
+    chosen = sorted(range(len(names)), key=lambda i: (rank(names[i]), i))[:LINES]
     return tuple(
-        Line(short(names[i]), SERIES[rank % len(SERIES)], shares[:, i], dashed=rank >= len(SERIES))
-        for rank, i in enumerate(sorted(moved))
+        Line(short(names[i]), SERIES[place % len(SERIES)], shares[:, i], dashed=place >= len(SERIES))
+        for place, i in enumerate(chosen)
     )
+
+
+def rank(name: str) -> int:
+    """How early a parameter is drawn; the order does not change while a fit runs."""
+    parameter = name.partition(":")[0]
+    order = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
+    if parameter in order:
+        return order.index(parameter)
+    return len(order) + ("." not in parameter)
 
 
 def short(name: str) -> str:

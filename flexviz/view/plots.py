@@ -38,6 +38,7 @@ class Plot:
     playhead: (M,) 0/1 line of the present instant, or None for a plot that does not run in time.
     height: [pixels].
     note: why the plot is empty, or what to know about it.
+    span: (first, last) x of the axis, so that the plots of a tab agree; None where the data decide.
     """
 
     key: str
@@ -49,6 +50,7 @@ class Plot:
     playhead: Array | None = None
     height: int = 190
     note: str = ""
+    span: tuple[float, float] | None = None
 
     def data(self) -> tuple[Array, ...]:
         """x and every line, as the chart wants them; the playhead comes last."""
@@ -122,7 +124,13 @@ PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"))
 
 
 def time_plot(
-    key: str, title: str, unit: str, x: Array, lines: Sequence[tuple[str, str, Array]], *, height: int = 190
+    key: str,
+    title: str,
+    unit: str,
+    x: Array,
+    lines: Sequence[tuple[str, str, Array]],
+    *,
+    height: int = 190,
 ) -> Plot:
     """A plot over time, thinned, with a playhead; lines are (label, colour, values), the later ones thinner.
 
@@ -140,6 +148,11 @@ def time_plot(
     return Plot(
         key, f"{title} [{prefix}{unit}]", thinned, drawn, playhead=np.zeros(len(thinned)), height=height
     )
+
+
+def aligned(plots: Sequence[Plot], first: float, last: float) -> tuple[Plot, ...]:
+    """The plots with the same time axis, from `first` to `last` [s]."""
+    return tuple(replace(plot, span=(float(first), float(last))) for plot in plots)
 
 
 def no_plot(key: str, note: str) -> Plot:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexviz.measurements import Group
 from flexviz.view.colours import MEASURED, MODEL, RESIDUAL
 from flexviz.view.motion import Motion
-from flexviz.view.plots import Plot, no_plot, time_plot
+from flexviz.view.plots import Plot, aligned, no_plot, time_plot
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -50,23 +50,24 @@ def signals_plots(
             "torque", f"Torque, {name}", "Nm", time, [("measured", MEASURED, measured)], height=200
         )
         waiting = no_plot("residual", "Model torque and residual appear here after Run (step 3, Identify).")
-        return (first, waiting, _error_plot(group, joint, name, motion))
+        return aligned((first, waiting, _error_plot(joint, name, motion)), time[0], time[-1])
     model_time, explained, residual = model
     inside = (time >= model_time[0]) & (time <= model_time[-1])
     lines = [
         ("measured", MEASURED, measured[inside]),
         ("model", MODEL, np.interp(time[inside], model_time, explained)),
     ]
-    return (
+    plots = (
         time_plot("torque", f"Torque, {name}", "Nm", time[inside], lines, height=200),
         time_plot(
             "residual", f"Residual, {name}", "Nm", model_time, [("residual", RESIDUAL, residual)], height=200
         ),
-        _error_plot(group, joint, name, motion),
+        _error_plot(joint, name, motion),
     )
+    return aligned(plots, time[0], time[-1])
 
 
-def _error_plot(group: Group, joint: int, name: str, motion: Motion | None) -> Plot:
+def _error_plot(joint: int, name: str, motion: Motion | None) -> Plot:
     if motion is None or motion.model_theta is None:
         return no_plot("error", "")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexviz.measurements import Group, Segment
 from flexviz.observers import Observer, make_observer
 from flexviz.view.colours import MEASURED, MODEL
-from flexviz.view.plots import Line, Plot, no_plot, thin
+from flexviz.view.plots import Line, Plot, aligned, no_plot, thin
 from flexviz.view.text import number
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def states_plots(
         plots.append(_derivative("disturbance", "disturbance [rad/s⁵]", x[inside], thinned[6][inside]))
     else:
         plots.append(no_plot("disturbance", "This observer has no disturbance state; the ESO has one."))
-    return tuple(plots)
+    return aligned(plots, x[0], x[-1])
 
 
 def _derivative(key: str, title: str, x: Array, values: Array) -> Plot:

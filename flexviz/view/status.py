@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexviz.view.colours import BODY, MEASURED, MODEL, cividis, css, gradient, shares
-from flexviz.view.text import escape, number
+from flexviz.view.text import escape, number, short_names
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -77,7 +77,7 @@ def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, not
         f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified: ghost</div>'
     )
     if note:
-        robots += f'<div class="fv-dim fv-clip" title="{escape(note)}">{escape(note)}</div>'
+        robots += f'<div class="fv-dim">{escape(note)}</div>'
     if rms is None:
         waiting = "Links get the colour of their residual after Run."
         return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
@@ -85,7 +85,7 @@ def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, not
     cells = "".join(
         f'<span class="fv-joint"><span class="fv-box" style="background:{css(colour)}"></span>'
         f"{escape(name)} {number(float(value), 2)}</span>"
-        for name, value, colour in zip(joints, rms, colours, strict=True)
+        for name, value, colour in zip(short_names(joints), rms, colours, strict=True)
     )
     return (
         f'<div class="fv">{robots}<div>Link colour: rms residual in {escape(group)} [Nm], '

@@ -58,3 +58,12 @@ def title(name: str) -> str:
     """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
     effect, dot, parameter = name.partition(".")
     return f"{effect} {dot and '· '}{parameter}".strip().replace("_", " ")
+
+
+def short_names(names: tuple[str, ...]) -> list[str]:
+    """Names without the words they all begin with: panda_joint1, panda_joint2 -> joint1, joint2."""
+    first = names[0] if len(names) > 1 else ""
+    cuts = [i + 1 for i, character in enumerate(first) if character in "_/"]
+    shared = [cut for cut in cuts if all(name[:cut] == first[:cut] for name in names)]
+    cut = max(shared, default=0)
+    return [name[cut:] if any(c.isalpha() for c in name[cut:]) else name for name in names]

@@ -49,6 +49,11 @@ def node(page: Any, name: str) -> list[float] | None:
     )
 
 
+def place(page: Any, name: str) -> list[float]:
+    """Where a scene node stands (x, y, z)."""
+    return (node(page, name) or [])[12:15]
+
+
 def until(condition: Callable[[], Any], timeout: float = 30.0, what: str = "it") -> Any:
     """Wait for a true value and return it."""
     deadline = time.monotonic() + timeout

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.browser.page import button, chart, charts, node, row, status, tab, until
+from tests.browser.page import button, chart, charts, node, place, row, status, tab, until
 
 pytestmark = pytest.mark.browser
 
@@ -105,10 +105,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     shot(page, "4-signals")
     row(page, "Layout").get_by_role("combobox").click()
     page.get_by_role("option", name="Overlaid").click()
-    until(
-        lambda: node(page, "/identified")[12:15] == node(page, "/measured")[12:15],
-        what="one robot in the other",
-    )  # type: ignore[index]
+    until(lambda: place(page, "/identified") == place(page, "/measured"), what="one robot in the other")
     page.wait_for_timeout(500)
     shot(page, "5-overlaid")
     row(page, "Layout").get_by_role("combobox").click()

@@ -28,7 +28,7 @@ class DataStep:
         self._roles: dict[str, Any] = {}
         self.folder = gui.add_folder(None)
         with self.folder:
-            self._choice = gui.add_dropdown("Measurement set", ("–",), initial_value="–")
+            self._choice: Any = gui.add_dropdown("Measurement set", ("–",), initial_value="–")
             self._about = gui.add_html("")
             self._heading = gui.add_html(
                 '<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>'

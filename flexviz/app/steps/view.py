@@ -27,6 +27,7 @@ class ViewPanel:
         self._app = app
         gui = app.server.gui
         self._scrubbed = 0.0
+        self._own_deflection = False  # a person has chosen the factor
         panel = gui.add_panel()
         with panel.add_tab("Playback"):
             self._buttons = gui.add_button_group("", BUTTONS)
@@ -63,7 +64,7 @@ class ViewPanel:
         app.on("playback", self.playback)
         app.on("time", self._scrub)
         app.on("speed", lambda name: app.show.clock.set_speed(SPEEDS[SPEED_NAMES.index(name)]))
-        app.on("deflection", lambda _: app.show.show_motion())
+        app.on("deflection", self._deflected)
         app.on("error", lambda _: app.show.show_motion())
 
     @property
@@ -76,9 +77,11 @@ class ViewPanel:
         """The chosen layout."""
         return self._layout.value
 
-    def set_deflection(self, factor: int) -> None:
-        """Set the deflection factor."""
-        self._deflection.value = factor
+    def suggest_deflection(self, factor: int, anew: bool = False) -> None:
+        """Set the deflection factor, unless a person has chosen one (for this set: not `anew`)."""
+        self._own_deflection = self._own_deflection and not anew
+        if not self._own_deflection:
+            self._deflection.value = factor
 
     def span(self, start: float, end: float) -> None:
         """A new group's time."""
@@ -113,6 +116,10 @@ class ViewPanel:
         self._legend.content = legend_html(
             app.measurements.joints, rms, app.show.group.name, app.show.motion.model_note
         )
+
+    def _deflected(self, _: float) -> None:
+        self._own_deflection = True
+        self._app.show.show_motion()
 
     def _scrub(self, value: float) -> None:
         self._scrubbed = time.monotonic()
