@@ -32,6 +32,7 @@ from flexviz.simulation import replay
 from flexviz.view.motion import measured_motion, with_replay
 
 FIRST = "t1p1"
+pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")  # it replaces exceptions
 
 
 class Read:
@@ -211,7 +212,7 @@ def test_blueprint(recorded: Any) -> None:
         views.count("3D") == 4 and "TimeSeries" in views and "Dataframe" in views and "TextDocument" in views
     )
     names = " ".join(entry[0] for entry in values["ViewBlueprint:display_name"] if entry)
-    for words in ("3D t1p1", "4th derivative of θ", "Residual [Nm]", "Cost", "Step", "Parameters", "Summary"):
+    for words in ("3D t1p1", "d⁴θ/dt⁴", "Residual [Nm]", "Cost", "Step", "Parameters", "Summary"):
         assert words in names
 
 

@@ -73,12 +73,13 @@ def send_line(
     entity: str,
     indexes: Sequence[rr.TimeColumn],
     values: Array,
-    name: str,
-    colour: str,
+    name: str = "",
+    colour: str = "",
 ) -> None:
-    """One line of a plot: its name and colour, and all its values (N,)."""
-    style = rr.SeriesLines(names=name, colors=rgb(colour), widths=1.5)
-    recording.log(entity, style, static=True)
+    """One line of a plot: its name and colour if it has its own, and all its values (N,)."""
+    if name:
+        style = rr.SeriesLines(names=name, colors=rgb(colour), widths=1.5)
+        recording.log(entity, style, static=True)
     recording.send_columns(entity, indexes, rr.Scalars.columns(scalars=np.ascontiguousarray(values)))
 
 

@@ -21,6 +21,7 @@ from flexviz.recording.paths import (
     TIME,
     TITLES,
     group_path,
+    parameter_path,
     path,
 )
 from flexviz.recording.scene import Stage
@@ -34,7 +35,7 @@ def blueprint(
     stage: Stage,
     simulated: Sequence[str],
     residuals: Sequence[str],
-    optimiser: bool,
+    parameters: Sequence[str],
     disturbance: bool,
 ) -> rrb.Blueprint:
     """The layout.
@@ -42,7 +43,7 @@ def blueprint(
     Parameters
     ----------
     simulated, residuals: names of the groups whose model was simulated, whose residual there is.
-    optimiser: whether there are iterations.
+    parameters: names of what the iterations tell about (none: there are no iterations).
     disturbance: whether the observer has a disturbance state.
     """
     groups = measurements.groups
@@ -63,8 +64,8 @@ def blueprint(
     lower: list[rrb.Container | rrb.View] = []
     if residuals:
         lower.append(rrb.Tabs(*(residual_view(g) for g in groups if g.name in residuals), name="Residual"))
-    if optimiser:
-        lower.append(convergence())
+    if parameters:
+        lower.append(convergence(parameters))
     right += lower
     shares = [2.2] + [1.0] * len(lower)
     return rrb.Blueprint(
@@ -112,17 +113,15 @@ def residual_view(group: Group) -> rrb.TimeSeriesView:
     return plot(f"Residual [Nm] {group_title(group)}", where, ["$origin/**"])
 
 
-def convergence() -> rrb.Container:
+def convergence(parameters: Sequence[str]) -> rrb.Container:
     """Cost, step and parameters, and all of them as a table by iteration."""
+    entities = [path("optimiser", "cost"), path("optimiser", "step")]
+    entities += [parameter_path("parameters", name) for name in parameters]
     table = rrb.DataframeView(
         origin=OPTIMISER,
-        contents=[
-            path("optimiser", "cost"),
-            path("optimiser", "step"),
-            path("optimiser", "parameters") + "/**",
-        ],
+        contents=entities,
         name="Table by iteration",
-        query=rrb.archetypes.DataframeQuery(timeline=ITERATION, apply_latest_at=False),
+        query=rrb.archetypes.DataframeQuery(timeline=ITERATION, entity_order=entities),
     )
     return rrb.Tabs(
         rrb.Horizontal(

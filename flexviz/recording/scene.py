@@ -59,7 +59,7 @@ def set_stage(measurements: MeasurementSet, shape: Shape, both: bool) -> Stage:
     width = float(np.abs(across) @ (high - low)) * 1.05 + 0.05 * size
     offsets = np.outer([-0.5, 0.5], across * width) if both else np.zeros((2, 3))
     centre = (low + high) / 2
-    distance = max(size, 2.0 * width) if both else 1.6 * size
+    distance = 1.15 * max(size, 2.0 * width) if both else 1.6 * size
     return Stage(
         offsets, float(high[2]) + 0.08 * size, centre, centre + distance * VIEW / np.linalg.norm(VIEW)
     )

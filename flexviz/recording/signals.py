@@ -125,20 +125,24 @@ def send_optimiser(recording: rr.RecordingStream, result: Identification) -> Non
     everyone = list(range(count))
     for colour, name in enumerate(("cost", "step")):
         values = np.array([float(getattr(iteration, name)) for iteration in iterations])
-        send_line(recording, path("optimiser", name), indexes(everyone), values, name, series(colour))
+        send_line(recording, path("optimiser", name), indexes(everyone), values)  # in the table, not drawn
         usable = np.isfinite(values) & (values > 0.0)
         logarithm = np.log10(np.where(usable, values, np.nan))
         where, label = path("optimiser", f"log10_{name}"), f"log10 {name}"
         send_line(recording, where, indexes(everyone), logarithm, label, series(colour))
     stages = rr.TextLog.columns(text=[iteration.stage for iteration in iterations])
     recording.send_columns(path("optimiser", "stage"), indexes(everyone), stages)
-    names = list(dict.fromkeys(name for iteration in iterations for name in iteration.names))
-    for colour, name in enumerate(names):
+    for colour, name in enumerate(parameter_names(result)):
         rows = [i for i in everyone if name in iterations[i].names]
         values = np.array(
             [iterations[i].values[list(iterations[i].names).index(name)] for i in rows], dtype=float
         )
         label, last = name.replace(":", " "), values[-1] or 1.0
-        send_line(recording, parameter_path("parameters", name), indexes(rows), values, label, series(colour))
+        send_line(recording, parameter_path("parameters", name), indexes(rows), values)
         relative = np.clip(values / last, -RELATIVE, RELATIVE)
         send_line(recording, parameter_path("relative", name), indexes(rows), relative, label, series(colour))
+
+
+def parameter_names(result: Identification) -> list[str]:
+    """Every parameter that some iteration moves."""
+    return list(dict.fromkeys(name for iteration in result.iterations for name in iteration.names))

@@ -158,7 +158,7 @@ class Writer:
             stage,
             simulated=[] if result is None else [group.name for group in measurements.groups],
             residuals=[] if result is None else list(result.residuals),
-            optimiser=result is not None and bool(result.iterations),
+            parameters=[] if result is None else signals.parameter_names(result),
             disturbance=self.observer.name.startswith("eso"),
         )
         title = measurements.name + (" (simulated data)" if measurements.simulated else "")
