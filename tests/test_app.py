@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +16,8 @@ from flexviz.app.server import start_server
 from flexviz.app.work import open_set, sets_beside
 from flexviz.resources import sessions_dir
 from tests.small_set import write_small_set
+
+KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +208,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     assert not app.identify._run.disabled
 
 
-@pytest.mark.skipif("FLEXVIZ_REAL_SET" not in os.environ, reason="FLEXVIZ_REAL_SET names no measurement set")
+@pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
 def test_a_real_set_opens(app: Application) -> None:
-    app.open(open_set(Path(os.environ["FLEXVIZ_REAL_SET"])))
+    app.open(open_set(KUKA))
     assert "no model yet" in status(app)

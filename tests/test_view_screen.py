@@ -49,7 +49,8 @@ def test_value_and_error_end_at_the_same_digit(value: float, error: Any, texts: 
 
 
 def test_titles() -> None:
-    assert title("coulomb_friction.coulomb") == "coulomb friction · coulomb"
+    assert title("coulomb_friction.coulomb") == "coulomb friction"
+    assert title("torque_ripple.amplitude") == "torque ripple · amplitude"
     assert title("motor_inertia") == "motor inertia"
 
 

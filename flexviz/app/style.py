@@ -18,7 +18,8 @@ CSS = """
 .fv-table { border-collapse: collapse; width: 100%; font-size: 11.5px; font-variant-numeric: tabular-nums; }
 .fv-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: right; padding: 1px 3px; }
 .fv-table td { text-align: right; padding: 1px 3px; white-space: nowrap; }
-.fv-table td:first-child, .fv-table th:first-child { text-align: left; padding-left: 0; }
+.fv-table td:first-child, .fv-table th:first-child { text-align: left; padding-left: 0;
+  white-space: normal; overflow-wrap: anywhere; min-width: 4.5em; }
 .fv-left td { text-align: left; white-space: normal; }
 .fv-group td { font-weight: 600; border-top: 1px solid rgba(128, 128, 128, 0.35); padding-top: 3px; }
 .fv-tied td { color: var(--mantine-color-dimmed); white-space: normal; font-size: 10.5px; }

@@ -57,6 +57,8 @@ SHORT = {
 def title(name: str) -> str:
     """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
     effect, dot, parameter = name.partition(".")
+    if parameter in effect.split("_"):  # coulomb_friction.coulomb says it twice
+        dot = parameter = ""
     return f"{effect} {dot and '· '}{parameter}".strip().replace("_", " ")
 
 

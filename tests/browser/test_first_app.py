@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import pytest
 
 from tests.browser.page import button, chart, charts, node, place, row, status, tab, until
 
+KUKA = Path(__file__).resolve().parents[3] / "shared" / "real" / "kuka_kr300"
 pytestmark = pytest.mark.browser
 
 
@@ -92,6 +93,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
     button(page, "Pause").click()
     shot(page, "3-identify")
+    assert not page.evaluate(WIDER), "wider than its place"
     tab(page, "Signals").click()
     until(lambda: any(title.startswith("Residual") for title in charts(page)), what="the residual")
     torque = chart(page, "Torque")
@@ -169,11 +171,12 @@ def test_nothing_overlaps_or_is_cut(
         assert not page.evaluate(WIDER), "wider than its place"
 
 
-@pytest.mark.skipif("FLEXVIZ_REAL_SET" not in os.environ, reason="FLEXVIZ_REAL_SET names no measurement set")
+@pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
 def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
-    page = open_page(serve(os.environ["FLEXVIZ_REAL_SET"]))
+    page = open_page(serve(str(KUKA)))
     button(page, "Identify").click()
     row(page, "coulomb_friction").get_by_role("checkbox").click()
     button(page, "Run").click()
     until(lambda: "validation error" in status(page), 120, "a result")
     shot(page, "6-real")
+    assert not page.evaluate(WIDER), "wider than its place"
