@@ -31,6 +31,8 @@ def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
     x = np.arange(1.0, len(iterations) + 1.0)
     cost = positive([iteration.cost for iteration in iterations])
     step = positive([iteration.step for iteration in iterations])
+    if len(step) > 1 and iterations[0].step <= 0:
+        step[0] = step[1]  # nothing was stepped to the start
     if len(x) == 1:
         x, cost, step = np.array([1.0, 2.0]), np.repeat(cost, 2), np.repeat(step, 2)
     return (

@@ -25,7 +25,7 @@ def set_html(measurements: MeasurementSet) -> str:
     rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
     rows = [
         ("Robot", f"{escape(measurements.robot.name)}, {plural(measurements.n, 'joint')}"),
-        ("Data", f"{plural(len(measurements.groups), 'group')}, {_minutes(measurements)}, {rate} Hz"),
+        ("Recorded", f"{plural(len(measurements.groups), 'group')}, {_minutes(measurements)}, {rate} Hz"),
         ("Controller", "known (closed-loop replay)" if measurements.kp is not None else "not given"),
         ("Own effects", ", ".join(title(name) for name in measurements.effects) or "none"),
     ]
