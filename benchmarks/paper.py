@@ -12,6 +12,8 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import textwrap
+from collections.abc import Sequence
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
 
@@ -19,7 +21,7 @@ from benchmarks.paper_study import document, findings, methods, seeds, tables
 from benchmarks.paper_study.simulated import LETTERS, STARTS, pool, simulate_all
 
 
-def table(letters: str, starts: list[str], processes: int, write: bool) -> bool:
+def table(letters: str, starts: Sequence[str], processes: int, write: bool) -> bool:
     """All methods on all groups."""
     simulate_all(letters, starts, processes)
     tasks = [(letter, start, m) for start in starts for letter in letters for m in methods.METHODS]
@@ -39,13 +41,14 @@ def table(letters: str, starts: list[str], processes: int, write: bool) -> bool:
         return True
     checked = findings.criteria(results)
     _verdicts(checked)
-    print("\n" + "\n\n".join(findings.findings(results)))
+    for text in findings.findings(results):
+        print("\n" + textwrap.fill(text.replace("**", ""), 110))
     if write:
         document.write("table", document.table_part(results, checked))
     return all(passed for _, passed in checked)
 
 
-def many_seeds(starts: list[str], count: int, processes: int, write: bool) -> bool:
+def many_seeds(starts: Sequence[str], count: int, processes: int, write: bool) -> bool:
     """The seeds of group B."""
     parts, fine = [], True
     for start in starts:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -56,7 +57,7 @@ def _between(text: str, head: str, tail: str) -> str:
 def table_part(results: Results, checked: Checked) -> str:
     """Verdicts, findings, compact and full tables."""
     parts = ["## What was to be shown", verdicts(checked), "## Where the paper's statements hold"]
-    parts += findings(results)
+    parts += [textwrap.fill(text, 120) for text in findings(results)]
     parts += [
         "## Every observer on every group",
         f"Largest error of each class in %, of the truth or of {SMALL:g} where the truth is smaller (so "
