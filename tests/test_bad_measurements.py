@@ -101,6 +101,10 @@ BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     ),
     "infinity": (cell(3, "theta_joint1", float("inf")), ("row 4 ", "theta_joint1", "inf")),
     "minus infinity": (cell(3, "q_joint1", -np.inf, "b.parquet"), ("b.parquet", "row 4", "q_joint1", "-inf")),
+    "absurd number": (
+        cell(3, "tau_joint2", -1e300),
+        ("a.csv", "row 4 ", "tau_joint2", "-1e+300", "SI units"),
+    ),
     "nan time": (cell(5, "time", float("nan")), ("row 6 ", "column time")),
     "empty cell": (cell(7, "theta_joint2", ""), ("row 8 (line 9)", "theta_joint2", "empty")),
     "null in parquet": (cell(7, "theta_joint2", None, "b.parquet"), ("row 8", "theta_joint2", "empty")),

@@ -21,6 +21,7 @@ from flexviz.measurements.data import Array
 
 CSV_BLOCK = 1 << 20  # [bytes]
 PARQUET_ROWS = 1 << 16  # rows a block
+LARGEST = 1e30  # no quantity in SI units is larger
 CSV_SUFFIXES = (".csv",)
 PARQUET_SUFFIXES = (".parquet", ".pq")
 
@@ -108,10 +109,12 @@ def fill(target: Array, column: pa.Array, name: str, offset: int, file: Path) ->
             place=place.format(row=row_name(file, row), name=name),
         )
     target[:] = column.to_numpy(zero_copy_only=False)
-    if not np.isfinite(target).all():
-        bad = int(np.flatnonzero(~np.isfinite(target))[0])
+    usable = np.abs(target) < LARGEST  # False for NaN
+    if not usable.all():
+        bad = int(np.flatnonzero(~usable)[0])
+        wanted = "a number in SI units" if np.isfinite(target[bad]) else "a finite number"
         raise InputError(
-            f"found {target[bad]:g}, a finite number would be right",
+            f"found {target[bad]:g}, {wanted} would be right",
             file=file,
             place=place.format(row=row_name(file, bad + offset), name=name),
         )
