@@ -114,6 +114,26 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     page.get_by_role("option", name="Side by side").click()
 
 
+def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> None:
+    page = open_page(address)
+    button(page, "Pause").click()
+    page.wait_for_timeout(1500)
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(page.screenshot())).convert("RGB")
+    pixels = np.asarray(image).astype(int)
+    ghost = (pixels[..., 0] - pixels[..., 2] > 60) & (pixels[..., 0] > 150)  # orange
+    ghost[:, :345] = ghost[:, 840:] = ghost[:110] = ghost[500:] = False
+    rows, columns = np.nonzero(ghost)
+    assert len(rows) > 200, "no ghost to click"
+    chosen = set()
+    for i in np.random.default_rng(1).permutation(len(rows))[:25]:
+        page.mouse.click(int(columns[i]), int(rows[i]))
+        page.wait_for_timeout(400)
+        chosen.add(row(page, "Joint").get_by_role("combobox").input_value())
+        if chosen == {"joint1", "joint2"}:
+            return
+    raise AssertionError(f"only {chosen} could be chosen")
+
+
 def test_keys_play_and_undo(address: str, open_page: Any) -> None:
     page = open_page(address)
     button(page, "Pause").click()
