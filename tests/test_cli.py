@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -218,6 +219,26 @@ def test_interrupted_keeps_what_it_has(demo_set: Path, tmp_path: Path) -> None:
     result = IdentifyContract.model_validate(json.loads(file.read_text()))
     assert not result.converged and result.parameters
     assert "stopped" in out
+
+
+def test_interrupt_in_the_middle_of_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Busy(io.StringIO):
+        writing = False
+
+        def write(self, text: str) -> int:
+            assert not self.writing, "written to again from the signal's handler"
+            self.writing = True
+            if not should_stop():
+                signal.raise_signal(signal.SIGINT)
+            self.writing = False
+            return super().write(text)
+
+    with progress.interruptible() as should_stop:
+        monkeypatch.setattr(sys, "stderr", Busy())
+        progress.note("line")
+        assert should_stop()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 # -- record and serve

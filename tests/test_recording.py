@@ -203,8 +203,10 @@ def test_blueprint(recorded: Any) -> None:
     (stored,) = reader.blueprints()
     values: dict[str, list[Any]] = {}
     for chunk in reader.stream(store=stored):
-        for name, column in chunk.to_record_batch().to_pydict().items():
-            values.setdefault(name, []).extend(column)
+        batch = chunk.to_record_batch()
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            if not pa.types.is_timestamp(column.type):
+                values.setdefault(name, []).extend(column.to_pylist())
     assert ["time"] in values["TimePanelBlueprint:timeline"]
     assert ["iteration"] in values["DataframeQuery:timeline"]
     views = [entry[0] for entry in values["ViewBlueprint:class_identifier"] if entry]

@@ -6,6 +6,7 @@ few seconds in between.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -82,7 +83,8 @@ def interruptible(consequence: str = "what was found so far is kept") -> Iterato
         if asked.is_set():
             raise KeyboardInterrupt
         asked.set()
-        note(f"stopping; {consequence} (Ctrl+C again to end at once)")
+        # not print: the signal may have come in the middle of one
+        os.write(2, f"stopping; {consequence} (Ctrl+C again to end at once)\n".encode())
 
     if threading.current_thread() is not threading.main_thread():
         yield asked.is_set
