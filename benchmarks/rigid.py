@@ -1,8 +1,9 @@
 """Rigid least squares with the same friction terms, for comparison: `python -m benchmarks.rigid SET`.
 
-The usual inverse dynamic model τ = Y(θ, θ̇, θ̈) Γ + B θ̈ + f_v θ̇ + f_c sign(θ̇) by least squares weighted per joint,
-with the same zero-phase filter and the same samples as the flexible model. Two ways to treat what the motion hardly
-shows: base parameters alone, and all parameters drawn weakly to the CAD values; the better one counts.
+The usual inverse dynamic model τ = Y(θ, θ̇, θ̈) Γ + B θ̈ + f_v θ̇ + f_c sign(θ̇) by least squares weighted per
+joint, with the same zero-phase filter and the same samples as the flexible model. Two ways to treat what the
+motion hardly shows: base parameters alone, and all parameters drawn weakly to the CAD values; the better one
+counts.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ MOVING = 0.01  # [rad/s] slower samples say nothing about friction
 
 
 def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tuple[Array, Array]:
-    """Held-out rms ÷ standard deviation of the torque while moving: of the flexible model and the rigid fit, (n,) each."""
+    """Held-out rms ÷ standard deviation of the torque while moving: flexible and rigid fit, (n,) each."""
     n = len(measurements.joints)
     observer = make_observer(flexible.observer_name, flexible.bandwidth)  # type: ignore[arg-type]
     effects = choose_effects([f"{e.effect}:{e.joint}" for e in flexible.model.effects], measurements.joints)
@@ -61,7 +62,8 @@ def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tu
     centre = np.zeros(columns.shape[2])
     centre[:inertial] = measurements.robot.cad_parameters.ravel()
     spread = np.full(columns.shape[2], np.inf)
-    spread[:inertial] = np.abs(centre[:inertial]) + 0.1 * np.abs(centre[:inertial]).reshape(n, 10).max(axis=1).repeat(10)
+    size = np.abs(centre[:inertial])
+    spread[:inertial] = size + 0.1 * size.reshape(n, 10).max(axis=1).repeat(10)
     candidates = []
     for used, middle, width in (
         (base, np.zeros(len(base)), np.full(len(base), np.inf)),
@@ -74,7 +76,7 @@ def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tu
 
 
 def weighted_least_squares(columns: Array, torque: Array, centre: Array, spread: Array) -> Array:
-    """Least squares with each joint's own weight, iterated, drawn to `centre` with standard deviations `spread`."""
+    """Least squares, each joint with its own weight, iterated, drawn to `centre` with deviations `spread`."""
     size = columns.shape[2]
     sigma = np.sqrt(np.mean(torque**2, axis=0))
     x = centre.copy()
@@ -104,7 +106,8 @@ def main() -> None:
         flexible, rigid = rigid_held_out(measurements, result)
         label = "flexible, refined" if refine else "flexible, plain"
         print(f"{label:18s} {flexible.mean():.4f}  {np.round(flexible, 3)}")
-        print(f"{'rigid':18s} {rigid.mean():.4f}  {np.round(rigid, 3)}   ratio {flexible.mean() / rigid.mean():.3f}")
+        ratio = flexible.mean() / rigid.mean()
+        print(f"{'rigid':18s} {rigid.mean():.4f}  {np.round(rigid, 3)}   ratio {ratio:.3f}")
 
 
 if __name__ == "__main__":

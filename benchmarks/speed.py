@@ -1,9 +1,10 @@
 """Speed, as ratios measured in one run: `python -m benchmarks.speed [--quick]`.
 
-1. Gauss–Newton with the analytic Jacobian against SciPy's `trust-constr` with finite differences (an interior-point
-   method like the paper's) on the same equation, weights, prior, bounds and start: time to the same cost.
-2. The solver's whole time against the bare cost of the Pinocchio calls it needs (joint torque regressor and RNEA
-   derivatives once a sample and evaluation), called in an empty loop.
+1. Gauss–Newton with the analytic Jacobian against SciPy's `trust-constr` with finite differences (an
+   interior-point method like the paper's) on the same equation, weights, prior, bounds and start: time to the
+   same cost.
+2. The solver's whole time against the bare cost of the Pinocchio calls it needs (joint torque regressor and
+   RNEA derivatives once a sample and evaluation), called in an empty loop.
 3. The sixth-order ESO over 20 s × 1 kHz × 7 joints (θ and τ).
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +22,16 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from flexviz._pinocchio import pin
-from flexviz.equation import Equation, Layout, build_signals
+from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.identification.solver import gauss_newton
-from flexviz.identification.start import start_values
+from flexviz.identification.start import Start, start_values
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.observers import CausalEso, make_observer
 from flexviz.resources import sessions_dir
 from flexviz.simulation import simulate_preset
 
 
-def prepared(measurements: MeasurementSet, hertz: float = 6.0) -> tuple[Equation, object]:
+def prepared(measurements: MeasurementSet, hertz: float = 6.0) -> tuple[Equation, Start]:
     groups = [g for g in measurements.groups if not g.validation]
     signals = build_signals(measurements, groups, make_observer("butterworth-zero-phase", 2 * np.pi * hertz))
     equation = Equation(measurements.robot, signals, Layout(measurements.joints))
@@ -88,11 +90,14 @@ def against_trust_constr(measurements: MeasurementSet, limit: float) -> None:
     )
     other = reached[0] if reached else time.perf_counter() - begun
     bound = "" if reached else f"  (stopped; its cost was still {least[0] / best:.3g} times the optimum)"
-    print(f"to within 1 % of the optimal cost, 2-DOF: Gauss–Newton {mine * 1e3:.1f} ms, trust-constr {other:.2f} s")
+    print("to within 1 % of the optimal cost, 2-DOF: ", end="")
+    print(f"Gauss–Newton {mine * 1e3:.1f} ms, trust-constr {other:.2f} s")
     print(f"  ratio {'≥ ' if not reached else ''}{other / mine:.0f}{bound}")
 
 
-def gauss_newton_fixed(equation: Equation, start, weights: np.ndarray, watch) -> None:  # noqa: ANN001
+def gauss_newton_fixed(
+    equation: Equation, start: Start, weights: np.ndarray, watch: Callable[[np.ndarray, float], None]
+) -> None:
     """The solver's own loop with fixed weights, so that both methods see the same cost."""
     from flexviz.identification import solver
 
@@ -117,7 +122,7 @@ def against_pinocchio(measurements: MeasurementSet, label: str) -> None:
     count = 0
     evaluate = equation.evaluate
 
-    def counted(x):  # noqa: ANN001, ANN202
+    def counted(x: np.ndarray) -> Evaluation:
         nonlocal count
         count += 1
         return evaluate(x)
@@ -154,11 +159,12 @@ def observer() -> None:
         begun = time.perf_counter()
         CausalEso(50.0).states(segment, 0.001)
         times.append(time.perf_counter() - begun)
-    print(f"ESO, 20 s × 1 kHz × 7 joints, θ and τ: {np.median(times) * 1e3:.1f} ms (least {min(times) * 1e3:.1f})")
+    print("ESO, 20 s × 1 kHz × 7 joints, θ and τ: ", end="")
+    print(f"{np.median(times) * 1e3:.1f} ms (least {min(times) * 1e3:.1f})")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="Speed, as ratios measured in one run.")
     parser.add_argument("--limit", type=float, default=60.0, help="give trust-constr this many seconds")
     arguments = parser.parse_args()
     with threadpool_limits(1):

@@ -46,7 +46,7 @@ def errors(result: Identification, truth: dict[tuple[str, str], float], name: st
     return np.array([value / true - 1 for value, true in pairs])
 
 
-# -- whole --------------------------------------------------------------------------------------------------------
+# -- whole ----------------------------------------------------------------------
 
 
 def test_refinement_recovers_the_demo(demo_fit):
@@ -164,7 +164,7 @@ def test_real_robot_is_bounded_and_beats_rigid_least_squares():
     assert flexible.mean() <= rigid.mean()
 
 
-# -- parts --------------------------------------------------------------------------------------------------------
+# -- parts ----------------------------------------------------------------------
 
 
 def test_base_parameters_of_the_planar_arm():
@@ -274,7 +274,10 @@ def test_names_match_the_layout():
 
 def test_sweep_has_its_minimum_inside(demo):
     result = sweep(
-        demo, "butterworth-zero-phase", 2 * np.pi * np.array([1.0, 4.0, 6.0, 20.0]), effects=["coulomb_friction"]
+        demo,
+        "butterworth-zero-phase",
+        2 * np.pi * np.array([1.0, 4.0, 6.0, 20.0]),
+        effects=["coulomb_friction"],
     )
     assert len(result.bandwidths) >= 3 and result.rms_validation.shape == (len(result.bandwidths), 2)
     assert result.bandwidths[0] < result.best < result.bandwidths[-1]

@@ -82,7 +82,7 @@ def test_noise_does_not_blow_up(name):
 def test_steady_state_follows_the_transfer_function(name, order):
     observer = make_observer(name, 60.0)
     step, omega = 5e-4, 9.0
-    t = step * np.arange(12000)
+    t = step * np.arange(12000, dtype=float)
     segment = Segment(t, np.sin(omega * t)[:, None], np.zeros((len(t), 1)), step)
     got = observer.derivatives(segment.theta, step, 5, position=True)[order, :, 0]
     gain = observer.transfer(np.array([omega]), order)[0]
@@ -96,7 +96,7 @@ def test_steady_state_follows_the_transfer_function(name, order):
 @pytest.mark.parametrize("name", [n for n in NAMES if OBSERVERS[n].zero_phase])
 def test_zero_phase_derivatives_of_slow_motion(name):
     step = 1e-3
-    t = step * np.arange(12000)
+    t = step * np.arange(12000, dtype=float)
     y = 0.8 * np.sin(2 * t) + 0.1 * np.sin(5 * t + 1)
     observer = make_observer(name, 2 * np.pi * 14)
     out = observer.derivatives(y[:, None], step, 5, position=True)[:, :, 0]
@@ -105,7 +105,7 @@ def test_zero_phase_derivatives_of_slow_motion(name):
         exact = 0.8 * 2**k * np.sin(2 * t + k * np.pi / 2) + 0.1 * 5**k * np.sin(5 * t + 1 + k * np.pi / 2)
         droop = abs(observer.gain(np.array([5.0]), np.array([2 * np.pi * 14]))[0, 0] - 1)  # type: ignore[attr-defined]
         error = np.abs(out[k] - exact)[keep] / np.abs(exact).max()
-        # what the reflection at the ends gets wrong is worst in the fourth derivative and at the last valid sample
+        # what the reflection gets wrong is worst in the fourth derivative, at the last valid sample
         assert error.max() < (1e-6, 1e-5, 1e-4, 2e-3, 4e-2)[k] + 4 * droop
         assert np.median(error) < 1e-6 * 10**k + 4 * droop
     assert observer.lag(step) == pytest.approx(0.0, abs=1e-12)
@@ -125,7 +125,7 @@ def test_stride_picks_the_same_samples(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_delay_shifts_the_signal(name):
     step, delay = 1e-3, 2.5e-3
-    t = step * np.arange(6000)
+    t = step * np.arange(6000, dtype=float)
     observer = make_observer(name, 60.0)
     late = observer.derivatives(np.sin(4 * t)[:, None], step, 1, delay=delay)[0, :, 0]
     shifted = observer.derivatives(np.sin(4 * (t - delay))[:, None], step, 1)[0, :, 0]

@@ -3,8 +3,8 @@
 Inertial parameters: the log-determinant divergence between a body's pseudo-inertia P and its CAD value P₀,
 D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification,
 IEEE T-RO 36(2), 2020). It does not depend on the frame, grows without bound towards bodies that cannot exist
-(P not positive definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker than
-data that see a parameter at all. Everything else: normal around the start values, wide.
+(P not positive definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker
+than data that see a parameter at all. Everything else: normal around the start values, wide.
 """
 
 from __future__ import annotations

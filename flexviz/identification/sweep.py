@@ -1,7 +1,8 @@
 """Residual against observer bandwidth.
 
-The paper chooses the bandwidth with the least torque error. That certifies nothing about the parameters of a causal
-observer, whose states lag differently; so the sweep also gives the parameters at every bandwidth, to see what moves.
+The paper chooses the bandwidth with the least torque error. That certifies nothing about the parameters of a
+causal observer, whose states lag differently; so the sweep also gives the parameters at every bandwidth, to
+see what moves.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ class SweepResult:
         rms_fit: shape (M, n) [Nm].
         rms_validation: shape (M, n) [Nm]; NaN without validation groups.
         stiffness, motor_inertia: shape (M, n), what was identified at each bandwidth [Nm/rad], [kg m²].
-        best: the bandwidth of least held-out error (of least error where nothing is held out), each joint counted in
-            units of its own least error [rad/s].
+        best: the bandwidth of least held-out error (of least error where nothing is held out), each joint
+            counted in units of its own least error [rad/s].
     """
 
     observer: str
@@ -73,7 +74,9 @@ def sweep(
         if rows and should_stop is not None and should_stop():
             break
         try:
-            result = identify(measurements, groups=groups, effects=effects, observer=observer, bandwidth=float(w))
+            result = identify(
+                measurements, groups=groups, effects=effects, observer=observer, bandwidth=float(w)
+            )
         except InputError as error:
             refused = error
             continue
