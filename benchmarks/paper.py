@@ -42,7 +42,7 @@ def table(letters: str, starts: Sequence[str], processes: int, write: bool) -> b
     checked = findings.criteria(results)
     _verdicts(checked)
     for text in findings.findings(results):
-        print("\n" + textwrap.fill(text.replace("**", ""), 110))
+        print("\n" + textwrap.fill(text.replace("**", ""), 110, break_on_hyphens=False))
     if write:
         document.write("table", document.table_part(results, checked))
     return all(passed for _, passed in checked)

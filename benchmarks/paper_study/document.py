@@ -57,7 +57,7 @@ def _between(text: str, head: str, tail: str) -> str:
 def table_part(results: Results, checked: Checked) -> str:
     """Verdicts, findings, compact and full tables."""
     parts = ["## What was to be shown", verdicts(checked), "## Where the paper's statements hold"]
-    parts += [textwrap.fill(text, 120) for text in findings(results)]
+    parts += findings(results)
     parts += [
         "## Every observer on every group",
         f"Largest error of each class in %, of the truth or of {SMALL:g} where the truth is smaller (so "
@@ -84,7 +84,7 @@ def table_part(results: Results, checked: Checked) -> str:
     for letter, start in results.studies():
         parts.append(f"### Parameters of group {letter.upper()}, {START_TEXT[start]}")
         parts.append(tables.markdown(tables.full(results.of(letter, start))))
-    return "\n\n".join(parts)
+    return join(parts)
 
 
 def seeds_part(parts: Sequence[tuple[str, list[Statistics], Checked]]) -> str:
@@ -103,7 +103,15 @@ def seeds_part(parts: Sequence[tuple[str, list[Statistics], Checked]]) -> str:
     for start, statistics, checked in parts:
         text.append(f"### Group B, {START_TEXT[start]}, {statistics[0].seeds} seeds")
         text += [tables.markdown(tables.statistics(statistics)), verdicts(checked)]
-    return "\n\n".join(text)
+    return join(text)
+
+
+def join(parts: Sequence[str]) -> str:
+    """Paragraphs with blank lines between; what is neither table nor list is wrapped."""
+    wrapped = [
+        p if p.startswith(("|", "-", "#")) else textwrap.fill(p, 110, break_on_hyphens=False) for p in parts
+    ]
+    return "\n\n".join(wrapped)
 
 
 def verdicts(lines: Checked) -> str:

@@ -105,11 +105,14 @@ def findings(results: Results) -> list[str]:
         "them. Within one causal observer no bandwidth is right.",
         "**Marks and intervals.** "
         f"With `--refine`, {_covered(results, REFINED)} of the 95 % intervals hold the truth, with plain "
-        "zero phase "
-        f"{_covered(results, ZERO)}, with the equal-delay ESO (w = 50) {_covered(results, EQUAL_50)}, with "
-        "the causal "
-        f"ESO (all w) {_covered(results, *CAUSAL)}: an interval knows the noise and the residual's colour, "
-        "not what the observer has done to the equation. A residual far above the noise floor is the sign.",
+        "zero "
+        f"phase {_covered(results, ZERO)}, with the equal-delay ESO (w = 50) {_covered(results, EQUAL_50)}, "
+        f"with the causal ESO (all w) {_covered(results, *CAUSAL)}. Marked yes although more than 30 % off: "
+        f"`--refine` {_optimistic(results, REFINED)}, zero phase {_optimistic(results, ZERO)}, equal-delay "
+        "ESO "
+        f"(w = 50) {_optimistic(results, EQUAL_50)}, causal ESO (all w) {_optimistic(results, *CAUSAL)}. "
+        "An interval and a mark know the noise and the residual's colour, not what the observer has done to "
+        "the equation. A residual far above the noise floor is the sign.",
     ]
 
 
@@ -158,6 +161,11 @@ def _chosen(results: Results, start: str) -> str:
 def _covered(results: Results, *methods: Method) -> str:
     kept = _pick(results, methods, lambda o: True)
     return f"{sum(o.covered for o in kept) / sum(len(o.rows) for o in kept):.0%}"
+
+
+def _optimistic(results: Results, *methods: Method) -> str:
+    kept = _pick(results, methods, lambda o: True)
+    return f"{sum(len(o.too_optimistic()) for o in kept)} of {sum(len(o.rows) for o in kept)}"
 
 
 def _name(o: Outcome) -> str:
