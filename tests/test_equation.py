@@ -28,7 +28,9 @@ def made_up_set(robot: Robot, link: str, seed: int = 0, seconds: float = 4.0) ->
         return size * wave.sum(axis=0)
 
     groups = []
-    for k, bodies in enumerate(((), (PayloadBody(link, 1.5, [0.1, 0.02, 0.05], [0.01, 0.02, 0.03, 0, 0, 0]),))):
+    for k, bodies in enumerate(
+        ((), (PayloadBody(link, 1.5, [0.1, 0.02, 0.05], [0.01, 0.02, 0.03, 0, 0, 0]),))
+    ):
         segment = Segment(time, smooth(0.4), smooth(20.0), step)
         groups.append(Group(f"g{k}", f"t{k}", f"p{k}", bodies, False, Path("none"), (segment,), time))
     return MeasurementSet(
@@ -62,7 +64,10 @@ def point(layout: Layout, robot: Robot, seed: int = 1) -> np.ndarray:
 
 ROBOTS = {
     "planar": (lambda: Robot.load("robots:planar_2r"), "link2"),
-    "panda": (lambda: Robot.load("example-robot-data:panda", [f"panda_joint{k}" for k in range(1, 8)]), "panda_hand"),
+    "panda": (
+        lambda: Robot.load("example-robot-data:panda", [f"panda_joint{k}" for k in range(1, 8)]),
+        "panda_hand",
+    ),
     "ur5, joints in another order": (
         lambda: Robot.load(
             "example-robot-data:ur5",
@@ -181,7 +186,9 @@ def test_prior_derivatives_and_feasibility():
     slope = prior.value(x + direction) - prior.value(x - direction)
     assert slope / 2 == pytest.approx(gradient @ direction, rel=1e-5)
     change = prior.gradient_and_hessian(x + direction)[0] - prior.gradient_and_hessian(x - direction)[0]
-    np.testing.assert_allclose(change / 2, hessian @ direction, rtol=1e-4, atol=1e-9 * np.abs(hessian @ direction).max())
+    np.testing.assert_allclose(
+        change / 2, hessian @ direction, rtol=1e-4, atol=1e-9 * np.abs(hessian @ direction).max()
+    )
     x[0] = -1.0
     assert not prior.feasible(x) and prior.value(x) == np.inf
     assert BASIS.shape == (10, 4, 4)
