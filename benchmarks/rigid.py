@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import choose_effects
-from flexviz.equation import build_signals
+from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.link import LinkDynamics
 from flexviz.identification import Identification, identify
 from flexviz.identification.base_parameters import base_parameters
@@ -44,10 +44,13 @@ def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tu
             diagonal = np.zeros((signals.count, n, n))
             diagonal[:, range(n), range(n)] = signals.theta[k]
             columns.append(diagonal)
-        for effect in effects:
-            values = signals.effect_columns(effect, np.full(n, 1e12))[:, 0]
-            block_columns = np.zeros((signals.count, n, len(values)))
-            block_columns[:, effect.joint] = values.T
+        layout = Layout(measurements.joints, effects)
+        equation = Equation(measurements.robot, signals, layout)
+        rigid = np.zeros(layout.size)
+        rigid[layout.compliance] = 1e-12
+        for _, term in equation.terms(rigid):
+            block_columns = np.zeros((signals.count, n, len(term.slopes)))
+            block_columns[:, list(term.joints)] = term.slopes[:, 0].transpose(1, 2, 0)
             columns.append(block_columns)
         return np.concatenate(columns, axis=2), torque, signals.theta[1]
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Where = Literal["motor", "link", "joint", "sensing", "load"]
+Entry = Literal["torque", "deflection", "residual"]
+Scope = Literal["joint", "set", "payload", "episode"]
 
 SIGN_VELOCITY = 0.005  # [rad/s] sign(v) is taken as tanh(v / 0.005 rad/s)
 
@@ -40,25 +43,140 @@ class ParameterSpec:
 
 @dataclass(frozen=True)
 class JointMotion:
-    """What an effect sees of its joint, at the measurement's own rate; every array has shape (N,).
+    """What an effect sees of its joint during one stretch, wide-band; every array has shape (N,).
 
     Attributes:
-        time: [s].
-        velocity: motor side θ̇ from a wide zero-phase filter [rad/s].
-        link_velocity: link side q̇ at the present stiffness, from a wide zero-phase filter [rad/s].
+        time: the group's own time [s].
+        position, velocity: motor side θ, θ̇ [rad], [rad/s].
+        torque: transmission torque s at the present parameters [Nm].
+        link_position, link_velocity: link side q, q̇ at the present parameters [rad], [rad/s].
+        stiffness: present K [Nm/rad].
+        motor_viscous: present f_mv [Nm s/rad].
+        torque_scale: rms of s over all stretches [Nm].
     """
 
     time: Array
+    position: Array
     velocity: Array
+    torque: Array
+    link_position: Array
     link_velocity: Array
+    stiffness: float
+    motor_viscous: float
+    torque_scale: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an effect sits.
+
+    Attributes:
+        joint: index in the set's joint order; None where it belongs to no joint.
+        group: name of the only group it acts in (episodes).
+        payload: name of the payload it concerns.
+    """
+
+    joint: int | None = None
+    group: str | None = None
+    payload: str | None = None
+
+
+@dataclass(frozen=True)
+class Terms:
+    """An effect at given parameters, filtered like everything else, at the equation's samples.
+
+    Attributes:
+        entry: "torque": u is subtracted from s; "deflection": added to q; "residual": subtracted from r.
+        joints: the m joints it acts on.
+        value: shape (D, N, m), u and its derivatives; D = 3, or 1 for "residual".
+        slopes: shape (P, D, N, m), ∂u/∂p.
+    """
+
+    entry: Entry
+    joints: tuple[int, ...]
+    value: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A small version of an effect, linear in its coefficients: where a search starts.
+
+    Attributes:
+        entry, joints: as in `Terms`.
+        columns: shape (C, D, N, m).
+        to_values: coefficients (C,) → the effect's parameters (P,).
+        label: what is fixed in it, for the log ("order 7").
+    """
+
+    entry: Entry
+    joints: tuple[int, ...]
+    columns: Array
+    to_values: object
+    label: str = ""
+
+
+class Context(Protocol):
+    """What the equation offers to an effect: motions, filters, and the observer's own outputs."""
+
+    def motions(self, joint: int) -> Sequence[JointMotion]:
+        """Wide-band motion of a joint, one a stretch."""
+        ...
+
+    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
+        """Columns (C, N_fine) of each stretch through the joint's observer: shape (C, depth, N)."""
+        ...
+
+    def theta(self, joint: int) -> Array:
+        """Observer's θ and derivatives, shape (5, N)."""
+        ...
+
+    def tau(self, joint: int) -> Array:
+        """Observer's τ and derivatives, shape (4, N)."""
+        ...
+
+    def delayed_tau(self, joint: int, delay: float) -> Array:
+        """The same for the torque applied `delay` [s] later, shape (4, N)."""
+        ...
+
+    def link_state(self, joint: int) -> Array:
+        """Link side q, q̇, q̈ at the present parameters, shape (3, N)."""
+        ...
+
+    def in_group(self, group: str) -> NDArray[np.bool_]:
+        """Samples of that group, shape (N,)."""
+        ...
+
+    def payload_torque(self, payload: str) -> Array:
+        """Y Γ_payload in the groups that carry it, zero elsewhere, shape (N, n) [Nm]."""
+        ...
+
+    def gravity_torque(self, axis: int) -> Array:
+        """Joint torque of unit gravity acceleration along a base axis, shape (N, n) [Nm s²/m]."""
+        ...
+
+    def count(self) -> int:
+        """Number of samples N."""
+        ...
+
+    def joints(self) -> int:
+        """Number of joints n."""
+        ...
 
 
 class Effect(ABC):
-    """A torque that a joint has beside the base model.
+    """A physical effect beside the base model.
 
-    Effects of `where` "motor" add their torque to the motor's friction, s = τ − Bθ̈ − f_mv θ̇ − u; effects of
-    `where` "link" add theirs to the link's, r = s − Y Γ − f_lv q̇ − u. Both must be linear in their
-    parameters: u = Σ_p p · column_p(t).
+    Motor effects add their torque to the motor's friction, s = τ − Bθ̈ − f_mv θ̇ − u, and so shift q and its
+    derivatives by those of u/K; joint effects change the deflection, q = θ − s/K + u; link and load effects
+    add theirs to the link side, r = s − Y Γ − f_lv q̇ − u.
+
+    Attributes:
+        linear: u is linear in the parameters and depends on nothing that is identified.
+        state: u depends on identified quantities (torque, stiffness) and is renewed as these change.
+        scope: what it belongs to.
+        beside: an effect without which this one makes no sense on a joint.
+        replaces: an effect that it replaces on its joint.
     """
 
     name: ClassVar[str]
@@ -66,9 +184,75 @@ class Effect(ABC):
     where: ClassVar[Where]
     explanation: ClassVar[str]
     equation: ClassVar[str]
+    signature: ClassVar[str]
+    confirm: ClassVar[str]
     reference: ClassVar[str]
     parameters: ClassVar[tuple[ParameterSpec, ...]]
+    linear: ClassVar[bool] = False
+    state: ClassVar[bool] = False
+    scope: ClassVar[Scope] = "joint"
+    beside: ClassVar[str | None] = None
+    replaces: ClassVar[str | None] = None
+    flexible: ClassVar[bool] = False
+    """Whether it can imitate unknown position effects (ripples of free order)."""
+
+    @property
+    def entry(self) -> Entry:
+        """How it enters the equation."""
+        return {"motor": "torque", "joint": "deflection"}.get(self.where, "residual")  # type: ignore[return-value]
+
+    @abstractmethod
+    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+        """u and ∂u/∂p at the parameters `values`, shape (P,)."""
+
+    @abstractmethod
+    def guesses(self, context: Context, place: Place) -> list[Guess]:
+        """Small versions of it to score, over a grid of whatever is nonlinear."""
+
+
+class LawEffect(Effect):
+    """An effect whose u is a law of its joint's own motion, evaluated wide-band and then filtered."""
+
+    @abstractmethod
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        """u, shape (N,), and ∂u/∂p, shape (P, N)."""
+
+    @property
+    def depth(self) -> int:
+        return 1 if self.entry == "residual" else 3
+
+    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+        joint = _joint(place)
+        parts = []
+        for motion in context.motions(joint):
+            u, slopes = self.law(motion, values)
+            parts.append(np.concatenate((u[None], slopes)))
+        out = context.filtered(parts, joint, self.depth)[..., None]
+        return Terms(self.entry, (joint,), out[0], out[1:])
+
+    def guess(self, context: Context, place: Place, values: Array, label: str = "") -> Guess:
+        """The slopes at `values` as columns; their coefficients are added to `values`."""
+        terms = self.terms(context, place, values)
+        return Guess(terms.entry, terms.joints, terms.slopes, lambda c: values + c, label)
+
+    def guesses(self, context: Context, place: Place) -> list[Guess]:
+        return [self.guess(context, place, np.zeros(len(self.parameters)))]
+
+
+class LinearEffect(LawEffect):
+    """u = Σ p · column(t)."""
+
+    linear = True
 
     @abstractmethod
     def columns(self, motion: JointMotion) -> Array:
         """∂u/∂p for each parameter, shape (P, N) [Nm per unit of p]."""
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        columns = self.columns(motion)
+        return values @ columns, columns
+
+
+def _joint(place: Place) -> int:
+    assert place.joint is not None, "this effect belongs to a joint"
+    return place.joint

@@ -60,6 +60,20 @@ class Layout:
     def effect_start(self) -> int:
         return 14 * self.n
 
+    def joint_name(self, effect: ChosenEffect) -> str | None:
+        """The joint an effect belongs to, by name."""
+        return None if effect.joint is None else self.joints[effect.joint]
+
+    def labels(self) -> list[str]:
+        """A unique label of every entry: "stiffness:joint1", "payload_error.relative_mass_error:p2"."""
+        rows = self.names()
+        out = [f"{name}:{joint}" if joint else name for name, joint, _ in rows]
+        for effect, where in self.effect_slices():
+            for k in range(where.start, where.stop):
+                extra = [part for part in (effect.payload, effect.group) if part]
+                out[k] = ":".join([out[k], *extra])
+        return out
+
     def effect_slices(self) -> list[tuple[ChosenEffect, slice]]:
         """Each effect with the place of its parameters."""
         out, at = [], self.effect_start
@@ -73,16 +87,18 @@ class Layout:
     def size(self) -> int:
         return self.effect_start + sum(len(EFFECTS[e.effect].parameters) for e in self.effects)
 
-    def names(self) -> list[tuple[str, str, str]]:
+    def names(self) -> list[tuple[str, str | None, str]]:
         """(name, joint, unit) of every entry as the JSON contract calls it; c stands for the stiffness."""
-        rows = [(INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)]
+        rows: list[tuple[str, str | None, str]] = [
+            (INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)
+        ]
         rows += [("stiffness", j, "Nm/rad") for j in self.joints]
         rows += [("motor_inertia", j, "kg m²") for j in self.joints]
         rows += [("link_viscous_friction", j, "Nm s/rad") for j in self.joints]
         rows += [("motor_viscous_friction", j, "Nm s/rad") for j in self.joints]
         for effect in self.effects:
             specs = EFFECTS[effect.effect].parameters
-            rows += [(f"{effect.effect}.{p.name}", self.joints[effect.joint], p.unit) for p in specs]
+            rows += [(f"{effect.effect}.{p.name}", self.joint_name(effect), p.unit) for p in specs]
         return rows
 
     def model(self, x: Array) -> FlexibleModel:
@@ -90,8 +106,10 @@ class Layout:
         values = [
             EffectValue(
                 effect.effect,
-                self.joints[effect.joint],
+                self.joint_name(effect),
                 {p.name: float(v) for p, v in zip(EFFECTS[effect.effect].parameters, x[where], strict=True)},
+                effect.group,
+                effect.payload,
             )
             for effect, where in self.effect_slices()
         ]
@@ -108,8 +126,9 @@ class Layout:
         x[self.motor_inertia] = model.motor_inertia
         x[self.link_viscous] = model.link_viscous_friction
         x[self.motor_viscous] = model.motor_viscous_friction
-        known = {(e.effect, e.joint): e.parameters for e in model.effects}
+        known = {(e.effect, e.joint, e.group, e.payload): e.parameters for e in model.effects}
         for effect, where in self.effect_slices():
-            values = known.get((effect.effect, self.joints[effect.joint]), {})
+            key = (effect.effect, self.joint_name(effect), effect.group, effect.payload)
+            values = known.get(key, {})
             x[where] = [values.get(p.name, 0.0) for p in EFFECTS[effect.effect].parameters]
         return x

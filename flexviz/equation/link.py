@@ -74,6 +74,13 @@ class LinkDynamics:
             mass[:, square[0], square[1]],
         )  # fmt: skip
 
+    def torque(self, parameters: Array, q: Array, v: Array, a: Array) -> Array:
+        """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]."""
+        self._set(parameters)
+        rows = [np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a)]
+        out = np.array([pin.rnea(self._model, self._data, *row) for row in zip(*rows, strict=True)])
+        return out if self._sorted else out[:, self._order]
+
     def regressor(self, q: Array, v: Array, a: Array) -> Array:
         """Y alone, shape (N, n, 10n)."""
         count, n = q.shape

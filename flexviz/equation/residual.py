@@ -1,8 +1,8 @@
 """The identification equation (the paper's equation 6) and its analytic Jacobian.
 
-    s = τ − B θ̈ − f_mv θ̇ − u_motor                      transmission torque seen from the motor [Nm]
-    q = θ − c s,  q̇ = θ̇ − c ṡ,  q̈ = θ̈ − c s̈            c = 1/K [rad/Nm]
-    r = s − [Y(q, q̇, q̈)(Γ + Γ_payload) + f_lv q̇ + u_link]  →  0
+    s = τ − B θ̈ − f_mv θ̇ − u_torque                     transmission torque seen from the motor [Nm]
+    q = θ − c s + u_deflection, and its derivatives      c = 1/K [rad/Nm]
+    r = s − [Y(q, q̇, q̈)(Γ + Γ_payload) + f_lv q̇ + u_residual]  →  0
 
 A parameter that moves s by δs (and its derivatives) or q by δq moves r by
 δs − [∂(YΓ)/∂q δq + (∂(YΓ)/∂q̇ + f_lv) δq̇ + M δq̈].
@@ -10,12 +10,14 @@ A parameter that moves s by δs (and its derivatives) or q by δq moves r by
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, Terms
+from flexviz.equation.context import EffectContext
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals
@@ -44,54 +46,90 @@ class Evaluation:
 
 
 class Equation:
-    """r(x) for given signals and effects."""
+    """r(x) for given signals and effects.
+
+    What an effect's law sees of the identified quantities (s, q, K in its `JointMotion`) stays as it is until
+    `prepare` is called again; the Jacobian is exact for that.
+    """
 
     def __init__(self, robot: Robot, signals: Signals, layout: Layout) -> None:
+        self.robot = robot
         self.signals = signals
         self.layout = layout
+        self.context = EffectContext(robot, signals, layout)
         self._link = LinkDynamics(robot)
-        self._columns: dict[ChosenEffect, Array] = {}
-        self._velocity_stiffness: Array | None = None
-
-    def prepare(self, stiffness: Array) -> bool:
-        """Compute the effects' columns; those of link effects follow the stiffness (shape (n,) [Nm/rad]).
-
-        Returns:
-            whether columns that were already there have changed.
-
-        The dependence of sign(q̇) on the stiffness is not part of the Jacobian: columns stay as they are until
-        this is called again.
-        """
-        known = self._velocity_stiffness
-        moved = known is None or np.max(np.abs(stiffness / known - 1)) > 1e-3
-        changed = False
-        for effect in self.layout.effects:
-            stale = effect in self._columns and moved and EFFECTS[effect.effect].where == "link"
-            if stale or effect not in self._columns:
-                self._columns[effect] = self.signals.effect_columns(effect, stiffness)
-            changed |= stale
-        if moved:
-            self._velocity_stiffness = stiffness.copy()
-        return changed
+        self._linear: dict[ChosenEffect, Terms] = {}
+        self._prepared: Array | None = None
 
     @property
-    def has_link_effects(self) -> bool:
-        """Whether some columns depend on the stiffness."""
-        return any(EFFECTS[e.effect].where == "link" for e in self.layout.effects)
+    def has_state(self) -> bool:
+        """Whether some effect's law depends on identified quantities."""
+        return any(EFFECTS[e.effect].state for e in self.layout.effects)
 
-    def columns_of(self, effect: ChosenEffect) -> Array:
-        """An effect's columns, shape (P, D, N); see `Signals.effect_columns`."""
-        return self._columns[effect]
+    def prepare(self, x: Array) -> bool:
+        """Let the effects see the parameters x.
 
-    def motor_side(self, x: Array) -> tuple[Array, Array]:
+        Returns:
+            whether something that effects depend on has changed since the last call.
+        """
+        if self._prepared is not None:
+            lay = self.layout
+            seen = slice(lay.compliance.start, lay.size)
+            scale = np.abs(self._prepared[seen]) + np.abs(x[seen]) + 1e-9
+            if not self.has_state or np.max(np.abs(x[seen] - self._prepared[seen]) / scale) < 1e-3:
+                return False
+        first = self._prepared is None
+        self._forget()
+        self._prepared = x.copy()
+        self.context.refresh(x, self._rigid_or_elastic(x), self.context.last_s)
+        if self.has_state and self.layout.effects:
+            s, q = self.motor_side(x)
+            self._forget()
+            self.context.refresh(x, q, s[0])
+        return not first
+
+    def _forget(self) -> None:
+        self._linear = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
+
+    def _rigid_or_elastic(self, x: Array) -> Array:
+        """q without any effect: a first link side for laws that need one."""
+        lay, sig = self.layout, self.signals
+        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5] - x[lay.motor_viscous] * sig.theta[1:4]
+        return sig.theta[:3] - x[lay.compliance] * s
+
+    def terms(self, x: Array) -> list[tuple[slice, Terms]]:
+        """Every effect's terms at x, with the place of its parameters."""
+        if self._prepared is None:
+            self.prepare(x)
+        out = []
+        for effect, where in self.layout.effect_slices():
+            law = EFFECTS[effect.effect]
+            if not law.linear:
+                out.append((where, law.terms(self.context, effect.place, x[where])))
+                continue
+            if effect not in self._linear:
+                self._linear[effect] = law.terms(
+                    self.context, effect.place, np.zeros(where.stop - where.start)
+                )
+            unit = self._linear[effect]
+            value = np.tensordot(x[where], unit.slopes, axes=1)
+            out.append((where, Terms(unit.entry, unit.joints, value, unit.slopes)))
+        return out
+
+    def motor_side(self, x: Array, terms: list[tuple[slice, Terms]] | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
         lay, sig = self.layout, self.signals
+        terms = self.terms(x) if terms is None else terms
         s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5]
         s -= x[lay.motor_viscous] * sig.theta[1:4]
-        for effect, where in lay.effect_slices():
-            if EFFECTS[effect.effect].where == "motor":
-                s[:, :, effect.joint] -= np.tensordot(x[where], self._columns[effect], axes=1)
-        return s, sig.theta[:3] - x[lay.compliance] * s
+        for _, term in terms:
+            if term.entry == "torque":
+                s[:, :, list(term.joints)] -= term.value
+        q = sig.theta[:3] - x[lay.compliance] * s
+        for _, term in terms:
+            if term.entry == "deflection":
+                q[:, :, list(term.joints)] += term.value
+        return s, q
 
     def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""
@@ -105,49 +143,68 @@ class Equation:
 
     def evaluate(self, x: Array) -> Evaluation:
         """Residual and Jacobian at x (shape (P,))."""
-        if self._velocity_stiffness is None:
-            self.prepare(1 / x[self.layout.compliance])
         lay, sig, n = self.layout, self.signals, self.layout.n
-        s, q = self.motor_side(x)
+        terms = self.terms(x)
+        s, q = self.motor_side(x, terms)
         blocks = self._bodies(x)
         link = self._link.evaluate(blocks, q[0], q[1], q[2])
 
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= link.regressor[rows] @ parameters.ravel()
+        for _, term in terms:
+            if term.entry == "residual":
+                residual[:, list(term.joints)] -= term.value[0]
         jacobian = np.zeros((sig.count, n, lay.size))
         jacobian[:, :, lay.inertial] = -link.regressor
-        self._fill(x, jacobian, residual, s, q, link)
+        chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
+        for j in range(n):
+            jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
+            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(sig.theta[2:5, :, j], j)
+            jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(sig.theta[1:4, :, j], j)
+            jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
+        for where, term in terms:
+            for p, column in enumerate(range(where.start, where.stop)):
+                jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
         return Evaluation(residual, jacobian, s, q, link)
 
-    def _fill(self, x: Array, jacobian: Array, residual: Array, s: Array, q: Array, link: LinkTerms) -> None:
-        lay, theta = self.layout, self.signals.theta
-        compliance, viscous = x[lay.compliance], x[lay.link_viscous]
-        damping = link.dv + np.diag(viscous)
 
-        def through_link(dq: Array, j: int) -> Array:
-            """Change of Y Γ + f_lv q̇ when joint j's q moves by dq (shape (3, N)): shape (N, n)."""
-            return (
-                link.dq[:, :, j] * dq[0][:, None]
-                + damping[:, :, j] * dq[1][:, None]
-                + link.mass[:, :, j] * dq[2][:, None]
-            )
+class Chain:
+    """How a change of s or q moves r at given rigid-body terms."""
 
-        def motor_torque(column: int, u: Array, j: int) -> None:
-            """A parameter whose torque u (shape (3, N)) is subtracted from joint j's s."""
-            jacobian[:, :, column] = -through_link(compliance[j] * u, j)
-            jacobian[:, j, column] -= u[0]
+    def __init__(self, compliance: Array, link_viscous: Array, link: LinkTerms) -> None:
+        self._compliance = compliance
+        self._dq, self._mass = link.dq, link.mass
+        self._damping = link.dv + np.diag(link_viscous)
 
-        for j in range(lay.n):
-            jacobian[:, :, lay.compliance.start + j] = through_link(s[:, :, j], j)
-            motor_torque(lay.motor_inertia.start + j, theta[2:5, :, j], j)
-            motor_torque(lay.motor_viscous.start + j, theta[1:4, :, j], j)
-            jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
-        for effect, where in lay.effect_slices():
-            columns, j = self._columns[effect], effect.joint
-            if EFFECTS[effect.effect].where == "motor":
-                for p, column in enumerate(range(where.start, where.stop)):
-                    motor_torque(column, columns[p], j)
+    def rows(self, rows: slice) -> Chain:
+        """The same for some of the samples."""
+        part = copy(self)
+        part._dq, part._mass, part._damping = self._dq[rows], self._mass[rows], self._damping[rows]
+        return part
+
+    def deflection(self, lost: Array, j: int) -> Array:
+        """−∂r for q of joint j that moves by `lost`, shape (3, N): shape (N, n)."""
+        return (
+            self._dq[:, :, j] * lost[0][:, None]
+            + self._damping[:, :, j] * lost[1][:, None]
+            + self._mass[:, :, j] * lost[2][:, None]
+        )
+
+    def torque(self, u: Array, j: int) -> Array:
+        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
+        out = -self.deflection(self._compliance[j] * u, j)
+        out[:, j] -= u[0]
+        return out
+
+    def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
+        """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
+        out = np.zeros(self._mass.shape[:2])
+        for k, j in enumerate(joints):
+            if entry == "torque":
+                out += self.torque(u[:, :, k], j)
+            elif entry == "deflection":
+                out -= self.deflection(u[:, :, k], j)
             else:
-                jacobian[:, j, where] = -columns[:, 0].T
-                residual[:, j] -= x[where] @ columns[:, 0]
+                out[:, j] -= u[0, :, k]
+        return out

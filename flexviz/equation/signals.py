@@ -8,19 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect, JointMotion
 from flexviz.errors import InputError
 from flexviz.measurements import Group, MeasurementSet, Segment
-from flexviz.noise import white_noise
-from flexviz.observers import ButterworthZeroPhase, Observer
+from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
-
-# the velocity whose sign the friction effects use: wide enough for sharp reversals, narrow enough for
-# little noise
-SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
-SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
-LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
 
 
 @dataclass(frozen=True)
@@ -71,29 +63,6 @@ class Signals:
         """Number of samples N."""
         return len(self.time)
 
-    def effect_columns(self, effect: ChosenEffect, stiffness: Array) -> Array:
-        """An effect's columns, filtered like everything else.
-
-        Args:
-            effect: the effect and its joint.
-            stiffness: shape (n,), for the link velocity [Nm/rad].
-
-        Returns:
-            shape (P, D, N): each parameter's column and its derivatives; D = 3 for motor effects (their
-            torque shifts q, q̇ and q̈), D = 1 for link effects.
-        """
-        law = EFFECTS[effect.effect]
-        depth = 3 if law.where == "motor" else 1
-        out = np.empty((len(law.parameters), depth, self.count))
-        for block in self.blocks:
-            columns = law.columns(self._motion(block.segment, effect.joint, stiffness, law.where == "link"))
-            filtered = self.observer_of(effect.joint).derivatives(
-                columns.T, block.segment.step, depth, stride=block.stride
-            )
-            keep = self._keep(block)
-            out[:, :, block.rows] = filtered[:, keep].transpose(2, 0, 1)
-        return out
-
     def observer_of(self, joint: int) -> Observer:
         """The observer with that joint's bandwidth alone."""
         bandwidth = self.observer.bandwidth
@@ -103,26 +72,11 @@ class Signals:
             else type(self.observer)(float(np.atleast_1d(bandwidth)[joint]))
         )
 
-    def _keep(self, block: Block) -> slice:
+    def kept(self, block: Block) -> slice:
+        """Which of a stretch's decimated samples are in the signals."""
         time = block.segment.time[:: block.stride]
         first = int(np.searchsorted(time, self.time[block.rows.start] - 1e-9))
         return slice(first, first + block.rows.stop - block.rows.start)
-
-    def _motion(self, segment: Segment, joint: int, stiffness: Array, link: bool) -> JointMotion:
-        theta = segment.theta[:, joint : joint + 1]
-        noise = max(float(white_noise(theta)[0]), 1e-9) * np.sqrt(segment.step)
-        hertz = min(SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / noise) ** (2 / 3), 0.2 / segment.step)
-        wide = ButterworthZeroPhase(2 * np.pi * hertz)
-        velocity = wide.derivatives(theta, segment.step, 2, position=True)[1, :, 0]
-        if not link:
-            return JointMotion(segment.time, velocity, velocity)
-        tau = segment.tau[:, joint : joint + 1]
-        density = max(float(white_noise(tau)[0]), 1e-12) * np.sqrt(segment.step) / stiffness[joint]
-        # white noise of density d, differentiated up to f, has the variance 2(2π)² d² f³/3·… : solve for f
-        limit = (3 * LINK_VELOCITY_NOISE**2 / (2 * (2 * np.pi) ** 2 * density**2)) ** (1 / 3)
-        slow = ButterworthZeroPhase(2 * np.pi * min(hertz, max(limit, 2.0)))
-        rate = slow.derivatives(tau, segment.step, 2, delay=self.torque_hold / 2)[1, :, 0]
-        return JointMotion(segment.time, velocity, velocity - rate / stiffness[joint])
 
 
 def equation_stride(segment: Segment, observer: Observer, sample_step: float) -> int:

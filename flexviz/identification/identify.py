@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,9 @@ from flexviz.effects import choose_effects
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.errors import InputError, choose_from
 from flexviz.identification.base_parameters import base_parameters
-from flexviz.identification.refine import Refined, Refinement, residual_noise
+from flexviz.identification.refine import Refined
 from flexviz.identification.refine import refine as refine_fit
+from flexviz.identification.refinement import Refinement, residual_noise
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
 from flexviz.identification.solver import Iteration, Solution, Stopped, gauss_newton
 from flexviz.identification.start import Start, start_values
@@ -40,7 +42,7 @@ class _Reporter:
         should_stop: Callable[[], bool] | None,
     ) -> None:
         self.layout, self.progress, self.should_stop = layout, progress, should_stop
-        self.names = tuple(f"{name}:{joint}" for name, joint, _ in layout.names())
+        self.names = tuple(layout.labels())
         self.iterations: list[Iteration] = []
         self.stage = ""
         self.stopped = False
@@ -117,7 +119,8 @@ def _identify(
     began = time.perf_counter()
     fitted = _fit_groups(measurements, groups)
     layout = Layout(
-        measurements.joints, choose_effects((*measurements.effects, *effects), measurements.joints)
+        measurements.joints,
+        choose_effects((*measurements.effects, *effects), measurements.joints, carried(measurements)),
     )
     report = _Reporter(layout, progress, should_stop)
     chosen, equation, start, solution = _plain_fit(
@@ -144,16 +147,26 @@ def _identify(
             )
         except Stopped:
             pass
-        equation.prepare(1 / x[layout.compliance])
+        equation.prepare(x)
         evaluation = equation.evaluate(x)
     if report.stopped:
         converged, message = False, "stopped; the values are those of the last step"
 
     base = base_parameters(measurements.robot)
-    rms_torque = np.sqrt(np.mean(equation.signals.tau[0] ** 2, axis=0))
     weighted = (evaluation.jacobian * solution.weights[:, :, None]).reshape(-1, layout.size)
     validation = tuple(g for g in measurements.groups if g.validation and g not in fitted)
     summary, series = _residuals(measurements, validation, layout, chosen, equation, evaluation, x)
+    estimates = parameter_estimates(layout, x, start.x, cov, share, at_bound, start.prior)
+    if (
+        not refined
+        and not chosen.zero_phase
+        and np.any(np.array(summary.rms) > 3 * np.array(summary.noise_floor))
+    ):
+        # what a lagging observer does to the equation is not in any interval
+        estimates = tuple(
+            replace(p, identifiable="weak") if p.identifiable == "yes" else p for p in estimates
+        )
+        message += "; the residual is far above the noise: this observer's own error is not in the intervals"
     return Identification(
         set_name=measurements.name,
         observer_name=chosen.name,
@@ -165,7 +178,7 @@ def _identify(
         stopped=report.stopped,
         iterations=tuple(report.iterations),
         seconds=time.perf_counter() - began,
-        parameters=parameter_estimates(layout, x, start.x, cov, share, at_bound, start.prior, rms_torque),
+        parameters=estimates,
         combinations=combinations(base, layout, x, cov, start.prior),
         residual=summary,
         model=layout.model(x),
@@ -175,6 +188,11 @@ def _identify(
         residuals=series,
         message=message,
     )
+
+
+def carried(measurements: MeasurementSet) -> list[str]:
+    """Names of the payloads that are not empty."""
+    return [name for name, bodies in measurements.payloads.items() if bodies]
 
 
 def _fit_groups(measurements: MeasurementSet, names: Sequence[str] | None) -> tuple[Group, ...]:
@@ -288,7 +306,7 @@ def _residuals(
     rms_validation = None
     if validation:
         held_out = Equation(measurements.robot, build_signals(measurements, validation, observer), layout)
-        held_out.prepare(1 / x[layout.compliance])
+        held_out.prepare(x)
         result = held_out.evaluate(x)
         series |= _series(held_out, result)
         rms_validation = _rms(result.residual)

@@ -10,38 +10,22 @@ squares without the errors-in-variables bias of one band.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import signal_sensitivity
-from flexviz.equation.signals import Signals
+from flexviz.equation import Evaluation
+from flexviz.identification.metric import Metric
 from flexviz.identification.prior import Prior
+from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step
 from flexviz.identification.uncertainty import colour_matrix, covariance
-from flexviz.identification.whitening import (
-    Whitener,
-    lagged_covariance,
-    noise_kernel,
-    score_covariance,
-    whitener,
-)
-from flexviz.measurements import Group, MeasurementSet
-from flexviz.noise import segments_noise
-from flexviz.observers import FlatZeroPhase, Observer
+from flexviz.identification.whitening import Whitener
 
 Array = NDArray[np.float64]
 
-WIDE_HERTZ = 14.0
-NARROW_HERTZ = 6.0
-SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the sampling theorem's least rate
-EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
-ORDER = {1: 40, 2: 32, 3: 24}  # samples before each that predict it; fewer for robots with more joints
-LONG_ORDER = 14
 CONSISTENT = 2.0  # χ² per sample up to which the measurement noise alone explains the residual
 TOLERANCE = 3e-4  # first guess of a model error, relative to the torque's rms
 TRANSIENT = 5.0
@@ -69,98 +53,6 @@ class Refined:
     chi_squares: Array
     converged: bool
     at_bound: NDArray[np.bool_]
-
-
-class Refinement:
-    """Signals in two bands, and the noise's way through the equation."""
-
-    def __init__(
-        self,
-        measurements: MeasurementSet,
-        groups: Sequence[Group],
-        layout: Layout,
-        wide_hertz: float = WIDE_HERTZ,
-    ) -> None:
-        raw = max(s.step for g in groups for s in g.segments)
-        wide_hertz = min(wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw))
-        wide = FlatZeroPhase(2 * np.pi * wide_hertz)
-        narrow = FlatZeroPhase(2 * np.pi * min(NARROW_HERTZ, wide_hertz))
-        edge = EDGE * WIDE_HERTZ / wide_hertz
-        step = 1 / (SAMPLES_PER_CYCLE * wide_hertz)
-
-        def equation(observer: Observer) -> Equation:
-            signals = build_signals(
-                measurements, groups, observer, sample_step=step, exact_step=True, drop=(edge, edge)
-            )
-            return Equation(measurements.robot, signals, layout)
-
-        self.layout = layout
-        self.wide = equation(wide)
-        self.narrow = equation(narrow)
-        self.blocks = self.wide.signals.blocks
-        self.noise = segments_noise([b.segment for b in self.blocks])
-        self.tolerance = np.zeros(layout.n)  # [Nm²] white model error a sample, beside the measurement noise
-
-    def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
-        """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
-        theta, tau = signal_sensitivity(self.layout, x, link)
-        order = ORDER.get(self.layout.n, LONG_ORDER)
-        kernels: dict[tuple[float, float], tuple[Array, Array]] = {}
-        out = []
-        for block in self.blocks:
-            raw = block.segment.step
-            key = (raw * block.stride, raw)
-            if key not in kernels:
-                kernel = noise_kernel(self.wide.signals.observer, *key, 5, order)
-                kernels[key] = kernel, kernel[:, :3, :3]
-            wide, narrow = kernels[key]
-            rows = block.rows
-            cov = lagged_covariance(theta[:, rows], wide, self.noise[0] ** 2)
-            cov += lagged_covariance(tau[:, rows], narrow, self.noise[1] ** 2)
-            size = np.trace(cov[0].mean(axis=0)) / self.layout.n
-            cov[0] += np.diag(1e-9 * size + self.tolerance)
-            out.append(whitener(cov))
-        return out
-
-    def score_covariance(self, x: Array, z: Array, whiteners: list[Whitener]) -> Array:
-        """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
-
-        Args:
-            x: shape (P,).
-            z: shape (N, n, P), whitened instruments; zero where samples are not used.
-            whiteners: one a block.
-        """
-        theta, tau = signal_sensitivity(self.layout, x, self.narrow.link_terms(x))
-        total = np.zeros((self.layout.size, self.layout.size))
-        for block, white in zip(self.blocks, whiteners, strict=True):
-            rows, raw = block.rows, block.segment.step
-            weights = white.transposed(z[rows])
-            way = (self.wide.signals.observer, raw * block.stride, raw)
-            total += score_covariance(weights, theta[:, rows], self.noise[0] ** 2, *way)
-            total += score_covariance(weights, tau[:, rows], self.noise[1] ** 2, *way)
-            scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
-            total += scaled.T @ scaled
-        return total
-
-    def noise_variance(self, x: Array, link: LinkTerms) -> Array:
-        """Mean variance of the wide residual from measurement noise alone, shape (n,) [Nm²]."""
-        return residual_noise(self.wide.signals, self.layout, x, link, self.noise)
-
-
-def residual_noise(
-    signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
-) -> Array:
-    """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
-    theta, tau = signal_sensitivity(layout, x, link)
-    total = np.zeros(layout.n)
-    for block in signals.blocks:
-        raw = block.segment.step
-        kernel = noise_kernel(signals.observer, raw, raw, 5, 0)
-        rows = block.rows
-        cov = lagged_covariance(theta[:, rows], kernel, noise[0] ** 2)
-        cov += lagged_covariance(tau[:, rows], kernel[:, :3, :3], noise[1] ** 2)
-        total += np.einsum("tii->i", cov[0])
-    return total / signals.count
 
 
 def refine(
@@ -194,30 +86,33 @@ def refine(
 
 
 @dataclass(frozen=True)
-class _Point:
+class Point:
     """Whitened residual (N, n) and instruments (N, n, P) at one x; unusable samples are zero."""
 
     r: Array
     z: Array
     used: NDArray[np.bool_]
+    metrics: list[Metric]
+    whiteners: list[Whitener]
+    narrow: Evaluation
 
 
-def _whitened(
-    refinement: Refinement, x: Array, whiteners: list[Whitener] | None
-) -> tuple[_Point, list[Whitener]]:
-    lay, blocks = refinement.layout, refinement.blocks
+def whitened_point(refinement: Refinement, x: Array, whiteners: list[Whitener] | None = None) -> Point:
+    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given."""
+    blocks = refinement.blocks
     for equation in (refinement.wide, refinement.narrow):
-        equation.prepare(1 / x[lay.compliance])
+        equation.prepare(x)
     wide, narrow = refinement.wide.evaluate(x), refinement.narrow.evaluate(x)
     if whiteners is None:
         whiteners = refinement.whiteners(x, narrow.link)
-    pairs = list(zip(whiteners, blocks, strict=True))
-    r = np.concatenate([w.apply(wide.residual[b.rows]) for w, b in pairs])
-    z = np.concatenate([w.apply(narrow.jacobian[b.rows]) for w, b in pairs])
+    metrics = refinement.metrics(x, narrow, whiteners)
+    pairs = list(zip(metrics, blocks, strict=True))
+    r = np.concatenate([m.apply(wide.residual[b.rows]) for m, b in pairs])
+    z = np.concatenate([m.apply(narrow.jacobian[b.rows]) for m, b in pairs])
     used = np.concatenate([settled(r[b.rows]) for b in blocks])
     r[~used] = 0.0
     z[~used] = 0.0
-    return _Point(r, z, used), whiteners
+    return Point(r, z, used, metrics, whiteners, narrow)
 
 
 def settled(r: Array) -> NDArray[np.bool_]:
@@ -255,7 +150,8 @@ def _solve(
     iteration = 0
     while True:
         # the noise's way through the equation is followed anew once the parameters are nearly right
-        point, whiteners = _whitened(refinement, x, whiteners if iteration >= 2 else None)
+        point = whitened_point(refinement, x, whiteners if iteration >= 2 else None)
+        whiteners = point.whiteners
         gradient, prior_hessian = prior.gradient_and_hessian(x)
         flat = point.z.reshape(-1, lay.size)
         information = flat.T @ flat
@@ -272,7 +168,7 @@ def _solve(
     chi_square = float(np.mean(chi_squares))
     free = ~at_bound
     colour = (
-        refinement.score_covariance(x, point.z, whiteners or []) * max(chi_square, 1.0)
+        refinement.score_covariance(x, point.z, point.metrics) * max(chi_square, 1.0)
         if chi_square < 1.2
         else colour_matrix(point.r, point.z, [b.rows for b in blocks])
     )

@@ -104,7 +104,7 @@ def gauss_newton(
         the solution; `converged` is False when the iterations ran out or the user stopped it.
     """
     used = np.ones(equation.signals.tau.shape[1:], bool) if mask is None else mask
-    equation.prepare(1 / x[equation.layout.compliance])
+    equation.prepare(x)
     now = equation.evaluate(x)
     at_bound = np.zeros(len(x), bool)
     iterations = 0
@@ -113,7 +113,7 @@ def gauss_newton(
     converged = False
     try:
         report(x, cost, np.inf)
-        for _ in range(reweightings + (5 if equation.has_link_effects else 0)):
+        for _ in range(reweightings + (5 if equation.has_state else 0)):
             converged = False
             while iterations < max_iterations:
                 iterations += 1
@@ -129,7 +129,7 @@ def gauss_newton(
                     break
                 x, now, cost = accepted
                 report(x, cost, length)
-            changed = equation.prepare(1 / x[equation.layout.compliance])
+            changed = equation.prepare(x)
             if changed:
                 now = equation.evaluate(x)
             new = _weights(now.residual, used, equation)

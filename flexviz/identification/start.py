@@ -50,7 +50,9 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     lay, sig, robot = equation.layout, equation.signals, measurements.robot
     n = lay.n
     cad = physically_consistent(robot.cad_parameters)
-    equation.prepare(np.full(n, 1e12))  # rigid: the link moves like the motor
+    rigid = np.zeros(lay.size)
+    rigid[lay.compliance] = 1e-12  # the link moves like the motor
+    equation.prepare(rigid)
     regressor = LinkDynamics(robot).regressor(sig.theta[0], sig.theta[1], sig.theta[2])
     torque = sig.tau[0].copy()
     for block in sig.blocks:
@@ -63,7 +65,11 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
         columns[:, j, 11 * n + j] = sig.theta[1, :, j]
     for effect, where in lay.effect_slices():
         shifted = slice(where.start - 2 * n, where.stop - 2 * n)
-        columns[:, effect.joint, shifted] = equation.columns_of(effect)[:, 0].T
+        law = EFFECTS[effect.effect]
+        if law.linear and law.entry != "deflection":
+            unit = law.terms(equation.context, effect.place, np.zeros(where.stop - where.start))
+            for m, joint in enumerate(unit.joints):
+                columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
     given = measurements.initial_motor_inertia
     solution, residual = _rigid_fit(columns, torque, cad, None, n)
@@ -91,7 +97,9 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     x[lay.effect_start :] = solution[12 * n :]
     bounds = _bounds(lay, stiffness, motor_inertia, np.max(np.abs(sig.tau[0]), axis=0))
     x = bounds.clip(x)
-    prior = Prior(lay, cad, x.copy(), _spread(lay, x, rms_torque, sig.theta[1]))
+    centre = x.copy()
+    centre[lay.effect_start :] = 0.0
+    prior = Prior(lay, cad, centre, _spread(lay, x, rms_torque, sig.theta[1]))
     return Start(x, prior, bounds, np.sqrt(np.mean(residual**2, axis=0)))
 
 
@@ -160,7 +168,8 @@ def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque:
     for effect, where in lay.effect_slices():
         specs = EFFECTS[effect.effect].parameters
         # no torque of an effect is larger than everything that was measured
-        reach = [largest_torque[effect.joint] if p.unit == "Nm" else np.inf for p in specs]
+        most = largest_torque.max() if effect.joint is None else largest_torque[effect.joint]
+        reach = [most if p.unit == "Nm" else np.inf for p in specs]
         lower[where] = [max(p.lower, -r) for p, r in zip(specs, reach, strict=True)]
         upper[where] = [min(p.upper, r) for p, r in zip(specs, reach, strict=True)]
     return Bounds(lower, upper)
@@ -175,5 +184,17 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
     spread[lay.link_viscous] = np.maximum(2 * x[lay.link_viscous], 0.05 * rms_torque / speed)
     spread[lay.motor_viscous] = np.maximum(2 * x[lay.motor_viscous], 0.05 * rms_torque / speed)
     for effect, where in lay.effect_slices():
-        spread[where] = 3 * rms_torque[effect.joint] + 1e-6
+        j = slice(None) if effect.joint is None else effect.joint
+        torque = float(np.max(rms_torque[j])) + 1e-6
+        stiffness = float(np.max(1 / x[lay.compliance][j]))
+        motion = float(np.max(speed[j]))
+        units = {
+            "Nm": 3 * torque,
+            "Nm/rad": 10 * stiffness,
+            "Nm/rad³": 10 * stiffness**3 / torque**2,
+            "Nm s/rad": 10 * torque / motion,
+            "Nm s²/rad²": 10 * torque / motion**2,
+            "kg m²": 10 * float(np.max(x[lay.motor_inertia][j])),
+        }
+        spread[where] = [units.get(p.unit, 30.0) for p in EFFECTS[effect.effect].parameters]
     return spread

@@ -51,7 +51,6 @@ def natural_scale(prior: Prior) -> Array:
 def parameter_estimates(
     layout: Layout, x: Array, start: Array, cov: Array, share: Array, at_bound: NDArray[np.bool_], prior:
         Prior,
-    rms_torque: Array,
 ) -> tuple[ParameterEstimate, ...]:  # fmt: skip
     """All parameters in the order of the solver's vector, then the friction sums."""
     n = layout.n
@@ -62,9 +61,9 @@ def parameter_estimates(
     std = np.sqrt(variance)
     std[layout.compliance] *= values[layout.compliance] ** 2
     std[at_bound] = np.inf
-    kinds, scales = _kinds_and_scales(layout, x, values, prior, rms_torque)
+    kinds, scales = _kinds_and_scales(layout, x, values, prior)
     names = layout.names()
-    labels = [f"{name}:{joint}" for name, joint, _ in names]
+    labels = layout.labels()
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = cov / np.sqrt(np.outer(variance, variance))
     out = []
@@ -108,9 +107,7 @@ def parameter_estimates(
     return tuple(out)
 
 
-def _kinds_and_scales(
-    layout: Layout, x: Array, values: Array, prior: Prior, rms_torque: Array
-) -> tuple[list[str], Array]:
+def _kinds_and_scales(layout: Layout, x: Array, values: Array, prior: Prior) -> tuple[list[str], Array]:
     n = layout.n
     kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
     scales = np.abs(values).copy()
@@ -120,7 +117,7 @@ def _kinds_and_scales(
         scales[part] = np.maximum(x[part], floor)
     for effect, where in layout.effect_slices():
         kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
-        scales[where] = np.maximum(np.abs(x[where]), 0.02 * rms_torque[effect.joint])
+        scales[where] = np.maximum(np.abs(x[where]), 0.007 * prior.spread[where])
     return kinds, scales
 
 

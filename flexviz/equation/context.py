@@ -1,0 +1,257 @@
+"""What the equation offers to effects: wide-band motion on a fine grid, filters, observer outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flexviz._pinocchio import pin
+from flexviz.effects import JointMotion
+from flexviz.equation.layout import Layout
+from flexviz.equation.signals import Block, Signals
+from flexviz.noise import segments_noise
+from flexviz.observers import ButterworthZeroPhase
+from flexviz.robot import Robot
+
+Array = NDArray[np.float64]
+
+FINE_STEP = 2e-3  # [s] the effects' laws are evaluated at least this often
+# the velocity whose sign friction follows: wide enough for sharp reversals, narrow enough for little noise
+SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
+SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
+TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
+LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
+
+
+@dataclass(frozen=True)
+class _Fine:
+    """Wide-band signals of one stretch, shape (N_fine, n) each."""
+
+    time: Array
+    step: float
+    position: Array
+    velocity: Array
+    theta: Array  # (4, N_fine, n) in the torque's band: what s and ṡ need
+    tau: Array  # (2, N_fine, n)
+
+
+class EffectContext:
+    """Offers signals to effects; `refresh` renews what depends on the parameters."""
+
+    def __init__(self, robot: Robot, signals: Signals, layout: Layout) -> None:
+        self._robot, self._signals, self._layout = robot, signals, layout
+        self._fine: list[_Fine] | None = None
+        self._x: Array | None = None
+        self._q: Array | None = None
+        self._s: Array | None = None
+        self._motions: dict[int, list[JointMotion]] = {}
+        self._tau: Array | None = None
+        self._cache: dict[object, Array] = {}
+
+    def refresh(self, x: Array, q: Array, s: Array | None = None) -> None:
+        """Take over the parameters x, shape (P,), and what the equation found with them.
+
+        q, shape (3, N, n), is the link side; s, shape (N, n), the transmission torque, friction taken off.
+        """
+        self._x, self._q, self._s = x.copy(), q, s
+        self._motions.clear()
+        self._cache = {k: v for k, v in self._cache.items() if isinstance(k, tuple) and k[0] == "delay"}
+
+    @property
+    def last_s(self) -> Array | None:
+        """The link's torque of the last refresh."""
+        return self._s
+
+    # -- the protocol ------------------------------------------------------------------------------------
+
+    def count(self) -> int:
+        return self._signals.count
+
+    def joints(self) -> int:
+        return self._layout.n
+
+    def theta(self, joint: int) -> Array:
+        return self._signals.theta[:, :, joint]
+
+    def tau(self, joint: int) -> Array:
+        return self.delayed_tau(joint, 0.0)
+
+    def delayed_tau(self, joint: int, delay: float) -> Array:
+        key = ("delay", joint, round(delay, 12))
+        if key not in self._cache:
+            out = np.empty((4, self.count()))
+            observer = self._signals.observer_of(joint)
+            for block in self._signals.blocks:
+                raw = block.segment.tau[:, joint : joint + 1]
+                shift = self._signals.torque_hold / 2 + delay
+                values = observer.derivatives(raw, block.segment.step, 4, delay=shift, stride=block.stride)
+                out[:, block.rows] = values[:, self._signals.kept(block), 0]
+            self._cache[key] = out
+        return self._cache[key]
+
+    def link_state(self, joint: int) -> Array:
+        assert self._q is not None
+        return self._q[:, :, joint]
+
+    def in_group(self, group: str) -> NDArray[np.bool_]:
+        out = np.zeros(self.count(), bool)
+        for block in self._signals.blocks:
+            out[block.rows] = self._signals.groups[block.group].name == group
+        return out
+
+    def payload_torque(self, payload: str) -> Array:
+        key = ("payload", payload)
+        if key not in self._cache:
+            out = np.zeros((self.count(), self.joints()))
+            assert self._q is not None
+            for block in self._signals.blocks:
+                if self._signals.groups[block.group].payload == payload:
+                    model = self._model_with(self._signals.payload[block.group])
+                    out[block.rows] = self._inverse_dynamics(model, self._q[:, block.rows])
+            self._cache[key] = out
+        return self._cache[key]
+
+    def gravity_torque(self, axis: int) -> Array:
+        key = ("gravity", axis)
+        if key not in self._cache:
+            assert self._q is not None and self._x is not None
+            out = np.empty((self.count(), self.joints()))
+            inertial = self._x[self._layout.inertial].reshape(-1, 10)
+            still = np.zeros(self.joints())
+            for block in self._signals.blocks:
+                model = self._model_with(inertial + self._signals.payload[block.group])
+                model.gravity.linear = np.eye(3)[axis]
+                data = model.createData()
+                q = np.ascontiguousarray(self._robot.to_pin(self._q[0, block.rows]))
+                for k, row in enumerate(q):
+                    out[block.rows.start + k] = pin.rnea(model, data, row, still, still)
+            self._cache[key] = self._robot.from_pin(out)
+        return self._cache[key]
+
+    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
+        observer = self._signals.observer_of(joint)
+        out = np.empty((len(parts[0]), depth, self.count()))
+        for block, part, fine in zip(self._signals.blocks, parts, self.fine(), strict=True):
+            stride = block.stride // self._fine_stride(block)
+            values = observer.derivatives(part.T, fine.step, depth, stride=stride)
+            out[:, :, block.rows] = values[:, self._signals.kept(block)].transpose(2, 0, 1)
+        return out
+
+    def filtered_block(self, index: int, part: Array, joint: int, depth: int) -> Array:
+        """Columns (C, N_fine) of one stretch through the joint's observer: shape (C, depth, N_block)."""
+        block, fine = self._signals.blocks[index], self.fine()[index]
+        stride = block.stride // self._fine_stride(block)
+        values = self._signals.observer_of(joint).derivatives(part.T, fine.step, depth, stride=stride)
+        return values[:, self._signals.kept(block)].transpose(2, 0, 1)
+
+    def motions(self, joint: int) -> Sequence[JointMotion]:
+        if joint not in self._motions:
+            self._motions[joint] = self._make_motions(joint)
+        return self._motions[joint]
+
+    # -- fine signals ------------------------------------------------------------------------------------
+
+    def _make_motions(self, joint: int) -> list[JointMotion]:
+        lay, x = self._layout, self._x
+        assert x is not None
+        compliance, inertia = x[lay.compliance][joint], x[lay.motor_inertia][joint]
+        viscous = x[lay.motor_viscous][joint]
+        rows = []
+        for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
+            theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
+            torque = tau[0] - inertia * theta[2] - viscous * theta[1]
+            rate = tau[1] - inertia * theta[3] - viscous * theta[2]
+            if self._s is not None:
+                # what the equation itself found, friction taken off, between its first and last sample
+                time = self._signals.time[block.rows]
+                known = CubicSpline(time, self._s[block.rows, joint])
+                inside = (fine.time >= time[0]) & (fine.time <= time[-1])
+                torque, rate = torque.copy(), rate.copy()
+                torque[inside] = known(fine.time[inside])
+                rate[inside] = known(fine.time[inside], 1)
+            rows.append((fine, torque, rate))
+        scale = float(np.sqrt(np.mean(np.concatenate([t for _, t, _ in rows]) ** 2))) + 1e-12
+        return [
+            JointMotion(
+                fine.time,
+                fine.position[:, joint],
+                fine.velocity[:, joint],
+                torque,
+                fine.position[:, joint] - compliance * torque,
+                fine.velocity[:, joint] - compliance * rate,
+                1 / compliance,
+                float(viscous),
+                scale,
+            )
+            for fine, torque, rate in rows
+        ]
+
+    def _fine_stride(self, block: Block) -> int:
+        wanted = max(1, int(FINE_STEP / block.segment.step + 1e-6))
+        return max(d for d in range(1, min(wanted, block.stride) + 1) if block.stride % d == 0)
+
+    def fine(self) -> list[_Fine]:
+        """Wide-band signals of every block, made once."""
+        if self._fine is None:
+            assert self._x is not None
+            lay, sig = self._layout, self._signals
+            noise_theta, noise_tau = segments_noise([b.segment for b in sig.blocks])
+            inertia = self._x[lay.motor_inertia]
+            stiffness = 1 / self._x[lay.compliance]
+            scale = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0)) + 1e-9
+            self._fine = []
+            for block in sig.blocks:
+                segment, stride = block.segment, self._fine_stride(block)
+                step = segment.step * stride
+                root = np.sqrt(segment.step)
+                limit = 0.3 / step
+                sign = SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / (noise_theta * root + 1e-12)) ** (2 / 3)
+                sign = np.clip(sign, 4.0, limit)
+                band = torque_band(noise_theta * root, noise_tau * root, inertia, stiffness, scale, limit)
+                wide = ButterworthZeroPhase(2 * np.pi * sign)
+                position = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
+                narrow = ButterworthZeroPhase(2 * np.pi * band)
+                theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
+                delay = sig.torque_hold / 2
+                tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
+                self._fine.append(_Fine(segment.time[::stride], step, position[0], position[1], theta, tau))
+        return self._fine
+
+    # -- rigid body ------------------------------------------------------------------------------------------
+
+    def _model_with(self, parameters: Array):
+        model = self._robot.model.copy()
+        for i, row in enumerate(parameters):
+            inertia = pin.Inertia.FromDynamicParameters(row) if row[0] > 0 else pin.Inertia.Zero()
+            model.inertias[1 + int(self._robot.order[i])] = inertia
+        return model
+
+    def _inverse_dynamics(self, model, q: Array) -> Array:
+        data = model.createData()
+        rows = [np.ascontiguousarray(self._robot.to_pin(level)) for level in q]
+        out = np.array([pin.rnea(model, data, a, b, c) for a, b, c in zip(*rows, strict=True)])
+        return self._robot.from_pin(out)
+
+
+def torque_band(
+    theta: Array, tau: Array, inertia: Array, stiffness: Array, scale: Array, limit: float
+) -> Array:
+    """Widest band in which s and the link velocity are quiet enough, shape (n,) [Hz].
+
+    Args:
+        theta, tau: shape (n,), noise densities [rad √s], [Nm √s].
+        inertia, stiffness, scale: shape (n,): B, K and the rms torque.
+        limit: no wider than this [Hz].
+    """
+    f = np.geomspace(2.0, max(limit, 2.01), 60)[:, None]
+    w = 2 * np.pi * f
+    # one-sided densities 2d²; s = τ − Bθ̈ and ṡ/K = (τ̇ − Bθ⃛)/K, integrated up to f
+    torque = np.sqrt(2 * f * (tau**2 + inertia**2 * theta**2 * w**4 / 5))
+    rate = np.sqrt(2 * f * (tau**2 * w**2 / 3 + inertia**2 * theta**2 * w**6 / 7)) / stiffness
+    quiet = (torque < TORQUE_NOISE * scale) & (rate < LINK_VELOCITY_NOISE)
+    widest = np.where(quiet, f, 0.0).max(axis=0)
+    return np.clip(widest, 2.0, limit)

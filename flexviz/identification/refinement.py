@@ -1,0 +1,148 @@
+"""The data of the refinement: the equation's signals in two bands, and the noise's way through it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Equation, Evaluation, Layout, build_signals
+from flexviz.equation.link import LinkTerms
+from flexviz.equation.residual import Chain
+from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.signals import Signals
+from flexviz.equation.undecided import pulses
+from flexviz.identification.metric import Metric
+from flexviz.identification.whitening import (
+    Whitener,
+    lagged_covariance,
+    noise_kernel,
+    score_covariance,
+    whitener,
+)
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.noise import segments_noise
+from flexviz.observers import FlatZeroPhase
+
+Array = NDArray[np.float64]
+
+WIDE_HERTZ = 14.0
+NARROW_HERTZ = 6.0
+SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the sampling theorem's least rate
+EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
+ORDER = {1: 40, 2: 32, 3: 24}  # samples before each that predict it; fewer for robots with more joints
+LONG_ORDER = 14
+
+
+class Refinement:
+    """Signals in two bands, and the noise's way through the equation."""
+
+    def __init__(
+        self,
+        measurements: MeasurementSet,
+        groups: Sequence[Group],
+        layout: Layout,
+        wide_hertz: float = WIDE_HERTZ,
+    ) -> None:
+        raw = max(s.step for g in groups for s in g.segments)
+        wide_hertz = min(wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw))
+        wide = FlatZeroPhase(2 * np.pi * wide_hertz)
+        narrow = FlatZeroPhase(2 * np.pi * min(NARROW_HERTZ, wide_hertz))
+        edge = EDGE * WIDE_HERTZ / wide_hertz
+        step = 1 / (SAMPLES_PER_CYCLE * wide_hertz)
+
+        wide_signals, narrow_signals = (
+            build_signals(
+                measurements, groups, observer, sample_step=step, exact_step=True, drop=(edge, edge)
+            )
+            for observer in (wide, narrow)
+        )
+        self.robot = measurements.robot
+        self.blocks = wide_signals.blocks
+        self.noise = segments_noise([b.segment for b in self.blocks])
+        self._signals = wide_signals, narrow_signals
+        self._set(layout)
+        self.tolerance = np.zeros(layout.n)  # [Nm²] white model error a sample, beside the measurement noise
+
+    def _set(self, layout: Layout) -> None:
+        self.layout = layout
+        self.wide, self.narrow = (Equation(self.robot, signals, layout) for signals in self._signals)
+
+    def with_layout(self, layout: Layout) -> Refinement:
+        """The same data for a model with other effects; the signals are shared."""
+        other = copy(self)
+        other._set(layout)
+        return other
+
+    def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
+        """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
+        theta, tau = signal_sensitivity(self.layout, x, link)
+        order = ORDER.get(self.layout.n, LONG_ORDER)
+        kernels: dict[tuple[float, float], tuple[Array, Array]] = {}
+        out = []
+        for block in self.blocks:
+            raw = block.segment.step
+            key = (raw * block.stride, raw)
+            if key not in kernels:
+                kernel = noise_kernel(self.wide.signals.observer, *key, 5, order)
+                kernels[key] = kernel, kernel[:, :3, :3]
+            wide, narrow = kernels[key]
+            rows = block.rows
+            cov = lagged_covariance(theta[:, rows], wide, self.noise[0] ** 2)
+            cov += lagged_covariance(tau[:, rows], narrow, self.noise[1] ** 2)
+            size = np.trace(cov[0].mean(axis=0)) / self.layout.n
+            cov[0] += np.diag(1e-9 * size + self.tolerance)
+            out.append(whitener(cov))
+        return out
+
+    def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:
+        """One metric a block: the whitener, and what is not known of the effects' reversals at x."""
+        out = [Metric(w) for w in whiteners]
+        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], narrow.link)
+        for unknown in pulses(self.wide, x, chain):
+            out[unknown.block] = out[unknown.block].with_unknown(unknown.columns)
+        return out
+
+    def score_covariance(self, x: Array, z: Array, metrics: list[Metric]) -> Array:
+        """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
+
+        Args:
+            x: shape (P,).
+            z: shape (N, n, P), whitened instruments; zero where samples are not used.
+            metrics: one a block.
+        """
+        theta, tau = signal_sensitivity(self.layout, x, self.narrow.link_terms(x))
+        total = np.zeros((self.layout.size, self.layout.size))
+        for block, metric in zip(self.blocks, metrics, strict=True):
+            rows, raw = block.rows, block.segment.step
+            weights = metric.transposed(z[rows])
+            way = (self.wide.signals.observer, raw * block.stride, raw)
+            total += score_covariance(weights, theta[:, rows], self.noise[0] ** 2, *way)
+            total += score_covariance(weights, tau[:, rows], self.noise[1] ** 2, *way)
+            scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
+            total += scaled.T @ scaled
+            unknown = metric.unknown_share(z[rows])
+            total += unknown @ unknown.T
+        return total
+
+    def noise_variance(self, x: Array, link: LinkTerms) -> Array:
+        """Mean variance of the wide residual from measurement noise alone, shape (n,) [Nm²]."""
+        return residual_noise(self.wide.signals, self.layout, x, link, self.noise)
+
+
+def residual_noise(
+    signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
+) -> Array:
+    """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
+    theta, tau = signal_sensitivity(layout, x, link)
+    total = np.zeros(layout.n)
+    for block in signals.blocks:
+        raw = block.segment.step
+        kernel = noise_kernel(signals.observer, raw, raw, 5, 0)
+        rows = block.rows
+        cov = lagged_covariance(theta[:, rows], kernel, noise[0] ** 2)
+        cov += lagged_covariance(tau[:, rows], kernel[:, :3, :3], noise[1] ** 2)
+        total += np.einsum("tii->i", cov[0])
+    return total / signals.count
