@@ -20,6 +20,7 @@ from flexviz.equation.residual import Chain, Equation
 Array = NDArray[np.float64]
 
 SPACING = 0.01  # [s] between pulses
+MOST = 12  # pulses in one stretch: what friction does at a long rest changes slowly
 SHARE = 0.15  # of the change of u that is unknown on average between two pulses
 SETTLED = 0.97  # u has reached this share of its full size on either side
 SOURCES = {
@@ -95,10 +96,10 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     times, sizes = [], []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         first, last = motion.time[a] - SPACING / 2, motion.time[min(b, len(u)) - 1] + SPACING / 2
-        count = max(2, int(np.ceil((last - first) / SPACING)) + 1)
+        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MOST)
         grid = np.linspace(first, last, count)
         inside = (grid > motion.time[0]) & (grid < motion.time[-1])
         times.append(grid[inside])
-        sizes.append(np.full(inside.sum(), SHARE * size[a:b].max() * SPACING))
+        sizes.append(np.full(inside.sum(), SHARE * size[a:b].max() * (grid[1] - grid[0])))
     instants, order = np.unique(np.round(np.concatenate(times) / step) * step, return_index=True)
     return instants, np.concatenate(sizes)[order]

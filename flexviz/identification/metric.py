@@ -34,8 +34,11 @@ class Metric:
     def with_unknown(self, columns: Array) -> Metric:
         """The same with unknown columns, shape (N, n, M), each of unit variance."""
         flat = self.whitener.apply(columns).reshape(-1, columns.shape[2])
-        basis, size, _ = np.linalg.svd(flat, full_matrices=False)
-        return Metric(self.whitener, basis, size)
+        # by the small Gram matrix: directions far below one unit change nothing
+        squares, turn = np.linalg.eigh(flat.T @ flat)
+        kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
+        size = np.sqrt(squares[kept])
+        return Metric(self.whitener, flat @ turn[:, kept] / size, size)
 
     def apply(self, y: Array) -> Array:
         """P W y for y of shape (N, n) or (N, n, P): the same shape."""
