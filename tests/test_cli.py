@@ -23,7 +23,7 @@ from flexviz.cli import main, output, progress, tables
 from flexviz.cli.identifying import parse_bandwidth
 from flexviz.errors import InputError
 
-COMMANDS = ("identify", "simulate", "serve", "record")
+COMMANDS = ("identify", "simulate", "serve", "record", "effects")
 
 
 @pytest.fixture(scope="session")
@@ -134,6 +134,8 @@ def test_help_is_quick() -> None:
         (["record", "nowhere", "--out", "{set}/x.rrd"], "nowhere"),
         (["record", "{set}"], "--out"),
         (["record", "{set}", "--out", "{set}/no/folder.rrd"], "folder"),
+        (["effects", "backslash"], 'did you mean "backlash"?'),
+        (["effects", "--json", "{set}/no/such/folder.json"], "does not exist"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

@@ -50,7 +50,7 @@ class TorqueDelay(Effect):
     equation = "τ_applied(t) = τ_recorded(t − d)"
     signature = "A residual in proportion to the torque's rate of change."
     confirm = "Fast motions; a step of the reference."
-    reference = "Gautier: Dynamic identification of robots with power model, ICRA 1997"
+    reference = "Björklund, Ljung: A review of time-delay estimation techniques, CDC 2003"
     parameters = (ParameterSpec("delay", "s", lower=-0.1, upper=0.1, explanation="how much later it acts"),)
     scope = "set"
 

@@ -1,0 +1,1 @@
+"""docs/effects, made from the effect classes: `python -m benchmarks.effect_pages --write`."""

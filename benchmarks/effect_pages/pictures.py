@@ -1,0 +1,190 @@
+"""What each effect's picture shows: its u along a motion in which it is easy to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.effect_pages.made import Array, Made, Signal
+from benchmarks.effect_pages.svg import Line, picture
+from flexviz.effects import EFFECTS, Effect, Place
+
+PLACE = Place(joint=0, group="g1", payload="p1")
+CYCLE = np.linspace(0.0, 2 * np.pi, 1601)  # [s] one turn of a motion at 1 rad/s
+
+
+@dataclass(frozen=True)
+class Curve:
+    """An effect along a motion: its parameters, and what to call it where there are several."""
+
+    made: Made
+    values: tuple[float, ...]
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """u against something.
+
+    Attributes:
+        against: text of the horizontal axis, with unit.
+        x: that quantity, shape (N,), from the motion.
+        curves: what is drawn.
+        motion: which motion it is, for the caption.
+    """
+
+    against: str
+    x: Callable[[Made], Array]
+    curves: tuple[Curve, ...]
+    motion: str
+
+
+def wave(size: float, phase: float = 0.0, omega: float = 1.0) -> Signal:
+    return Signal(((size, omega, phase),))
+
+
+def swing(size: float = 1.0, load: float = 0.0, lead: float = 0.0) -> Made:
+    """The motor swings by ±size [rad] at 1 rad/s under a load that swings `lead` [rad] before it."""
+    return Made(CYCLE, wave(size), wave(load, lead))
+
+
+def sweep(speed: float) -> Made:
+    """The motor's speed goes once from −speed to speed [rad/s]."""
+    return Made(np.linspace(-np.pi / 2, np.pi / 2, 3201), wave(speed, -np.pi / 2))
+
+
+def loaded(speed: float) -> Made:
+    """The torque goes once from −60 to 60 Nm at a steady speed [rad/s]."""
+    return Made(np.linspace(-np.pi / 2, np.pi / 2, 1601), Signal(slope=speed), wave(60.0))
+
+
+def turn() -> Made:
+    """One steady turn of the motor."""
+    return Made(np.linspace(-np.pi, np.pi, 1601), Signal(slope=1.0), Signal())
+
+
+def creeping() -> Made:
+    """Back and forth about two positions by a few hundredths of a radian."""
+    path = Signal(((0.08, 1.0, 0.0), (0.05, 5.0, 0.0)))
+    return Made(np.linspace(0.0, 3 * np.pi, 4001), path)
+
+
+def later(seconds: float, omega: float, size: float = 1.0, samples: int = 3001) -> Made:
+    """A swing over `seconds`."""
+    return Made(np.linspace(0.0, seconds, samples), wave(size / omega, 0.0, omega))
+
+
+def theta(made: Made) -> Array:
+    return made.theta(0)[0]
+
+
+def velocity(made: Made) -> Array:
+    return made.theta(0)[1]
+
+
+def torque(made: Made) -> Array:
+    return made.tau(0)[0]
+
+
+def torque_rate(made: Made) -> Array:
+    return made.tau(0)[1]
+
+
+def link_angle(made: Made) -> Array:
+    return made.link_state(0)[0]
+
+
+def time(made: Made) -> Array:
+    return made.time
+
+
+VELOCITY, POSITION = "motor velocity θ̇ [rad/s]", "motor position θ [rad]"
+LINK_VELOCITY, LINK_POSITION = "link velocity q̇ [rad/s]", "link position q [rad]"
+LOAD, LOAD_RATE = "transmitted torque s [Nm]", "transmitted torque's rate ṡ [Nm/s]"
+SWEEP, TURN = "a sweep of the speed", "a steady turn"
+LOADING = "a sweep of the torque"
+
+PICTURES: dict[str, Picture] = {
+    "coulomb_friction": Picture(VELOCITY, velocity, (Curve(sweep(0.5), (2.0,)),), SWEEP),
+    "stribeck_friction": Picture(
+        VELOCITY,
+        velocity,
+        (Curve(sweep(0.5), (1.5, 0.1), "velocity 0.1 rad/s"), Curve(sweep(0.5), (1.5, 0.2), "0.2 rad/s")),
+        SWEEP,
+    ),
+    "quadratic_friction": Picture(VELOCITY, velocity, (Curve(sweep(2.0), (0.8,)),), SWEEP),
+    "load_dependent_friction": Picture(
+        LOAD,
+        torque,
+        (Curve(loaded(0.3), (0.05,), "forwards"), Curve(loaded(-0.3), (0.05,), "backwards")),
+        LOADING + " in both directions",
+    ),
+    "presliding_hysteresis": Picture(
+        POSITION, theta, (Curve(creeping(), (200.0, 2.0)),), "a motion with small turns back, from rest"
+    ),
+    "friction_drift": Picture(
+        "time in the group t [s]", time, (Curve(later(40.0, 2 * np.pi / 4), (1.0, 10.0)),),
+        "a steady swing, f_mv 2 Nm s/rad",
+    ),
+    "torque_ripple": Picture(POSITION, theta, (Curve(turn(), (1.0, 6.0, 0.5)),), TURN),
+    "torque_offset": Picture(POSITION, theta, (Curve(swing(np.pi), (1.5,)),), "a swing"),
+    "torque_gain": Picture("recorded torque τ [Nm]", torque, (Curve(swing(1.0, 60.0), (0.05,)),), "a swing"),
+    "torque_delay": Picture(
+        "recorded torque's rate τ̇ [Nm/s]", torque_rate,
+        (Curve(Made(CYCLE / 5, wave(1.0, 0.0, 5.0), wave(60.0, 0.0, 5.0)), (0.002,)),), "a swing at 5 rad/s",
+    ),
+    "stiffness_hardening": Picture(LOAD, torque, (Curve(loaded(0.3), (2e7,)),), LOADING + ", K 5000 Nm/rad"),
+    "backlash": Picture(LOAD, torque, (Curve(loaded(0.3), (0.001,)),), LOADING),
+    "joint_damping": Picture(
+        LOAD_RATE, torque_rate, (Curve(swing(1.0, 60.0, np.pi / 2), (20.0,)),),
+        "a swing at 1 rad/s, K 5000 Nm/rad",
+    ),
+    "transmission_error": Picture(POSITION, theta, (Curve(turn(), (0.0005, 4.0, 0.5)),), TURN),
+    "link_coulomb_friction": Picture(
+        LINK_VELOCITY, lambda made: made.link_state(0)[1], (Curve(sweep(0.5), (2.0,)),), SWEEP
+    ),
+    "cable_spring": Picture(LINK_POSITION, link_angle, (Curve(swing(np.pi / 2), (3.0, 0.5)),), "a swing"),
+    "payload_error": Picture(
+        LINK_POSITION, link_angle, (Curve(turn(), (0.1,)),), "a slow turn, payload's weight moment 1.5 kg m"
+    ),
+    "base_tilt": Picture(
+        LINK_POSITION,
+        link_angle,
+        (Curve(turn(), (0.0, 0.05), "tilt_y 0.05 rad"), Curve(turn(), (0.0, -0.03), "−0.03 rad")),
+        "a slow turn of an arm (4 kg m) that swings from the base's x to its z",
+    ),
+    "external_contact": Picture(
+        "time in the group t [s]", time, (Curve(later(10.0, 1.0, samples=5001), (8.0, 4.0, 5.5)),),
+        "any motion",
+    ),
+    "motor_coupling": Picture(
+        "neighbouring motor's acceleration [rad/s²]", lambda made: made.theta(1)[2],
+        (Curve(Made(CYCLE, Signal(), wave(0.0), wave(3.0)), (0.2,)),), "a swing of the neighbour alone",
+    ),
+}  # fmt: skip
+
+
+def curve(effect: Effect, wanted: Curve) -> Array:
+    """u along the motion, shape (N,)."""
+    return effect.terms(wanted.made, PLACE, np.array(wanted.values)).value[0, :, 0]
+
+
+def draw(name: str) -> str:
+    """The picture of an effect as SVG text."""
+    effect, shown = EFFECTS[name], PICTURES[name]
+    scale, unit = (1e3, "mrad") if effect.entry == "deflection" else (1.0, "Nm")
+    lines = [Line(shown.x(c.made), scale * curve(effect, c), c.label) for c in shown.curves]
+    return picture(f"{effect.title}: u against {shown.against}", shown.against, f"u [{unit}]", lines)
+
+
+def caption(name: str) -> str:
+    """Under the picture: the motion and the parameters drawn."""
+    effect, shown = EFFECTS[name], PICTURES[name]
+    parts = []
+    for k, parameter in enumerate(effect.parameters):
+        drawn = dict.fromkeys(f"{c.values[k]:g}".replace("-", "−") for c in shown.curves)
+        unit = "" if parameter.unit == "-" else f" {parameter.unit}"
+        parts.append(f"{parameter.name} {' and '.join(drawn)}{unit}")
+    return f"u along {shown.motion}: {', '.join(parts)}."

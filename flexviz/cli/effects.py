@@ -1,0 +1,115 @@
+"""`flexviz effects [NAME]`: the physical effects a model can have."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from flexviz.effects import Effect
+
+STDOUT = Path("-")
+
+
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="Show this effect fully; without it list all.")
+    ] = None,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Also write them as JSON; - writes only that, here."),
+    ] = None,
+) -> int:
+    """List the physical effects, or show one with its equation, bounds and signature."""
+    from flexviz.cli import output
+    from flexviz.effects import EFFECTS
+    from flexviz.errors import InputError, choose_from
+    from flexviz.view.effect_text import effect_json
+
+    if name is not None and name not in EFFECTS:
+        raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}')
+    shown = list(EFFECTS.values()) if name is None else [EFFECTS[name]]
+    if json_file is not None:
+        data = {"format": 1, "effects": [effect_json(effect) for effect in shown]}
+        if json_file == STDOUT:
+            print_json(data)
+            return 0
+        output.check_output_file(json_file)
+        output.write_json(json_file, data)
+    console = output.results()
+    if name is None:
+        list_all(console, shown)
+    else:
+        show_one(console, shown[0])
+    return 0
+
+
+def print_json(data: dict[str, Any]) -> None:
+    """JSON on standard output, escaped where that cannot take every letter."""
+    plain = "utf" not in (sys.stdout.encoding or "").lower()
+    print(json.dumps(data, indent=2, ensure_ascii=plain, allow_nan=False))
+
+
+def list_all(console: Console, shown: Iterable[Effect]) -> None:
+    """One row an effect."""
+    from rich import box
+    from rich.table import Table
+
+    from flexviz.cli.tables import WIDE
+    from flexviz.view.effect_text import parameter_text
+
+    wide = console.width >= WIDE
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for title in ("effect", "title", "where") if wide else ("effect",):
+        table.add_column(title, no_wrap=True)
+    table.add_column("what it is", ratio=3)
+    if wide:
+        table.add_column("parameters", ratio=2)
+    for effect in shown:
+        parameters = ", ".join(parameter_text(p) for p in effect.parameters)
+        if wide:
+            table.add_row(effect.name, effect.title, effect.where, effect.explanation, parameters)
+        else:
+            named = f"{effect.name}\n{effect.title}\n{effect.where}"
+            table.add_row(named, f"{effect.explanation}\n{parameters}")
+    console.print(table)
+    console.print("flexviz effects NAME shows one with its equation, bounds and signature.", soft_wrap=True)
+
+
+def show_one(console: Console, effect: Effect) -> None:
+    """Everything about one effect, as lines of text."""
+    from rich.table import Table
+
+    from flexviz.view.effect_text import BELONGS_TO, bounds_text, enters_text, parameter_text, relation_text
+
+    belongs = f"{effect.where}; belongs to {BELONGS_TO[effect.scope]}"
+    rows = [
+        ("", effect.explanation),
+        ("where", belongs),
+        ("equation", effect.equation),
+        ("", enters_text(effect)),
+    ]
+    rows += [
+        ("parameter" if k == 0 else "", f"{parameter_text(p)}, {bounds_text(p)}: {p.explanation}")
+        for k, p in enumerate(effect.parameters)
+    ]
+    rows += [("note", relation_text(effect))] if relation_text(effect) else []
+    rows += [
+        ("signature", effect.signature),
+        ("confirmed by", effect.confirm),
+        ("reference", effect.reference),
+    ]
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True, style="dim")
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console.print(f"{effect.title} ({effect.name})", style="bold", soft_wrap=True)
+    console.print(table)

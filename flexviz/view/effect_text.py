@@ -1,0 +1,78 @@
+"""An effect in words and as JSON: what command line, documents and app say about it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from flexviz.effects import Effect, ParameterSpec
+
+ENTERS = {
+    "torque": "u is taken off the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
+    "deflection": "u is what the link side gains: q = θ − s/K + u",
+    "residual": "u is a torque on the link side: r = s − Y Γ − f_lv q̇ − u",
+}
+BELONGS_TO = {
+    "joint": "a joint",
+    "set": "the whole set",
+    "payload": "a payload",
+    "episode": "a joint, during part of one group",
+}
+
+
+def enters_text(effect: Effect) -> str:
+    """How its u enters the identification equation."""
+    means = "u = τ_recorded − τ_applied: " if effect.where == "sensing" else ""
+    return means + ENTERS[effect.entry]
+
+
+def parameter_text(parameter: ParameterSpec) -> str:
+    """Name and unit: "coulomb [Nm]"."""
+    return f"{parameter.name} [{parameter.unit}]"
+
+
+def bounds_text(parameter: ParameterSpec) -> str:
+    """The bounds in a few characters: "≥ 0", "0.5 … 400", "any"."""
+    low, high = (f"{bound:g}".replace("-", "−") for bound in (parameter.lower, parameter.upper))
+    if math.isfinite(parameter.lower) and math.isfinite(parameter.upper):
+        return f"{low} … {high}"
+    if math.isfinite(parameter.lower):
+        return f"≥ {low}"
+    return f"≤ {high}" if math.isfinite(parameter.upper) else "any"
+
+
+def relation_text(effect: Effect) -> str:
+    """What it needs or replaces on its joint, as a sentence; empty where it stands alone."""
+    parts = []
+    if effect.beside:
+        parts.append(f"Only beside {effect.beside}.")
+    if effect.replaces:
+        parts.append(f"Replaces {effect.replaces} on its joint.")
+    return " ".join(parts)
+
+
+def effect_json(effect: Effect) -> dict[str, Any]:
+    """Everything that is said about an effect; a missing bound is None."""
+    return {
+        "name": effect.name,
+        "title": effect.title,
+        "where": effect.where,
+        "belongs_to": effect.scope,
+        "explanation": effect.explanation,
+        "equation": effect.equation,
+        "parameters": [
+            {
+                "name": p.name,
+                "unit": p.unit,
+                "lower": p.lower if math.isfinite(p.lower) else None,
+                "upper": p.upper if math.isfinite(p.upper) else None,
+                "explanation": p.explanation,
+            }
+            for p in effect.parameters
+        ],
+        "signature": effect.signature,
+        "confirm": effect.confirm,
+        "beside": effect.beside,
+        "replaces": effect.replaces,
+        "reference": effect.reference,
+    }
