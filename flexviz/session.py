@@ -84,6 +84,10 @@ class Analysis:
         """The same with a result that was computed for `settings`."""
         return replace(self, identification=result, fitted=settings)
 
+    def without_result(self) -> Analysis:
+        """The settings alone, light enough to be sent to another process."""
+        return replace(self, identification=None, fitted=None)
+
     @staticmethod
     def start(measurements: MeasurementSet) -> Analysis:
         """The state a set starts with: its own split into fit and validation groups."""

@@ -14,7 +14,10 @@ from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
 from flexviz.app.work import open_set, sets_beside
+from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
+from flexviz.view.effects import COMMON
+from flexviz.view.sweep import COUNT
 from tests.small_set import write_small_set
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
@@ -117,8 +120,8 @@ def test_roles_and_effects_are_in_the_history(app: Application) -> None:
     act(app, "effect-torque_offset", True)
     assert app.session.analysis.effects == ("torque_offset",)
     app.undo()
-    assert not app.identify._effects["torque_offset"].value
-    assert app.identify._effects["coulomb_friction"].disabled  # the set's own
+    assert not app.identify.effects.boxes["torque_offset"].value
+    assert app.identify.effects.boxes["coulomb_friction"].disabled  # the set's own
 
 
 def test_playback_controls(app: Application) -> None:
@@ -206,6 +209,48 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     act(app, "stop")
     until(app, lambda: not app.identify.running)
     assert not app.identify._run.disabled
+
+
+def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Application, folder: Path) -> None:
+    app.open(open_set(folder))
+    boxes = app.identify.effects.boxes
+    assert set(boxes) == set(EFFECTS) - {"external_contact"} and set(COMMON) < set(boxes)
+    assert all(EFFECTS[name].title in box.hint for name, box in boxes.items())
+    assert boxes["payload_error"].disabled == (not any(group.bodies for group in app.measurements.groups))
+    assert "stays in" in boxes["coulomb_friction"].hint
+    act(app, "effect-presliding_hysteresis", True)
+    assert "takes the place of coulomb_friction" in app.identify.effects._note.content
+    assert boxes["presliding_hysteresis"].value
+    app.undo()
+
+
+@pytest.mark.slow
+def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> None:
+    app.open(open_set(sessions_dir() / DEMO))
+    sweep = app.observer.sweep
+    assert not sweep._folder.visible and not sweep._best.visible
+    act(app, "sweep")
+    assert sweep.running and sweep._stop.visible and sweep._start.disabled
+    until(app, lambda: not sweep.running)
+    result = sweep._result
+    assert len(result.bandwidths) == COUNT and "swept 11" in status(app)
+    x, fit, validation, mark = sweep._charts._charts["residual"]._handle.data
+    assert np.isfinite(fit).all() and x[mark.argmax()] == x[validation.argmin()]
+    assert f"{result.best:.1f}"[:3] in sweep._about.content
+    act(app, "sweep-best")
+    assert app.session.analysis.bandwidth == pytest.approx(result.best, rel=1e-3)
+    act(app, "effect-torque_offset", True)
+    assert "have changed" in sweep._about.content
+    app.undo()
+    assert "have changed" not in sweep._about.content
+    act(app, "sweep")
+    until(app, lambda: "1 of 11" in status(app))
+    act(app, "command", "stop")
+    until(app, lambda: not sweep.running)
+    assert 1 <= len(sweep._result.bandwidths) < COUNT
+    for index in range(len(app.measurements.groups)):
+        act(app, f"role{index}", "Ignore")
+    assert "Sweep is off" in sweep._about.content
 
 
 @pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")

@@ -121,7 +121,10 @@ def test_truth_values_from_a_simulation() -> None:
         ],
         "effects": [{"effect": "backlash", "joint": "a", "parameters": {"half_width": {"value": 0.002}}}],
     }
+    tipped = {"effect": "payload_error", "payload": "p2", "parameters": {"relative_mass_error": 0.1}}
+    document["effects"].append(tipped)
     values = truth_values(document)
+    assert values["payload_error.relative_mass_error", "p2"] == 0.1
     assert values["stiffness", "a"] == 900.0 and values["backlash.half_width", "a"] == 0.002
     assert values["viscous_friction_sum", "a"] == 1.5
 

@@ -110,8 +110,8 @@ class Application:
 
     def open(self, opened: Opened) -> None:
         """Show a set from its beginning."""
-        self.worker.stop("identify")
-        self.worker.stop("replay")
+        for key in ("identify", "sweep", "replay"):
+            self.worker.stop(key)
         self.measurements = opened.measurements
         self.truth = opened.truth
         self.session = Session.of(self.measurements)
@@ -154,6 +154,11 @@ class Application:
             self.show.show_model()
         self.dock.refresh()
         self.say(*self._message)
+
+    def stop(self) -> None:
+        """Stop the identification and the sweep; both keep what they have."""
+        self.identify.stop()
+        self.observer.sweep.stop()
 
     # -- words ---------------------------------------------------------------------------------------
 
@@ -205,6 +210,8 @@ class Application:
     def _job(self, event: JobEvent) -> None:
         if event.job.key == "identify":
             self.identify.heard(event)
+        elif event.job.key == "sweep":
+            self.observer.sweep.heard(event)
         elif event.job.key == "replay":
             self.show.heard(event)
         elif event.job.key == "open":

@@ -91,8 +91,9 @@ class ChartColumn:
 
 
 def _look(plot: Plot) -> tuple[Any, ...]:
-    lines = tuple((line.label, line.colour, line.width, line.dashed) for line in plot.lines)
-    return lines, plot.playhead is not None, plot.logarithmic, plot.x_label, plot.span
+    lines = tuple((line.label, line.colour, line.width, line.dashed, line.points) for line in plot.lines)
+    extra = plot.playhead is not None, plot.mark is not None
+    return lines, extra, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
 
 
 def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
@@ -106,8 +107,12 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
         }
         if line.dashed:
             entry["dash"] = [6, 4]
-        entry["points"] = {"show": False}
+        entry["points"] = {"show": line.points, "size": 5, "fill": line.colour}
         series.append(entry)
+    if plot.mark is not None:
+        series.append(
+            {"label": "least", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
+        )
     if plot.playhead is not None:
         series.append(
             {"label": "now", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
@@ -116,12 +121,20 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
 
 
 def _scales(plot: Plot) -> dict[str, Any]:
-    across: dict[str, Any] = {"time": False} if plot.span is None else {"time": False, "range": plot.span}
-    scales: dict[str, Any] = {"x": across, "y": {"distr": 3} if plot.logarithmic else {}}
-    if plot.playhead is not None:
+    scales: dict[str, Any] = {
+        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span),
+        "y": _scale(plot.logarithmic, plot.range),
+    }
+    if plot.playhead is not None or plot.mark is not None:
         scales["now"] = {"range": (0.02, 1.0)}  # its zeros lie below the chart
     return scales
 
 
+def _scale(logarithmic: bool, limits: tuple[float, float] | None) -> dict[str, Any]:
+    scale: dict[str, Any] = {"distr": 3} if logarithmic else {}
+    return scale if limits is None else scale | {"range": limits}
+
+
 def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
-    return ({"scale": "x", "size": 42, "space": 60}, {"scale": "y", "size": 58})
+    space = 30 if plot.logarithmic_x else 60  # [pixels] between two numbers of the axis
+    return ({"scale": "x", "size": 42, "space": space}, {"scale": "y", "size": 58})

@@ -17,7 +17,7 @@ COMMANDS = (
     ("back", "Step back", "arrowleft", None),
     ("forward", "Step forward", "arrowright", None),
     ("run", "Run the identification", "enter", "cmd/ctrl"),
-    ("stop", "Stop the identification", "escape", None),
+    ("stop", "Stop the identification or the sweep", "escape", None),
     ("undo", "Undo the last change", "Z", "cmd/ctrl"),
     ("redo", "Redo the undone change", "Z", "cmd/ctrl+shift"),
 )
@@ -37,7 +37,7 @@ class Keys:
             "back": lambda: app.view.playback("◀ Step"),
             "forward": lambda: app.view.playback("Step ▶"),
             "run": app.identify.run,
-            "stop": app.identify.stop,
+            "stop": app.stop,
             "undo": app.undo,
             "redo": app.redo,
         }

@@ -15,6 +15,7 @@ CSS = """
   background: rgba(128, 128, 128, 0.12); overflow-wrap: anywhere; }
 .fv-status.busy { border-color: #0072B2; }
 .fv-status.bad { border-color: #D55E00; }
+.fv.fv-warn { margin: 0.2em 0.75em 0.5em; padding: 0 0 0 0.5em; }
 .fv-table { border-collapse: collapse; width: 100%; font-size: 11.5px; font-variant-numeric: tabular-nums; }
 .fv-table th { font-weight: 500; color: var(--mantine-color-dimmed); text-align: right; padding: 1px 3px; }
 .fv-table td { text-align: right; padding: 1px 3px; white-space: nowrap; }
@@ -30,6 +31,7 @@ CSS = """
 .fv-ghost { opacity: 0.55; margin-left: 0.8em; }
 .fv-map { display: inline-block; width: 5em; height: 0.7em; vertical-align: -0.05em; border-radius: 2px; }
 .fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
+.fv-kind { padding-top: 0.35em; padding-bottom: 0.1em; font-weight: 600; }
 .fv-joints { max-height: 4.6em; overflow-y: auto; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
@@ -61,8 +63,11 @@ def half(uuid: str) -> str:
 
 
 def wide_label(uuid: str) -> str:
-    """A rule that gives a control's label the room of a whole name."""
-    return f"{flex(uuid)} > div:first-child {{ width: 12em !important; }}"
+    """Rules that give a control's label the room of a whole name, and set the rows closer."""
+    return (
+        f"{flex(uuid)} > div:first-child {{ width: 14em !important; }}\n"
+        f"{flex(uuid)} {{ padding-bottom: 0 !important; margin-bottom: -0.15em; }}"
+    )
 
 
 def pressed(uuid: str, index: int) -> str:

@@ -1,4 +1,4 @@
-"""The long jobs: open a set, identify, simulate the identified model. Module-level functions, no viser."""
+"""The long jobs: open, identify, sweep, simulate the identified model. Module-level functions, no viser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
 
 if TYPE_CHECKING:
-    from flexviz.identification import Identification
+    from flexviz.identification import Identification, SweepResult
     from flexviz.measurements import MeasurementSet
     from flexviz.model import FlexibleModel
 
@@ -64,6 +64,22 @@ def identify_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -
         bandwidth=analysis.bandwidth,
         refine=analysis.refine,
         progress=progress,
+        should_stop=should_stop,
+    )
+
+
+def sweep_set(
+    analysis: Analysis, bandwidths: tuple[float, ...], *, progress: Progress, should_stop: Stop
+) -> SweepResult:
+    """Identify at each bandwidth [rad/s]; `progress` gets (done, total)."""
+    from flexviz.identification import sweep
+
+    return sweep(
+        with_roles(cached_set(analysis.path), dict(analysis.roles)),
+        analysis.observer,
+        bandwidths,
+        effects=analysis.effects,
+        progress=lambda done, total: progress((done, total)),
         should_stop=should_stop,
     )
 

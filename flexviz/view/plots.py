@@ -21,6 +21,7 @@ class Line:
     values: Array
     width: float = 1.5
     dashed: bool = False
+    points: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +36,13 @@ class Plot:
     lines: the lines, finite everywhere (one NaN would blank the whole chart).
     x_label: the abscissa's name with its unit.
     logarithmic: True for a logarithmic ordinate (all values are then positive).
+    logarithmic_x: the same for the abscissa.
     playhead: (M,) 0/1 line of the present instant, or None for a plot that does not run in time.
     height: [pixels].
     note: why the plot is empty, or what to know about it.
     span: (first, last) x of the axis, so that the plots of a tab agree; None where the data decide.
+    range: (lowest, highest) value of the ordinate; None where the data decide.
+    mark: (M,) 0/1 line at what is worth a look, or None.
     """
 
     key: str
@@ -51,10 +55,15 @@ class Plot:
     height: int = 190
     note: str = ""
     span: tuple[float, float] | None = None
+    logarithmic_x: bool = False
+    range: tuple[float, float] | None = None
+    mark: Array | None = None
 
     def data(self) -> tuple[Array, ...]:
-        """x and every line, as the chart wants them; the playhead comes last."""
+        """x and every line, as the chart wants them; mark and playhead come last."""
         columns = [self.x, *(line.values for line in self.lines)]
+        if self.mark is not None:
+            columns.append(self.mark)
         if self.playhead is not None:
             columns.append(self.playhead)
         return tuple(np.ascontiguousarray(column, dtype=float) for column in columns)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,7 +46,9 @@ def parameters_html(
     inertial = [p for p in result.parameters if p.name in INERTIAL]
     head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
     head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
-    parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
+    parts = [
+        f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth, payloads_of(result))}</table>'
+    ]
     legend = " ".join(f'<span style="color:{IDENTIFIABLE[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
     if inertial:
@@ -56,7 +59,20 @@ def parameters_html(
     return "".join(parts) + "</div>"
 
 
-def _rows(parameters: Sequence[ParameterEstimate], truth: dict[tuple[str, str | None], float] | None) -> str:
+def payloads_of(result: Identification) -> dict[int, str]:
+    """id of a parameter -> the payload it belongs to; effects and parameters come in the same order."""
+    waiting: dict[str, list[str]] = {}
+    for effect in getattr(getattr(result, "model", None), "effects", ()):
+        for parameter in effect.parameters if effect.payload else ():
+            waiting.setdefault(f"{effect.effect}.{parameter}", []).append(effect.payload)
+    return {id(p): waiting[p.name].pop(0) for p in result.parameters if waiting.get(p.name)}
+
+
+def _rows(
+    parameters: Sequence[ParameterEstimate],
+    truth: dict[tuple[str, str | None], float] | None,
+    payloads: Mapping[int, str] = MappingProxyType({}),
+) -> str:
     columns = 6 + (truth is not None)
     rows: list[str] = []
     joint: str | None = ""
@@ -67,10 +83,10 @@ def _rows(parameters: Sequence[ParameterEstimate], truth: dict[tuple[str, str | 
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
         value, error = with_error(p.value, None if p.std is None else 1.96 * p.std)
-        real = ""
+        payload, real = payloads.get(id(p)), ""
         if truth is not None:
-            real = f'<td class="fv-truth">{number(truth.get((p.name, p.joint)))}</td>'
-        label = SHORT.get(p.name, title(p.name))
+            real = f'<td class="fv-truth">{number(truth.get((p.name, payload or p.joint)))}</td>'
+        label = SHORT.get(p.name, title(p.name)) + (f", {payload}" if payload else "")
         colour = IDENTIFIABLE.get(p.identifiable, "#999999")
         mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
         flag = " ⚑" if getattr(p, "at_bound", False) else ""
@@ -92,7 +108,7 @@ def _order(parameters: Sequence[ParameterEstimate], joint: str | None) -> int:
 
 
 def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float]:
-    """(parameter, joint) -> value from a truth.json; effects' parameters are named effect.parameter."""
+    """(parameter, joint or payload) -> value from a truth.json; effects' parameters: effect.parameter."""
     values: dict[tuple[str, str | None], float] = {}
     for entry in document.get("parameters", []):
         values[str(entry["name"]), entry.get("joint")] = float(entry["value"])
@@ -100,7 +116,9 @@ def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float
         for name, value in (effect.get("parameters") or {}).items():
             raw = value.get("value") if isinstance(value, dict) else value
             if isinstance(raw, int | float):
-                values[f"{effect['effect']}.{name}", effect.get("joint")] = float(raw)
+                values[f"{effect['effect']}.{name}", effect.get("payload") or effect.get("joint")] = float(
+                    raw
+                )
     for joint in {joint for name, joint in values if name == "link_viscous_friction"}:
         parts = (values.get(("link_viscous_friction", joint)), values.get(("motor_viscous_friction", joint)))
         if None not in parts:

@@ -78,6 +78,44 @@ def test_the_bandwidth_slider_redraws_the_states(address: str, open_page: Any, s
     until(lambda: "Butterworth" in page.inner_text("body"), what="the first observer again")
 
 
+def test_the_sweep_shows_residual_and_stiffness_against_bandwidth(
+    address: str, open_page: Any, shot: Any
+) -> None:
+    page = open_page(address)
+    button(page, "Observer").click()
+    button(page, "Sweep bandwidth").click()
+    until(lambda: "swept 11 bandwidths" in status(page), 60, "the sweep")
+    residual = until(
+        lambda: any(title.startswith("Residual of") for title in charts(page)) and chart(page, "Residual of"),
+        what="its chart",
+    )
+    bandwidth, _, validation, mark = residual
+    assert bandwidth == sorted(bandwidth) and max(bandwidth) > 5 * min(bandwidth)
+    assert bandwidth[mark.index(1.0)] == bandwidth[validation.index(min(validation))]
+    stiffness = chart(page, "Stiffness of")[1]
+    assert all(value > 0 for value in stiffness)
+    button(page, "Pause").click()
+    page.locator(".uplot").filter(has_text="Stiffness of").scroll_into_view_if_needed()
+    shot(page, "2-sweep")
+    assert not page.evaluate(WIDER), "wider than its place"
+    button(page, "Data").click()
+
+
+def test_more_effects_open_and_are_added(address: str, open_page: Any, shot: Any) -> None:
+    page = open_page(address)
+    button(page, "Identify").click()
+    until(lambda: "torque_offset" in page.inner_text("body"), what="the common effects")
+    page.get_by_text("More effects", exact=True).click()
+    box = row(page, "transmission_error").get_by_role("checkbox")
+    box.click()
+    until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), what="the note")
+    page.wait_for_timeout(500)
+    shot(page, "3-effects")
+    assert not page.evaluate(WIDER), "wider than its place"
+    box.click()
+    until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
+
+
 def test_run_shows_convergence_table_residual_and_the_models_motion(
     address: str, open_page: Any, shot: Any
 ) -> None:

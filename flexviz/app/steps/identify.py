@@ -6,9 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
-from flexviz.app.style import wide_label
+from flexviz.app.steps.effects import EffectList
 from flexviz.app.work import identify_set
-from flexviz.effects import EFFECTS
 from flexviz.jobs import JobEvent
 from flexviz.view.convergence import progress_text
 from flexviz.view.tables import parameters_html
@@ -24,19 +23,12 @@ class IdentifyStep:
     def __init__(self, app: Application) -> None:
         self._app = app
         gui = app.server.gui
-        self._effects: dict[str, Any] = {}
         self._running: tuple[Any, ...] | None = None
         self.iterations: list[Any] = []
         self._new_iterations = False
         self.folder = gui.add_folder(None, visible=False)
         with self.folder:
-            with gui.add_folder("Effects in the model"):
-                for name, effect in EFFECTS.items():
-                    box = gui.add_checkbox(name, False, hint=f"{effect.explanation} {effect.equation}")
-                    watch(box, app.queue, f"effect-{name}")
-                    app.on(f"effect-{name}", lambda on, name=name: self._effect(name, on))
-                    app.add_style(wide_label(box._impl.uuid))
-                    self._effects[name] = box
+            self.effects = EffectList(app)
             self._refine = gui.add_checkbox(
                 "Refine", False, hint="a second stage that removes the observer's bias; takes longer"
             )
@@ -61,11 +53,8 @@ class IdentifyStep:
         return self._running is not None
 
     def opened(self) -> None:
-        """A new set is shown: its own effects are in the model and stay there."""
-        own = self._app.measurements.effects
-        for name, box in self._effects.items():
-            box.disabled = name in own
-            box.value = name in own
+        """A new set is shown."""
+        self.effects.opened()
         self.iterations = []
         self._draw_convergence()
         self._truth.visible = self._app.truth is not None
@@ -75,9 +64,7 @@ class IdentifyStep:
     def refresh(self) -> None:
         """Show the session's effects and result, and what may be pressed."""
         analysis = self._app.session.analysis
-        own = self._app.measurements.effects
-        for name, box in self._effects.items():
-            box.value = name in own or name in analysis.effects
+        self.effects.refresh()
         self._refine.value = analysis.refine
         nothing = not analysis.groups_with("fit")
         self._run.disabled = self.running or nothing
@@ -104,12 +91,14 @@ class IdentifyStep:
         if self.running or not analysis.groups_with("fit"):
             return
         self._running = analysis.settings
+        self._app.observer.sweep.stop()
         self._app.worker.stop("replay")  # it is simulated anew afterwards
         self.iterations = []
         self._draw_convergence()
         self._app.say("running", "busy")
-        self._app.submit("identify", identify_set, replace(analysis, identification=None, fitted=None))
+        self._app.submit("identify", identify_set, analysis.without_result())
         self.refresh()
+        self._app.observer.sweep.refresh()
 
     def stop(self) -> None:
         """Stop the identification; it gives back what it has."""
@@ -144,16 +133,13 @@ class IdentifyStep:
         if event.kind != "done":
             self._app.show.show_model()
         self.refresh()
+        self._app.observer.sweep.refresh()
 
     def _summary(self, result: Any) -> str:
         count = plural(len(result.iterations), "iteration")
         how = "stopped" if result.stopped else "converged" if result.converged else "did not converge"
         message = f": {result.message}" if result.message and not result.converged else ""
         return f"{how} after {count} in {number(result.seconds, 3)} s{message}"
-
-    def _effect(self, name: str, on: bool) -> None:
-        analysis = self._app.session.analysis.with_effect(name, on)
-        self._app.change(f"{'with' if on else 'without'} {name}", analysis)
 
     def _draw_convergence(self) -> None:
         self._new_iterations = False

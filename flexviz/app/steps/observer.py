@@ -7,9 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from flexviz.app.controls import watch
+from flexviz.app.steps.sweep import Sweep
 from flexviz.app.style import no_number_box
-from flexviz.observers import OBSERVERS, make_observer
+from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.view.states import numbers_html, observer_for, observer_numbers
+from flexviz.view.sweep import sweep_bandwidths
 from flexviz.view.text import number
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
 
 
 class ObserverStep:
-    """Observer type and bandwidth; lag and noise gain as numbers."""
+    """Observer type and bandwidth; lag and noise gain as numbers; the sweep."""
 
     def __init__(self, app: Application) -> None:
         self._app = app
@@ -39,6 +41,7 @@ class ObserverStep:
             )
             self._default = gui.add_button("Use the observer's own bandwidth", color="gray")
             self._numbers = gui.add_html("")
+            self.sweep = Sweep(app, self._around, self._set)
         app.add_style(no_number_box(self._bandwidth._impl.uuid))
         watch(self._type, app.queue, "observer")
         watch(self._bandwidth, app.queue, "bandwidth-log")
@@ -50,12 +53,13 @@ class ObserverStep:
 
     def opened(self) -> None:
         """A new set is shown."""
+        self.sweep.opened()
         self.refresh()
 
     def refresh(self) -> None:
         """Show the session's observer, its bandwidth and its numbers."""
         analysis = self._app.session.analysis
-        observer = observer_for(analysis.observer, analysis.bandwidth, self._app.show.joint)
+        observer = self._present()
         width = float(observer.bandwidth)  # type: ignore[arg-type]
         self._type.value = analysis.observer
         shown = min(max(width, LOWEST), HIGHEST)
@@ -68,6 +72,14 @@ class ObserverStep:
             f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
             f"bandwidth {number(width, 4)} rad/s{own}</div>" + numbers_html(numbers)
         )
+        self.sweep.refresh()
+
+    def _present(self) -> Observer:
+        analysis = self._app.session.analysis
+        return observer_for(analysis.observer, analysis.bandwidth, self._app.show.joint)
+
+    def _around(self) -> tuple[float, ...]:
+        return sweep_bandwidths(float(self._present().bandwidth), LOWEST, HIGHEST)  # type: ignore[arg-type]
 
     def _observer(self, name: str) -> None:
         make_observer(name)

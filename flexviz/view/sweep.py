@@ -1,0 +1,96 @@
+"""The bandwidth sweep: which bandwidths to try, and residual and stiffness against bandwidth."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.view.colours import MODEL, RESIDUAL, SERIES
+from flexviz.view.plots import Line, Plot
+from flexviz.view.text import escape, number
+
+if TYPE_CHECKING:
+    from flexviz.identification import SweepResult
+
+Array = NDArray[np.float64]
+
+COUNT = 11  # bandwidths tried
+FACTOR = 3.0  # the widest and the narrowest, relative to the present one
+HEIGHT = 170  # [pixels]
+LEAST_SPAN = 0.01  # of the stiffness's axis, relative: what moves less than this looks still
+X_LABEL = "bandwidth [rad/s]"
+
+
+def sweep_bandwidths(present: float, lowest: float, highest: float, count: int = COUNT) -> tuple[float, ...]:
+    """`count` bandwidths [rad/s] evenly spaced on a logarithmic scale around `present`, within the limits."""
+    low, high = max(present / FACTOR, lowest), min(present * FACTOR, highest)
+    return tuple(float(f"{w:.4g}") for w in np.geomspace(low, high, count))
+
+
+def judged(result: SweepResult) -> Array:
+    """(M, n) rms [Nm] the minimum is looked for in: held out, or fitted where nothing is held out."""
+    return result.rms_fit if np.isnan(result.rms_validation).any() else result.rms_validation
+
+
+def sweep_plots(result: SweepResult, joint: int, name: str) -> tuple[Plot, ...]:
+    """Residual (its minimum marked) and stiffness of one joint against bandwidth, one plot each."""
+    order = np.argsort(result.bandwidths)
+    least = int(np.argmin(judged(result)[order, joint]))
+    # the marked bandwidth stands three times in a row, so that its mark is a vertical line
+    rows = np.concatenate((order[: least + 1], [order[least]] * 2, order[least + 1 :]))
+    x = result.bandwidths[rows]
+    mark = np.zeros(len(x))
+    mark[least + 1] = 1.0
+    lines = [Line("fit", SERIES[3], result.rms_fit[rows, joint], dashed=True, points=True)]
+    if not np.isnan(result.rms_validation).any():
+        lines.append(Line("validation", RESIDUAL, result.rms_validation[rows, joint], 2.0, points=True))
+    stiffness = result.stiffness[rows, joint]
+    span = rounded(float(x[0]), float(x[-1]))
+    common: dict[str, Any] = {
+        "x_label": X_LABEL,
+        "height": HEIGHT,
+        "span": span,
+        "logarithmic_x": True,
+        "mark": mark,
+    }
+    return (
+        Plot("residual", f"Residual of {name} [Nm]", x, tuple(lines), **common),
+        Plot(
+            "stiffness", f"Stiffness of {name} [Nm/rad]", x,
+            (Line("identified", MODEL, stiffness, 2.0, points=True),), range=axis(stiffness), **common,
+        ),
+    )  # fmt: skip
+
+
+def rounded(low: float, high: float) -> tuple[float, float]:
+    """Limits with one digit around low and high (both positive): a logarithmic axis counts from its first."""
+    first, last = 10.0 ** math.floor(math.log10(low)), 10.0 ** math.floor(math.log10(high))
+    limits = first * math.floor(low / first), last * math.ceil(high / last)
+    return limits if limits[1] > limits[0] else (limits[0], limits[0] + first)
+
+
+def axis(values: Array) -> tuple[float, float]:
+    """An axis around the values that is never narrower than `LEAST_SPAN` of them."""
+    low, high = float(values.min()), float(values.max())
+    half = max(0.55 * (high - low), 0.5 * LEAST_SPAN * abs(low + high) / 2.0, 1e-9)
+    middle = (low + high) / 2.0
+    return middle - half, middle + half
+
+
+def sweep_html(result: SweepResult, joint: int, name: str) -> str:
+    """Where the minimum lies, for this joint and over all."""
+    errors = judged(result)
+    kind = "fit" if errors is result.rms_fit else "validation"
+    least = int(np.argmin(errors[:, joint]))
+    text = (
+        f"{escape(name)}: least {kind} residual {number(float(errors[least, joint]), 3)} Nm "
+        f"at {number(float(result.bandwidths[least]), 3)} rad/s (vertical line)."
+    )
+    if errors.shape[1] > 1:
+        text += f" All joints together: {number(result.best, 3)} rad/s."
+    if len(errors) > 1 and result.best in (result.bandwidths.min(), result.bandwidths.max()):
+        text += " That is the end of the sweep: use it and sweep again."
+    return f'<div class="fv">{text}</div>'

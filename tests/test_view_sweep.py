@@ -1,0 +1,93 @@
+"""The sweep's bandwidths and plots, and the words about effects, without a screen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS
+from flexviz.identification import SweepResult
+from flexviz.view.effects import COMMON, addable, effects_note, more_effects, why_fixed
+from flexviz.view.sweep import COUNT, LEAST_SPAN, axis, rounded, sweep_bandwidths, sweep_html, sweep_plots
+
+
+def result(order: list[int] | None = None) -> SweepResult:
+    """A sweep of two joints whose minima lie at 20 and 40 rad/s."""
+    rows = order or [0, 1, 2, 3]
+    w = np.array([10.0, 20.0, 40.0, 80.0])[rows]
+    validation = np.array([[2.0, 5.0], [1.0, 4.0], [1.5, 3.0], [3.0, 9.0]])[rows]
+    stiffness = np.array([[1000.0, 500.0], [1000.1, 510.0], [999.9, 520.0], [1000.0, 530.0]])[rows]
+    return SweepResult("eso", w, 0.9 * validation, validation, stiffness, np.ones((4, 2)), 40.0)
+
+
+@pytest.mark.parametrize("present", [5.0, 31.4, 700.0, 2000.0])
+def test_bandwidths_surround_the_present_one_within_the_limits(present: float) -> None:
+    widths = sweep_bandwidths(present, 5.0, 2000.0)
+    assert len(set(widths)) == COUNT and list(widths) == sorted(widths)
+    assert widths[0] >= 5.0 and widths[-1] <= 2000.0 and widths[0] <= present <= widths[-1]
+    if present == 31.4:
+        assert widths[COUNT // 2] == present
+
+
+@pytest.mark.parametrize("order", [None, [3, 1, 0, 2]])
+@pytest.mark.parametrize(("joint", "least"), [(0, 20.0), (1, 40.0)])
+def test_the_mark_is_a_vertical_line_at_the_joints_minimum(
+    order: list[int] | None, joint: int, least: float
+) -> None:
+    residual, stiffness = sweep_plots(result(order), joint, "j")
+    assert residual.mark is not None and stiffness.mark is not None
+    at = int(residual.mark.argmax())
+    assert residual.mark.sum() == 1 and list(residual.x[at - 1 : at + 2]) == [least] * 3
+    assert list(residual.x) == sorted(residual.x) and len(residual.data()) == 4
+    assert [line.label for line in residual.lines] == ["fit", "validation"]
+    assert f"{least:g}" in sweep_html(result(order), joint, "j")
+
+
+def test_without_validation_the_fit_decides() -> None:
+    alone = replace(result(), rms_validation=np.full((4, 2), np.nan))
+    residual, _ = sweep_plots(alone, 0, "<j>")
+    assert [line.label for line in residual.lines] == ["fit"]
+    assert "least fit residual" in sweep_html(alone, 0, "<j>") and "<j>" not in sweep_html(alone, 0, "<j>")
+
+
+def test_one_bandwidth_is_a_plot_too() -> None:
+    full = result()
+    one = replace(
+        full,
+        bandwidths=full.bandwidths[:1],
+        rms_fit=full.rms_fit[:1],
+        rms_validation=full.rms_validation[:1],
+        stiffness=full.stiffness[:1],
+        best=10.0,
+    )
+    for plot in sweep_plots(one, 0, "j"):
+        assert plot.span is not None and plot.span[0] <= 10.0 <= plot.span[1] and plot.span[0] < plot.span[1]
+    assert "end of the sweep" not in sweep_html(one, 0, "j")
+
+
+def test_axes_have_round_limits_and_do_not_enlarge_what_stands_still() -> None:
+    assert rounded(10.47, 94.2) == pytest.approx((10.0, 100.0))
+    assert rounded(5.0, 15.0) == pytest.approx((5.0, 20.0))
+    low, high = axis(np.array([999.9, 1000.1]))
+    assert high - low == pytest.approx(LEAST_SPAN * 1000.0)
+    low, high = axis(np.array([900.0, 1100.0]))
+    assert low < 900.0 and high > 1100.0
+
+
+def test_every_effect_is_offered_once_except_episodes() -> None:
+    listed = [*COMMON, *(name for names in more_effects().values() for name in names)]
+    assert sorted(listed) == sorted(addable()) == sorted(set(EFFECTS) - {"external_contact"})
+
+
+def test_what_is_said_about_effects() -> None:
+    assert "takes the place of coulomb_friction" in effects_note(
+        ("presliding_hysteresis",), ("coulomb_friction",)
+    )
+    assert "makes sense beside coulomb_friction" in effects_note(("stribeck_friction",), ())
+    assert effects_note(("stribeck_friction", "coulomb_friction"), ()) == ""
+    assert why_fixed("payload_error", (), payloads=False) and not why_fixed(
+        "payload_error", (), payloads=True
+    )
+    assert "stays in" in why_fixed("torque_offset", ("torque_offset",), payloads=True)
