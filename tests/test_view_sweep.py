@@ -68,8 +68,8 @@ def test_one_bandwidth_is_a_plot_too() -> None:
 
 
 def test_axes_have_round_limits_and_do_not_enlarge_what_stands_still() -> None:
-    assert rounded(10.47, 94.2) == pytest.approx((10.0, 100.0))
-    assert rounded(5.0, 15.0) == pytest.approx((5.0, 20.0))
+    assert rounded(10.47, 94.2) == pytest.approx((8.0, 100.0))
+    assert rounded(5.0, 15.0) == pytest.approx((4.0, 20.0))
     low, high = axis(np.array([999.9, 1000.1]))
     assert high - low == pytest.approx(LEAST_SPAN * 1000.0)
     low, high = axis(np.array([900.0, 1100.0]))

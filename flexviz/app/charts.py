@@ -122,7 +122,8 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
 
 def _scales(plot: Plot) -> dict[str, Any]:
     scales: dict[str, Any] = {
-        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span),
+        # of base 10 uPlot would write only the powers of ten at a horizontal axis
+        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span, base=2),
         "y": _scale(plot.logarithmic, plot.range),
     }
     if plot.playhead is not None or plot.mark is not None:
@@ -130,11 +131,10 @@ def _scales(plot: Plot) -> dict[str, Any]:
     return scales
 
 
-def _scale(logarithmic: bool, limits: tuple[float, float] | None) -> dict[str, Any]:
-    scale: dict[str, Any] = {"distr": 3} if logarithmic else {}
+def _scale(logarithmic: bool, limits: tuple[float, float] | None, base: int = 10) -> dict[str, Any]:
+    scale: dict[str, Any] = {"distr": 3, "log": base} if logarithmic else {}
     return scale if limits is None else scale | {"range": limits}
 
 
 def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
-    space = 30 if plot.logarithmic_x else 60  # [pixels] between two numbers of the axis
-    return ({"scale": "x", "size": 42, "space": space}, {"scale": "y", "size": 58})
+    return ({"scale": "x", "size": 42, "space": 60}, {"scale": "y", "size": 58})

@@ -36,7 +36,7 @@ class Plot:
     lines: the lines, finite everywhere (one NaN would blank the whole chart).
     x_label: the abscissa's name with its unit.
     logarithmic: True for a logarithmic ordinate (all values are then positive).
-    logarithmic_x: the same for the abscissa.
+    logarithmic_x: the same for the abscissa, which then counts in doublings of span's first value.
     playhead: (M,) 0/1 line of the present instant, or None for a plot that does not run in time.
     height: [pixels].
     note: why the plot is empty, or what to know about it.

@@ -66,10 +66,10 @@ def sweep_plots(result: SweepResult, joint: int, name: str) -> tuple[Plot, ...]:
 
 
 def rounded(low: float, high: float) -> tuple[float, float]:
-    """Limits with one digit around low and high (both positive): a logarithmic axis counts from its first."""
-    first, last = 10.0 ** math.floor(math.log10(low)), 10.0 ** math.floor(math.log10(high))
-    limits = first * math.floor(low / first), last * math.ceil(high / last)
-    return limits if limits[1] > limits[0] else (limits[0], limits[0] + first)
+    """Limits around low and high (both positive); the first is a power of 2, from which the axis counts."""
+    digit = 10.0 ** math.floor(math.log10(high))
+    first, last = 2.0 ** math.floor(math.log2(low)), digit * math.ceil(high / digit)
+    return first, max(last, 2.0 * first)
 
 
 def axis(values: Array) -> tuple[float, float]:
