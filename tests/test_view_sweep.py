@@ -10,7 +10,16 @@ import pytest
 from flexviz.effects import EFFECTS
 from flexviz.identification import SweepResult
 from flexviz.view.effects import COMMON, addable, effects_note, more_effects, why_fixed
-from flexviz.view.sweep import COUNT, LEAST_SPAN, axis, rounded, sweep_bandwidths, sweep_html, sweep_plots
+from flexviz.view.sweep import (
+    COUNT,
+    LEAST_SPAN,
+    axis,
+    rounded,
+    scaled,
+    sweep_bandwidths,
+    sweep_html,
+    sweep_plots,
+)
 
 
 def result(order: list[int] | None = None) -> SweepResult:
@@ -70,10 +79,19 @@ def test_one_bandwidth_is_a_plot_too() -> None:
 def test_axes_have_round_limits_and_do_not_enlarge_what_stands_still() -> None:
     assert rounded(10.47, 94.2) == pytest.approx((8.0, 100.0))
     assert rounded(5.0, 15.0) == pytest.approx((4.0, 20.0))
-    low, high = axis(np.array([999.9, 1000.1]))
+    low, high, logarithmic = axis(np.array([999.9, 1000.1]))
+    assert not logarithmic
     assert high - low == pytest.approx(LEAST_SPAN * 1000.0)
-    low, high = axis(np.array([900.0, 1100.0]))
+    low, high, _ = axis(np.array([900.0, 1100.0]))
     assert low < 900.0 and high > 1100.0
+    assert axis(np.array([900.0, 1000.0, 5e9])) == (100.0, 1e10, True)  # the last one at its bound
+
+
+def test_large_numbers_get_a_prefix() -> None:
+    large = replace(result(), stiffness=1000.0 * result().stiffness)
+    plot = sweep_plots(large, 0, "j")[1]
+    assert "[kNm/rad]" in plot.title and plot.lines[0].values == pytest.approx(1000.0, rel=1e-3)
+    assert scaled(5e9) == (1e-6, "M") and scaled(50.0) == (1.0, "")
 
 
 def test_every_effect_is_offered_once_except_episodes() -> None:

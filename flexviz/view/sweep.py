@@ -21,6 +21,8 @@ COUNT = 11  # bandwidths tried
 FACTOR = 3.0  # the widest and the narrowest, relative to the present one
 HEIGHT = 170  # [pixels]
 LEAST_SPAN = 0.01  # of the stiffness's axis, relative: what moves less than this looks still
+LINEAR = 20.0  # largest over smallest value up to which an axis is linear
+PREFIXES = ((1e10, 1e-9, "G"), (1e7, 1e-6, "M"), (1e4, 1e-3, "k"))  # from, factor, prefix
 X_LABEL = "bandwidth [rad/s]"
 
 
@@ -47,22 +49,28 @@ def sweep_plots(result: SweepResult, joint: int, name: str) -> tuple[Plot, ...]:
     lines = [Line("fit", SERIES[3], result.rms_fit[rows, joint], dashed=True, points=True)]
     if not np.isnan(result.rms_validation).any():
         lines.append(Line("validation", RESIDUAL, result.rms_validation[rows, joint], 2.0, points=True))
-    stiffness = result.stiffness[rows, joint]
-    span = rounded(float(x[0]), float(x[-1]))
+    low, high, logarithmic = axis(result.stiffness[:, joint])
+    factor, prefix = scaled(math.sqrt(low * high) if logarithmic else high)
+    stiffness = Line("identified", MODEL, factor * result.stiffness[rows, joint], 2.0, points=True)
     common: dict[str, Any] = {
         "x_label": X_LABEL,
         "height": HEIGHT,
-        "span": span,
+        "span": rounded(float(x[0]), float(x[-1])),
         "logarithmic_x": True,
         "mark": mark,
     }
     return (
         Plot("residual", f"Residual of {name} [Nm]", x, tuple(lines), **common),
         Plot(
-            "stiffness", f"Stiffness of {name} [Nm/rad]", x,
-            (Line("identified", MODEL, stiffness, 2.0, points=True),), range=axis(stiffness), **common,
+            "stiffness",
+            f"Stiffness of {name} [{prefix}Nm/rad]",
+            x,
+            (stiffness,),
+            range=(factor * low, factor * high),
+            logarithmic=logarithmic,
+            **common,
         ),
-    )  # fmt: skip
+    )
 
 
 def rounded(low: float, high: float) -> tuple[float, float]:
@@ -72,12 +80,22 @@ def rounded(low: float, high: float) -> tuple[float, float]:
     return first, max(last, 2.0 * first)
 
 
-def axis(values: Array) -> tuple[float, float]:
-    """An axis around the values that is never narrower than `LEAST_SPAN` of them."""
+def axis(values: Array) -> tuple[float, float, bool]:
+    """Limits of positive values, at least `LEAST_SPAN` of them apart, and whether the axis is logarithmic.
+
+    It is where the stiffness is identified at some bandwidths and at its bound at others.
+    """
     low, high = float(values.min()), float(values.max())
-    half = max(0.55 * (high - low), 0.5 * LEAST_SPAN * abs(low + high) / 2.0, 1e-9)
+    if low > 0 and high > LINEAR * low:
+        return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)), True
     middle = (low + high) / 2.0
-    return middle - half, middle + half
+    half = max(0.55 * (high - low), 0.5 * LEAST_SPAN * abs(middle), 1e-9)
+    return middle - half, middle + half, False
+
+
+def scaled(largest: float) -> tuple[float, str]:
+    """Factor and prefix that leave a number short enough for an axis."""
+    return next(((f, p) for limit, f, p in PREFIXES if largest >= limit), (1.0, ""))
 
 
 def sweep_html(result: SweepResult, joint: int, name: str) -> str:
