@@ -42,11 +42,15 @@ _WHERE = {
     "Iteration": "flexviz.identification",
     "ParameterEstimate": "flexviz.identification",
     "ResidualSummary": "flexviz.identification",
+    "diagnose": "flexviz.diagnosis",
+    "Diagnosis": "flexviz.diagnosis",
+    "Finding": "flexviz.diagnosis",
     "simulate_run": "flexviz.simulation",
     "replay": "flexviz.simulation",
 }
 
 if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis, Finding, diagnose
     from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
     from flexviz.identification import (
         Identification,
@@ -67,7 +71,9 @@ __all__ = [
     "OBSERVERS",
     "Cancelled",
     "ConvergenceError",
+    "Diagnosis",
     "EffectValue",
+    "Finding",
     "FlexibleModel",
     "FlexvizError",
     "Group",
@@ -83,6 +89,7 @@ __all__ = [
     "Segment",
     "SweepResult",
     "__version__",
+    "diagnose",
     "identify",
     "make_observer",
     "read_set",

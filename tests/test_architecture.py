@@ -24,6 +24,7 @@ LAYERS = (
     ("observers", "effects"),
     ("equation",),
     ("identification",),
+    ("diagnosis",),
     ("simulation", "session"),
     ("view",),
     ("app", "recording"),

@@ -14,7 +14,7 @@ from contextlib import redirect_stdout
 import typer
 
 from flexviz import __version__
-from flexviz.cli import effects, identify, record, serve, simulate
+from flexviz.cli import diagnose, effects, identify, record, serve, simulate
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -26,6 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command("identify")(identify.identify)
+app.command("diagnose")(diagnose.diagnose)
 app.command("simulate")(simulate.simulate)
 app.command("serve")(serve.serve)
 app.command("record")(record.record)

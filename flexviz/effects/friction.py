@@ -166,8 +166,7 @@ class FrictionDrift(LawEffect):
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         rise, constant = values[0], max(values[1], 1e-3)
-        # the floor keeps a ≠ 0 meaningful where no viscous friction was found at the motor
-        fade = max(motion.motor_viscous, 1e-6) * motion.velocity * np.exp(-motion.time / constant)
+        fade = motion.motor_viscous * motion.velocity * np.exp(-motion.time / constant)
         return rise * fade, np.stack((fade, rise * fade * motion.time / constant**2))
 
     def guesses(self, context: Context, place: Place) -> list[Guess]:

@@ -160,6 +160,7 @@ class EffectContext:
         assert x is not None
         compliance, inertia = x[lay.compliance][joint], x[lay.motor_inertia][joint]
         viscous = x[lay.motor_viscous][joint]
+        both = viscous + x[lay.link_viscous][joint]
         rows = []
         for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
             theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
@@ -184,7 +185,7 @@ class EffectContext:
                 fine.position[:, joint] - compliance * torque,
                 fine.velocity[:, joint] - compliance * rate,
                 1 / compliance,
-                float(viscous),
+                float(max(viscous, 0.2 * both, 1e-6)),  # a scale, also where the split is not right yet
                 scale,
             )
             for fine, torque, rate in rows

@@ -25,6 +25,8 @@ from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
 
+STATE_ROUNDS = 6
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -82,10 +84,16 @@ class Equation:
         self._forget()
         self._prepared = x.copy()
         self.context.refresh(x, self._rigid_or_elastic(x), self.context.last_s)
-        if self.has_state and self.layout.effects:
-            s, q = self.motor_side(x)
-            self._forget()
-            self.context.refresh(x, q, s[0])
+        if self.has_state:
+            # s depends on what the effects make of s: a few rounds until it stays
+            before = self.context.last_s
+            for _ in range(STATE_ROUNDS):
+                s, q = self.motor_side(x)
+                self._forget()
+                self.context.refresh(x, q, s[0])
+                if before is not None and np.max(np.abs(s[0] - before)) < 1e-5 * (np.abs(s[0]).max() + 1e-12):
+                    break
+                before = s[0]
         return not first
 
     def _forget(self) -> None:

@@ -162,7 +162,7 @@ def _solve(
         converged = length < NEGLIGIBLE and iteration >= 2
         if converged or iteration == max_iterations:
             break
-        x = _feasible_step(prior, bounds, x, step)
+        x = feasible_step(prior, bounds, x, step)
         iteration += 1
     chi_squares: Array = np.sum(point.r**2, axis=0) / np.count_nonzero(point.used)
     chi_square = float(np.mean(chi_squares))
@@ -178,7 +178,7 @@ def _solve(
     return Refined(x, cov, share, chi_square, chi_squares, converged, at_bound)
 
 
-def _feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
+def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
     length = 1.0
     compliance = prior.layout.compliance
     for _ in range(30):

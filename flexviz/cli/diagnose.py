@@ -1,0 +1,103 @@
+"""`flexviz diagnose SET`: is the model complete, and if not, what is missing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexviz.cli.identifying import SetArgument
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis, Finding
+
+
+def diagnose(
+    measurement_set: SetArgument,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Add the found effects one by one and refit after each.")
+    ] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+    ] = None,
+) -> int:
+    """Say whether the model is complete, and if not, which effect is missing and where."""
+    from flexviz.cli import output
+    from flexviz.cli.progress import Reporter, interruptible
+    from flexviz.diagnosis import diagnose as search
+    from flexviz.measurements import read_set
+
+    output.check_output_file(json_file)
+    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
+        measurements = read_set(measurement_set)
+        result = search(
+            measurements,
+            apply=apply,
+            progress=lambda p: report(p.text, fraction=p.share),
+            should_stop=should_stop,
+        )
+    if json_file is not None:
+        document = result.to_json()
+        if not apply:
+            del document["steps"]
+        output.write_json(json_file, document)
+    show(result)
+    return 130 if result.stopped else 0
+
+
+def show(result: Diagnosis) -> None:
+    """The answer in sentences on standard output."""
+    from flexviz.cli import output
+
+    console = output.results()
+    for line in lines(result):
+        console.print(line, soft_wrap=True)
+
+
+def lines(result: Diagnosis) -> list[str]:
+    """The answer as lines of text: verdict, findings, staircase."""
+    out = [sentence(result)]
+    for number, finding in enumerate(result.findings, 1):
+        out.append(f"{number:3d}. {described(finding)}")
+        for tie in finding.inseparable_from:
+            place = f" on {tie.joint}" if tie.joint else ""
+            out.append(f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})")
+    for step in result.steps:
+        label = "as it is" if step.added is None else f"with {step.added.effect}"
+        where = "" if step.added is None or step.added.joint is None else f" on {step.added.joint}"
+        held_out = "" if step.rms_validation is None else f", held out {_numbers(step.rms_validation)}"
+        out.append(f"{label}{where}: rms {_numbers(step.rms)} Nm{held_out} Nm → {step.verdict}")
+    if result.stopped:
+        out.append("stopped; this is what was found so far")
+    return out
+
+
+def sentence(result: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    if result.verdict == "nothing-missing":
+        return "Nothing is missing: what is left is measurement noise."
+    if result.verdict == "unknown":
+        place = result.where[0]
+        low, high = place.range
+        return (
+            f"Unknown: something is missing on {place.joint} that no effect in the library explains; it "
+            f"follows {place.variable} ({100 * place.explained:.0f} % of the residual, "
+            f"mostly {low:.3g} … {high:.3g})."
+        )
+    return f"Missing: {described(result.findings[0])}"
+
+
+def described(finding: Finding) -> str:
+    """An effect with its place and values."""
+    place = finding.joint or finding.payload or "the whole robot"
+    group = f" in group {finding.group}" if finding.group else ""
+    values = ", ".join(f"{k} {v:.4g} ± {1.96 * s:.2g} {u}" for k, (v, s, u) in finding.parameters.items())
+    return (
+        f"{finding.effect} on {place}{group}: {values}; "
+        f"explains {100 * finding.score:.0f} % of the held-out excess, confidence {finding.confidence:.2f}"
+    )
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(f"{v:.4g}" for v in values)

@@ -1,0 +1,6 @@
+"""Diagnosis: is the model complete, and if not, what is missing and where."""
+
+from flexviz.diagnosis.diagnose import Progress, diagnose
+from flexviz.diagnosis.result import Diagnosis, Finding, Place, Step, Tie
+
+__all__ = ["Diagnosis", "Finding", "Place", "Progress", "Step", "Tie", "diagnose"]

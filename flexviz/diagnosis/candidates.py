@@ -1,0 +1,54 @@
+"""Which effects are tried, and how a model with one more of them starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Layout
+from flexviz.measurements import Group
+
+Array = NDArray[np.float64]
+
+
+def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
+    """Every effect in every place that the model does not have yet; contacts are searched for elsewhere."""
+    have = set(layout.effects)
+    replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
+    payloads = sorted({g.payload for g in groups if g.bodies})
+    out: list[ChosenEffect] = []
+    for name, effect in EFFECTS.items():
+        if effect.scope == "joint":
+            places = [ChosenEffect(name, j) for j in range(layout.n)]
+        elif effect.scope == "set":
+            places = [ChosenEffect(name)]
+        elif effect.scope == "payload":
+            places = [ChosenEffect(name, payload=p) for p in payloads]
+        else:
+            continue
+        for place in places:
+            if place in have or (name, place.joint) in replaced:
+                continue
+            if effect.beside and not any(e.effect == effect.beside and e.joint == place.joint for e in have):
+                continue
+            out.append(place)
+    return out
+
+
+def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> tuple[Layout, Array]:
+    """The model with one more effect at `values`; what it replaces on its joint is taken out."""
+    law = EFFECTS[effect.effect]
+    kept = tuple(e for e in layout.effects if not (law.replaces == e.effect and e.joint == effect.joint))
+    larger = Layout(layout.joints, (*kept, effect))
+    start = larger.vector(layout.model(x))
+    start[larger.effect_slices()[-1][1]] = values
+    return larger, start
+
+
+def without_effect(layout: Layout, x: Array, effect: ChosenEffect) -> tuple[Layout, Array]:
+    """The model with one effect fewer."""
+    smaller = Layout(layout.joints, tuple(e for e in layout.effects if e != effect))
+    return smaller, smaller.vector(layout.model(x))

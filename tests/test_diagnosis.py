@@ -1,0 +1,119 @@
+"""Diagnosis on sets with a hidden effect, and its parts."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.cli.diagnose import lines, sentence
+from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.where import explained
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+CASES = SHARED / "practice" / "cases"
+
+
+@pytest.fixture(scope="module")
+def demo():
+    return diagnose(read_set(sessions_dir() / "planar-2r-demo"))
+
+
+def test_demo_lacks_coulomb_friction(demo):
+    truth = json.loads((sessions_dir() / "planar-2r-demo" / "truth.json").read_text())["effects"][0]
+    assert demo.verdict == "missing"
+    first = demo.findings[0]
+    assert (first.effect, first.joint) == ("coulomb_friction", "joint2")
+    value, std, unit = first.parameters["coulomb"]
+    assert unit == "Nm" and value == pytest.approx(
+        truth["parameters"]["coulomb"]["value"]
+        if isinstance(truth["parameters"]["coulomb"], dict)
+        else truth["parameters"]["coulomb"],
+        rel=0.01,
+    )
+    assert std < 0.01 * value
+    assert demo.steps[-1].verdict == "nothing-missing"
+    assert demo.steps[0].rms_validation is not None and demo.steps[-1].rms_validation is not None
+    assert sum(demo.steps[-1].rms_validation) < 0.3 * sum(demo.steps[0].rms_validation)
+
+
+def test_json_is_the_contract(demo):
+    document = json.loads(json.dumps(demo.to_json()))
+    assert document["format"] == 1 and document["verdict"] == "missing"
+    candidate = document["candidates"][0]
+    assert set(candidate) == {
+        "effect", "joint", "group", "payload", "score", "confidence", "parameters", "inseparable_from",
+    }  # fmt: skip
+    assert 0 <= candidate["score"] <= 1 and 0 <= candidate["confidence"] <= 1
+    assert (
+        document["steps"][0]["added"] is None
+        and document["steps"][1]["added"]["effect"] == "coulomb_friction"
+    )
+    assert document["model"]["effects"][0]["effect"] == "coulomb_friction"
+    assert {p["name"] for p in document["model"]["parameters"]} >= {"stiffness", "motor_inertia"}
+    assert set(document["where"][0]) == {"joint", "variable", "explained", "range"}
+
+
+def test_words(demo):
+    assert sentence(demo).startswith("Missing: coulomb_friction on joint2")
+    assert any("nothing-missing" in line for line in lines(demo))
+
+
+def test_stopping_keeps_what_there_is():
+    calls = []
+    result = diagnose(
+        read_set(sessions_dir() / "planar-2r-demo"),
+        progress=calls.append,
+        should_stop=lambda: len(calls) >= 2,
+    )
+    assert result.stopped and len(result.steps) == 1
+
+
+def test_candidates_respect_what_goes_with_what():
+    bare = Layout(("a", "b"))
+    names = {(c.effect, c.joint) for c in candidates(bare, [])}
+    assert ("coulomb_friction", 0) in names and ("stribeck_friction", 0) not in names
+    assert ("torque_delay", None) in names and not any(n == "payload_error" for n, _ in names)
+    coulomb = Layout(("a", "b"), (ChosenEffect("coulomb_friction", 1),))
+    names = {(c.effect, c.joint) for c in candidates(coulomb, [])}
+    assert ("stribeck_friction", 1) in names and ("coulomb_friction", 1) not in names
+
+
+def test_adding_replaces_and_removing_undoes():
+    layout = Layout(("a", "b"), (ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)))
+    x = np.arange(1.0, layout.size + 1)
+    dahl = ChosenEffect("presliding_hysteresis", 1)
+    larger, start = with_effect(layout, x, dahl, np.array([50.0, 2.0]))
+    assert ChosenEffect("coulomb_friction", 1) not in larger.effects and dahl in larger.effects
+    np.testing.assert_allclose(start[larger.effect_slices()[-1][1]], [50.0, 2.0])
+    smaller, rest = without_effect(larger, start, dahl)
+    assert smaller.effects == (ChosenEffect("torque_offset", 0),)
+    np.testing.assert_allclose(rest[smaller.effect_start :], x[-1:])
+
+
+def test_explained_is_judged_out_of_sample():
+    rng = np.random.default_rng(0)
+    position = rng.uniform(-1, 1, 4000)
+    noise = rng.standard_normal(4000)
+    assert abs(explained(position, noise)[0]) < 0.02
+    share, span = explained(position, noise + 5 * np.exp(-(((position - 0.3) / 0.1) ** 2)))
+    assert share > 0.3 and span[0] < 0.3 < span[1]
+
+
+@pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
+@pytest.mark.parametrize("case", ["2r-torque_gain", "2r-none-19"])
+def test_practice(case):
+    truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())
+    result = diagnose(read_set(CASES / case))
+    if not truth["effects"]:
+        assert result.verdict == "nothing-missing" and len(result.steps) == 1
+        return
+    wanted = truth["effects"][0]
+    assert (result.findings[0].effect, result.findings[0].joint) == (wanted["effect"], wanted["joint"])
+    for name, value in wanted["parameters"].items():
+        assert result.findings[0].parameters[name][0] == pytest.approx(value, rel=0.01)
