@@ -36,7 +36,7 @@ def prepared(measurements: MeasurementSet, hertz: float = 6.0) -> tuple[Equation
     signals = build_signals(measurements, groups, make_observer("butterworth-zero-phase", 2 * np.pi * hertz))
     equation = Equation(measurements.robot, signals, Layout(measurements.joints))
     start = start_values(measurements, equation)
-    equation.prepare(1 / start.x[equation.layout.compliance])
+    equation.prepare(start.x)
     return equation, start
 
 

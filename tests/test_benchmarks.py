@@ -1,0 +1,18 @@
+"""The benchmark commands run; their times are not judged here."""
+
+import re
+
+from benchmarks import speed
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+
+
+def test_speed_prints_ratios(capsys):
+    planar = read_set(sessions_dir() / "planar-2r-demo")
+    speed.against_pinocchio(planar, "2-DOF")
+    speed.against_trust_constr(planar, limit=0.5)
+    speed.observer()
+    printed = capsys.readouterr().out
+    assert re.search(r"2-DOF: solver \d+ ms .* ratio \d+\.\d+", printed)
+    assert re.search(r"ratio (≥ )?\d+", printed.split("trust-constr")[1])
+    assert "ESO, 20 s × 1 kHz × 7 joints" in printed
