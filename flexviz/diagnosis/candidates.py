@@ -21,6 +21,8 @@ def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
     payloads = sorted({g.payload for g in groups if g.bodies})
     out: list[ChosenEffect] = []
     for name, effect in EFFECTS.items():
+        if name == "motor_coupling" and layout.n == 1:
+            continue  # there is no neighbour
         if effect.scope == "joint":
             places = [ChosenEffect(name, j) for j in range(layout.n)]
         elif effect.scope == "set":

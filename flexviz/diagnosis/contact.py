@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import ChosenEffect, Guess
 from flexviz.equation import Equation
-from flexviz.identification.scoring import Scored
+from flexviz.identification.scoring import Scored, beside
 
 Array = NDArray[np.float64]
 
@@ -39,8 +39,7 @@ def contacts(
         hessian: shape (P, P).
     """
     sig, n = equation.signals, equation.layout.n
-    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    factor = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+    rest = beside(instruments, hessian)
     out = []
     for index, block in enumerate(sig.blocks):
         group = sig.groups[block.group]
@@ -54,10 +53,7 @@ def contacts(
             filtered = equation.context.filtered_block(index, steps, joint, 1)[:, 0]
             columns = np.zeros((sig.count, n, len(instants)))
             columns[block.rows, joint] = filtered.T
-            weighed = weigh(columns)
-            weighed -= instruments @ (
-                scale[:, None] * (factor @ (scale[:, None] * (instruments.T @ weighed)))
-            )
+            weighed = rest(weigh(columns))
             gram, along = weighed.T @ weighed, weighed.T @ residual
             first, last = np.triu_indices(len(instants), 1)
             length = instants[last] - instants[first]

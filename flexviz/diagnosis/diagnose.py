@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.candidates import candidates, with_effect
 from flexviz.diagnosis.contact import contacts
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.result import Diagnosis, Finding, Step, Tie
@@ -330,6 +330,3 @@ def score_of(before: Fit, after: Fit) -> float:
     new = after.chi_held_out if held_out else after.chi
     gone = 1 - np.maximum(new - 1, 0).sum() / max(float(np.maximum(old - 1, 0).sum()), 1e-9)
     return float(np.clip(gone, 0.0, 1.0))
-
-
-__all__ = ["Progress", "diagnose", "excess", "without_effect"]

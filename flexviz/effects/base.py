@@ -172,7 +172,7 @@ class Effect(ABC):
     add theirs to the link side, r = s − Y Γ − f_lv q̇ − u.
 
     Attributes:
-        linear: u is linear in the parameters and depends on nothing that is identified.
+        linear: u is linear in the parameters.
         state: u depends on identified quantities (torque, stiffness) and is renewed as these change.
         scope: what it belongs to.
         beside: an effect without which this one makes no sense on a joint.

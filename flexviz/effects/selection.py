@@ -51,6 +51,8 @@ def choose_effects(
         if name not in EFFECTS:
             raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS)}')
         effect = EFFECTS[name]
+        if name == "motor_coupling" and len(joints) == 1:
+            raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
         if effect.scope == "episode":
             raise InputError(
                 f'effect "{text}" happens at an instant nobody named; "flexviz diagnose" searches for it'

@@ -6,13 +6,9 @@ import numpy as np
 
 from flexviz.effects.base import (
     Array,
-    Context,
-    Guess,
     JointMotion,
     LawEffect,
-    LinearEffect,
     ParameterSpec,
-    Place,
 )
 from flexviz.effects.motor import Ripple
 
@@ -73,7 +69,7 @@ class Backlash(LawEffect):
         return -values[0] * side, -side[None]
 
 
-class JointDamping(LinearEffect):
+class JointDamping(LawEffect):
     """Damping of the transmission, beside its spring.
 
     τ_j = K x + D ẋ gives x = s/K − D ṡ/K² + …; u = s/K − x to second order in D.
@@ -88,11 +84,7 @@ class JointDamping(LinearEffect):
     confirm = "Fast motions that excite the joint's resonance."
     reference = _SPONG
     parameters = (ParameterSpec("damping", "Nm s/rad", lower=0.0, explanation="D"),)
-    linear = False
     state = True
-
-    def columns(self, motion: JointMotion) -> Array:
-        raise NotImplementedError("its law is not linear")
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         step = motion.time[1] - motion.time[0]
@@ -124,6 +116,3 @@ class TransmissionError(Ripple):
         ParameterSpec("order", "-", lower=0.5, upper=400.0, explanation="cycles a joint revolution"),
         ParameterSpec("phase", "rad", explanation="phase at θ = 0"),
     )
-
-
-__all__ = ["Backlash", "Context", "Guess", "JointDamping", "Place", "StiffnessHardening", "TransmissionError"]

@@ -26,6 +26,7 @@ class ParameterEstimate:
         identifiable: "yes", "weak" or "no".
         tied_to: parameters ("izz:joint1") that the data cannot move independently of this one.
         at_bound: held at a physical bound.
+        payload, group: of an effect that concerns one payload, or one group only.
     """
 
     name: str
@@ -37,6 +38,8 @@ class ParameterEstimate:
     identifiable: str
     tied_to: tuple[str, ...] = ()
     at_bound: bool = False
+    payload: str | None = None
+    group: str | None = None
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,7 @@ class Identification:
                     "tied_to": list(p.tied_to),
                     "at_bound": p.at_bound,
                 }
+                | {key: value for key, value in (("payload", p.payload), ("group", p.group)) if value}
                 for p in self.parameters
             ],
             "base_parameters": [

@@ -70,8 +70,7 @@ def score(
     ]
     if not guesses:
         return []
-    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    factor = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+    rest = beside(instruments, hessian)
     out: list[Scored] = []
     batch = 64
     for start in range(0, len(guesses), batch):
@@ -79,14 +78,30 @@ def score(
         columns = [
             np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part
         ]
-        weighed = weigh(np.concatenate(columns, axis=2))
-        weighed -= instruments @ (scale[:, None] * (factor @ (scale[:, None] * (instruments.T @ weighed))))
+        weighed = rest(weigh(np.concatenate(columns, axis=2)))
         at = 0
         for effect, guess in part:
             width = len(guess.columns)
             out.append(_scored(effect, guess, weighed[:, at : at + width], residual))
             at += width
     return out
+
+
+def beside(instruments: Array, hessian: Array) -> Callable[[Array], Array]:
+    """A function that takes out of signatures, shape (M, C), what the model's own parameters can do.
+
+    Args:
+        instruments: shape (M, P), weighted Jacobian of the present model.
+        hessian: shape (P, P), instrumentsᵀ instruments + the prior's.
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    factor = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-13, hermitian=True)
+
+    def rest(signatures: Array) -> Array:
+        share = scale[:, None] * (factor @ (scale[:, None] * (instruments.T @ signatures)))
+        return signatures - instruments @ share
+
+    return rest
 
 
 def _scored(effect: ChosenEffect, guess: Guess, columns: Array, residual: Array) -> Scored:

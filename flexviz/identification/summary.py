@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,6 +90,9 @@ def parameter_estimates(
                 bool(at_bound[k]),
             )
         )
+    for effect, where in layout.effect_slices():
+        for k in range(where.start, where.stop):
+            out[k] = replace(out[k], payload=effect.payload, group=effect.group)
     for j in range(n):
         pair = [layout.link_viscous.start + j, layout.motor_viscous.start + j]
         total = float(x[pair].sum())
