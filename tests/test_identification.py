@@ -283,3 +283,19 @@ def test_sweep_has_its_minimum_inside(demo):
     assert result.bandwidths[0] < result.best < result.bandwidths[-1]
     with pytest.raises(InputError, match="settle"):
         sweep(demo, "eso", [0.1])
+
+
+@pytest.mark.parametrize(
+    ("effect", "text"),
+    [
+        ("torque_ripple", "torque_ripple:joint1:amplitude=4,order=7,phase=0.5"),
+        ("stribeck_friction", "stribeck_friction:joint2:stribeck=3,velocity=0.2"),
+    ],
+)
+def test_nonlinear_effects_are_searched_for(tmp_path, effect, text):
+    joint = text.split(":")[1]
+    simulate_preset("planar-2r", tmp_path / "set", [text], seed=2)
+    result = identify(read_set(tmp_path / "set"), effects=[f"{effect}:{joint}"], refine=True)
+    wanted = dict(pair.split("=") for pair in text.split(":")[2].split(","))
+    for name, value in wanted.items():
+        assert result.value(f"{effect}.{name}", joint) == pytest.approx(float(value), rel=0.03), name

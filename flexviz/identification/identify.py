@@ -18,6 +18,7 @@ from flexviz.identification.refine import Refined
 from flexviz.identification.refine import refine as refine_fit
 from flexviz.identification.refinement import Refinement, residual_noise
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
+from flexviz.identification.searched import needs_search, searched_start
 from flexviz.identification.solver import Iteration, Solution, Stopped, gauss_newton
 from flexviz.identification.start import Start, start_values
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
@@ -225,6 +226,8 @@ def _plain_fit(
         equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
         start = start_values(measurements, equation)
         report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
+        if near is None and needs_search(layout):
+            near = start.bounds.clip(searched_start(measurements, equation))
         options = {"report": report, "max_iterations": max_iterations}
         solution = gauss_newton(
             equation, start.prior, start.bounds, start.x if near is None else near, **options

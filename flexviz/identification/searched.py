@@ -1,0 +1,55 @@
+"""Where the search for effects that are nonlinear in their parameters starts.
+
+A fit without them is scored with small versions of each over a grid (orders of a ripple, widths of a Stribeck
+peak); the best one of each effect is where its parameters begin. From nothing, most of them would end in a
+local minimum.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects import EFFECTS
+from flexviz.equation import Equation, Layout
+from flexviz.equation.residual import Chain
+from flexviz.identification.scoring import best_each, score
+from flexviz.identification.solver import gauss_newton
+from flexviz.identification.start import start_values
+from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
+
+
+def needs_search(layout: Layout) -> bool:
+    """Whether the layout has effects that are nonlinear in their parameters."""
+    return any(not EFFECTS[e.effect].linear for e in layout.effects)
+
+
+def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
+    """A start for every parameter of `equation`, shape (P,): a fit without them, then the best guesses."""
+    layout = equation.layout
+    simple = Layout(layout.joints, tuple(e for e in layout.effects if EFFECTS[e.effect].linear))
+    inner = Equation(measurements.robot, equation.signals, simple)
+    start = start_values(measurements, inner)
+    solution = gauss_newton(inner, start.prior, start.bounds, start.x, reweightings=2, max_iterations=25)
+    x, evaluation = solution.x, solution.evaluation
+    inner.prepare(x)
+    weights = solution.weights[:, :, None]
+    instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)
+    hessian = instruments.T @ instruments + start.prior.gradient_and_hessian(x)[1]
+
+    def weigh(columns: Array) -> Array:
+        return (columns * weights).reshape(-1, columns.shape[2])
+
+    wanted = [e for e in layout.effects if not EFFECTS[e.effect].linear]
+    residual = (evaluation.residual * solution.weights).ravel()
+    chain = Chain(x[simple.compliance], x[simple.link_viscous], evaluation.link)
+    scored = score(inner, chain, wanted, weigh, residual, instruments, hessian)
+    found = {s.effect: s.values for s in best_each(scored)}
+    out = layout.vector(simple.model(x))
+    for effect, where in layout.effect_slices():
+        if effect in found:
+            specs = EFFECTS[effect.effect].parameters
+            out[where] = np.clip(found[effect], [p.lower for p in specs], [p.upper for p in specs])
+    return out
