@@ -187,9 +187,10 @@ class _Search:
 
     def acceptable(self, fit: Fit, tried: list[_Tried], number: int) -> _Tried | None:
         """The best refitted candidate, if it is worth adding."""
-        if not tried:
+        possible = [t for t in tried if not at_bound(t)]
+        if not possible:
             return None
-        best = tried[0]
+        best = possible[0]
         gain = fit.objective - best.fit.objective
         if gain < (GAIN_FIRST if number == 0 else GAIN_LATER):
             return None
@@ -315,6 +316,15 @@ class _Search:
     def verdict(self, fit: Fit) -> str:
         """On a model to which nothing worth a name could be added."""
         return "unknown" if excess(fit) > STRUCTURED else "nothing-missing"
+
+
+def at_bound(tried: _Tried) -> bool:
+    """Whether a parameter ended at a bound: a gain of −80 % is a search that ran away, not a finding."""
+    effect = tried.scored.effect
+    values = tried.fit.x[dict(tried.fit.layout.effect_slices())[effect]]
+    specs = EFFECTS[effect.effect].parameters
+    edges = [(v, edge) for v, p in zip(values, specs, strict=True) for edge in (p.lower, p.upper) if edge]
+    return any(np.isfinite(edge) and abs(v - edge) <= 1e-6 * abs(edge) for v, edge in edges)
 
 
 def excess(fit: Fit) -> float:
