@@ -21,6 +21,8 @@ _ARMSTRONG = (
     "for the control of machines with friction, Automatica 30(7), 1994"
 )
 
+_SLIDING = ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving")
+
 
 class CoulombFriction(LinearEffect):
     """Dry friction between motor and gear: a constant torque against the motor's motion."""
@@ -33,7 +35,7 @@ class CoulombFriction(LinearEffect):
     signature = "A step at every reversal of the motor, of the same size at any speed and load."
     confirm = "Slow motions with many reversals."
     reference = _ARMSTRONG
-    parameters = (ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving"),)
+    parameters = (_SLIDING,)
 
     def columns(self, motion: JointMotion) -> Array:
         return smooth_sign(motion.velocity)[np.newaxis]
@@ -50,7 +52,7 @@ class LinkCoulombFriction(LinearEffect):
     signature = "A step at every reversal of the link; near reversals the link and the motor part company."
     confirm = "Reversals under load with a soft joint, where link and motor reverse at different instants."
     reference = _ARMSTRONG
-    parameters = (ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving"),)
+    parameters = (_SLIDING,)
     state = True
 
     def columns(self, motion: JointMotion) -> Array:

@@ -127,10 +127,6 @@ class Refinement:
             total += unknown @ unknown.T
         return total
 
-    def noise_variance(self, x: Array, link: LinkTerms) -> Array:
-        """Mean variance of the wide residual from measurement noise alone, shape (n,) [Nm²]."""
-        return residual_noise(self.wide.signals, self.layout, x, link, self.noise)
-
 
 def residual_noise(
     signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
