@@ -5,16 +5,66 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexviz.identification import ParameterEstimate
+from flexviz.model import FlexibleModel
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Tie:
-    """Another effect that the data hardly tell from this one, with the correlation of their signatures."""
+    """Another effect that the data hardly tell from this one.
+
+    Attributes:
+        effect, joint: which one.
+        correlation: of the two signatures, once everything the model can do by itself is taken out.
+        breaks: a sentence: the motion or payload in which the two differ most; empty where nothing is known.
+    """
 
     effect: str
     joint: str | None
     correlation: float
+    breaks: str = ""
+
+
+@dataclass(frozen=True)
+class Absorbed:
+    """A parameter that had taken up the effect: it moved when the effect was added.
+
+    Attributes:
+        name, joint: as in the JSON contract.
+        before, after: its value [unit].
+        deviations: the change in standard errors.
+    """
+
+    name: str
+    joint: str | None
+    before: float
+    after: float
+    unit: str
+    deviations: float
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What an effect takes from the residual of its joint.
+
+    Attributes:
+        joint: where it is seen best.
+        groups: (name, first row, row after the last) of each.
+        time: shape (N,) [s], each group's own.
+        residual: shape (N,) [Nm], before the effect is added.
+        signature: shape (N,) [Nm], what the effect takes away.
+    """
+
+    joint: str
+    groups: tuple[tuple[str, int, int], ...]
+    time: Array
+    residual: Array
+    signature: Array
 
 
 @dataclass(frozen=True)
@@ -28,6 +78,8 @@ class Finding:
         parameters: name → (value, standard error, unit).
         inseparable_from: what the data cannot tell from it.
         gain: fall of the objective when it is added.
+        absorbed: parameters that had taken it up, the largest change first.
+        evidence: what it takes from the residual; None where it was not refitted to the end.
     """
 
     effect: str
@@ -39,6 +91,14 @@ class Finding:
     parameters: dict[str, tuple[float, float, str]]
     inseparable_from: tuple[Tie, ...]
     gain: float
+    absorbed: tuple[Absorbed, ...] = ()
+    evidence: Evidence | None = None
+
+    @property
+    def text(self) -> str:
+        """As it is named on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
+        where = self.joint or self.payload
+        return self.effect + (f":{where}" if where else "") + (f"@{self.group}" if self.group else "")
 
     def to_json(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""
@@ -69,12 +129,24 @@ class Place:
 
 @dataclass(frozen=True)
 class Step:
-    """The model after one more effect (none for the first): errors in Nm, and what is missing then."""
+    """The model after one more effect, and what is missing then.
+
+    Attributes:
+        added: the effect; None for the model the diagnosis starts with.
+        rms, rms_validation: per joint, over the fit and the validation groups [Nm].
+        verdict: "missing", "nothing-missing" or "unknown".
+        groups: (name, rms per joint [Nm], whether it is held out) of every group.
+        noise_floor: per joint, what measurement noise alone leaves [Nm].
+        model: with the values of this step.
+    """
 
     added: Finding | None
     rms: tuple[float, ...]
     rms_validation: tuple[float, ...] | None
     verdict: str
+    groups: tuple[tuple[str, tuple[float, ...], bool], ...] = ()
+    noise_floor: tuple[float, ...] = ()
+    model: FlexibleModel | None = None
 
 
 @dataclass(frozen=True)
@@ -91,6 +163,8 @@ class Diagnosis:
         parameters: the final model's parameters.
         seconds: wall time.
         stopped: the user stopped it; what was found so far is here.
+        notes: what else a reader should know, a sentence each.
+        model: the final model.
     """
 
     set_name: str
@@ -103,6 +177,7 @@ class Diagnosis:
     seconds: float
     stopped: bool = False
     notes: tuple[str, ...] = field(default=())
+    model: FlexibleModel | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The contract's `diagnose --json` document (format 1)."""
