@@ -22,6 +22,12 @@ class EffectValue:
     group: str | None = None
     payload: str | None = None
 
+    @property
+    def text(self) -> str:
+        """Name and place: `coulomb_friction:joint1`, `payload_error:p2`, `external_contact:joint1@g2`."""
+        place = self.joint or self.payload
+        return self.effect + (f":{place}" if place else "") + (f"@{self.group}" if self.group else "")
+
 
 @dataclass(frozen=True, eq=False)
 class FlexibleModel:

@@ -212,6 +212,41 @@ def test_choosing_effects():
         choose_effects(["coulomb_friction:c"], joints)
 
 
+@pytest.mark.parametrize(
+    ("text", "effect"),
+    [
+        ("coulomb_friction:b", ChosenEffect("coulomb_friction", 1)),
+        ("base_tilt", ChosenEffect("base_tilt")),
+        ("payload_error:p2", ChosenEffect("payload_error", payload="p2")),
+        ("external_contact:a@g2", ChosenEffect("external_contact", 0, "g2")),
+        ("external_contact:a@b@g@2", ChosenEffect("external_contact", 2, "g@2")),
+    ],
+)
+def test_effects_as_text_and_back(text, effect):
+    joints = ("a", "b", "a@b")
+    assert choose_effects([text], joints, ["p2", "p3"], ["g1", "g2", "g@2"]) == (effect,)
+    assert effect.text(joints) == text
+    value = effect.value(joints, {"x": 1.0})
+    assert value.text == text and value.parameters == {"x": 1.0}
+    assert ChosenEffect.of(value, joints) == effect
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("external_contact", 'joint and group must be named, as in "external_contact:a@g1"'),
+        ("external_contact:a", 'group must be named, as in "external_contact:a@g1"'),
+        ("external_contact:c@g1", 'joint "c" is not in the set; valid: a, b'),
+        ("external_contact:a@g3", 'group "g3" is not in the set'),
+        ("payload_error:p1", 'payload "p1" is not carried'),
+        ("base_tilt:a", 'write "base_tilt"'),
+    ],
+)
+def test_effects_that_are_nowhere(text, words):
+    with pytest.raises(InputError, match=words):
+        choose_effects([text], ("a", "b"), ["p2"], ["g1", "g2"])
+
+
 def test_prior_derivatives_and_feasibility():
     robot = Robot.load("example-robot-data:panda", [f"panda_joint{k}" for k in range(1, 8)])
     layout = Layout(robot.joints)

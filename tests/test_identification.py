@@ -299,3 +299,17 @@ def test_nonlinear_effects_are_searched_for(tmp_path, effect, text):
     wanted = dict(pair.split("=") for pair in text.split(":")[2].split(","))
     for name, value in wanted.items():
         assert result.value(f"{effect}.{name}", joint) == pytest.approx(float(value), rel=0.03), name
+
+
+def test_contact_named_by_joint_and_group_is_searched_for(tmp_path):
+    hidden = "external_contact:joint2:torque=6,start=3.13,end=4.87,group=t2p2"
+    simulate_preset("planar-2r", tmp_path / "set", [hidden], seed=3)
+    measurements = read_set(tmp_path / "set")
+    result = identify(measurements, effects=["external_contact:joint2@t2p2"], refine=True)
+    found = {k: result.value(f"external_contact.{k}", "joint2") for k in ("torque", "start", "end")}
+    assert found["torque"] == pytest.approx(6.0, rel=0.02)
+    assert found["start"] == pytest.approx(3.13, abs=0.01)
+    assert found["end"] == pytest.approx(4.87, abs=0.01)
+    assert [e.text for e in result.model.effects] == ["external_contact:joint2@t2p2"]
+    with pytest.raises(InputError, match="not fitted"):
+        identify(measurements, effects=["external_contact:joint2@t2p2"], groups=["t1p1"])

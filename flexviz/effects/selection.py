@@ -1,12 +1,17 @@
-"""Which effects a model has, and where: from what a user or a measurement set names."""
+"""Which effects a model has, and where: from what a user or a measurement set names, and back to text.
+
+In text an effect is its name and where it sits: `coulomb_friction:joint1`, `payload_error:p2` (a payload),
+`base_tilt` (the whole set), `external_contact:joint1@g2` (a joint, during part of one group).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from flexviz.effects.base import Place
+from flexviz.effects.base import Effect, Place
 from flexviz.errors import InputError, choose_from
+from flexviz.model import EffectValue
 
 
 @dataclass(frozen=True)
@@ -29,19 +34,47 @@ class ChosenEffect:
     def place(self) -> Place:
         return Place(self.joint, self.group, self.payload)
 
+    def value(self, joints: Sequence[str], parameters: dict[str, float] | None = None) -> EffectValue:
+        """The same with the joint by name and, where given, with values."""
+        joint = None if self.joint is None else joints[self.joint]
+        return EffectValue(self.effect, joint, dict(parameters or {}), self.group, self.payload)
+
+    def text(self, joints: Sequence[str]) -> str:
+        """What `choose_effects` reads as this effect and no other."""
+        return self.value(joints).text
+
+    @staticmethod
+    def of(value: EffectValue, joints: Sequence[str]) -> ChosenEffect:
+        """Which effect a model's value belongs to.
+
+        Raises:
+            InputError: for a joint that does not exist.
+        """
+        if value.joint is not None and value.joint not in joints:
+            valid = choose_from(value.joint, joints)
+            raise InputError(f'effect "{value.text}": joint "{value.joint}" is not in the set; {valid}')
+        joint = None if value.joint is None else list(joints).index(value.joint)
+        return ChosenEffect(value.effect, joint, value.group, value.payload)
+
 
 def choose_effects(
-    wanted: Iterable[str], joints: Sequence[str], payloads: Sequence[str] = ()
+    wanted: Iterable[str],
+    joints: Sequence[str],
+    payloads: Sequence[str] = (),
+    groups: Sequence[str] = (),
 ) -> tuple[ChosenEffect, ...]:
-    """Resolve `name` (everywhere) and `name:joint` or `name:payload`; repeated ones count once.
+    """Resolve `name` (everywhere), `name:joint`, `name:payload` and `name:joint@group`.
+
+    Repeated ones count once; one that is replaced on its joint by another is left out.
 
     Args:
         wanted: what was asked for.
         joints: names of the set's joints.
         payloads: names of its payloads that are not empty.
+        groups: names of its groups.
 
     Raises:
-        InputError: for an unknown effect, joint or payload, or an effect that has to be searched for.
+        InputError: for an unknown effect, joint, payload or group, or an episode nobody placed.
     """
     from flexviz.effects import EFFECTS
 
@@ -50,32 +83,54 @@ def choose_effects(
         name, _, where = text.partition(":")
         if name not in EFFECTS:
             raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS)}')
-        effect = EFFECTS[name]
-        if name == "motor_coupling" and len(joints) == 1:
-            raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
-        if effect.scope == "episode":
-            raise InputError(
-                f'effect "{text}" happens at an instant nobody named; "flexviz diagnose" searches for it'
-            )
-        if effect.scope == "set":
-            if where:
-                raise InputError(f'effect "{text}" belongs to no joint; write "{name}"')
-            chosen[ChosenEffect(name)] = None
-        elif effect.scope == "payload":
-            if where and where not in payloads:
-                raise InputError(
-                    f'effect "{text}": payload "{where}" is not in the set; {choose_from(where, payloads)}'
-                )
-            for payload in payloads:
-                if not where or payload == where:
-                    chosen[ChosenEffect(name, payload=payload)] = None
-        else:
-            if where and where not in joints:
-                raise InputError(
-                    f'effect "{text}": joint "{where}" is not in the set; {choose_from(where, joints)}'
-                )
-            for index, joint in enumerate(joints):
-                if not where or joint == where:
-                    chosen[ChosenEffect(name, index)] = None
+        chosen |= dict.fromkeys(_places(text, EFFECTS[name], where, joints, payloads, groups))
     replaced = {(EFFECTS[c.effect].replaces, c.joint) for c in chosen}
     return tuple(c for c in chosen if (c.effect, c.joint) not in replaced)
+
+
+def _places(
+    text: str,
+    effect: Effect,
+    where: str,
+    joints: Sequence[str],
+    payloads: Sequence[str],
+    groups: Sequence[str],
+) -> list[ChosenEffect]:
+    """Everywhere that one name stands for."""
+    name = effect.name
+    if name == "motor_coupling" and len(joints) == 1:
+        raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
+    if effect.scope == "episode":
+        return [_episode(text, name, where, joints, groups)]
+    if effect.scope == "set":
+        if where:
+            raise InputError(f'effect "{text}" belongs to no joint; write "{name}"')
+        return [ChosenEffect(name)]
+    if effect.scope == "payload":
+        if where and where not in payloads:
+            meant = choose_from(where, payloads)
+            raise InputError(f'effect "{text}": payload "{where}" is not carried in the set; {meant}')
+        return [ChosenEffect(name, payload=p) for p in payloads if where in ("", p)]
+    if where and where not in joints:
+        raise InputError(f'effect "{text}": joint "{where}" is not in the set; {choose_from(where, joints)}')
+    return [ChosenEffect(name, k) for k, joint in enumerate(joints) if where in ("", joint)]
+
+
+def _episode(text: str, name: str, where: str, joints: Sequence[str], groups: Sequence[str]) -> ChosenEffect:
+    """`joint@group`; names may hold an @ themselves, so every way to split it is tried."""
+    parts = where.split("@")
+    for k in range(1, len(parts)):
+        joint, group = "@".join(parts[:k]), "@".join(parts[k:])
+        if joint in joints and group in groups:
+            return ChosenEffect(name, list(joints).index(joint), group)
+    example = f'"{name}:{joints[0] if joints else "joint"}@{groups[0] if groups else "group"}"'
+    joint, _, group = where.partition("@")
+    if joint and joint not in joints:
+        raise InputError(f'effect "{text}": joint "{joint}" is not in the set; {choose_from(joint, joints)}')
+    if group:
+        raise InputError(f'effect "{text}": group "{group}" is not in the set; {choose_from(group, groups)}')
+    missing = "group" if joint else "joint and group"
+    raise InputError(
+        f'effect "{text}" happens in one group: {missing} must be named, as in {example}; '
+        '"flexviz diagnose" finds out where'
+    )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.effects import choose_effects
+from flexviz.effects import ChosenEffect, choose_effects
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.errors import InputError, choose_from
 from flexviz.identification.base_parameters import base_parameters
@@ -80,7 +80,8 @@ def identify(
     Args:
         measurements: the set.
         groups: names of the groups to fit; all but the validation groups where None.
-        effects: "name" (every joint) or "name:joint", beside those the set's model starts with.
+        effects: "name" (every joint), "name:joint", "name:payload" or "name:joint@group", beside those the
+            set's model starts with.
         observer: one of `OBSERVERS`.
         bandwidth: [rad/s], one number or one a joint. None: the zero-phase Butterworth's is chosen by the
             data (least residual), the others have a fixed default.
@@ -119,10 +120,7 @@ def _identify(
 ) -> Identification:
     began = time.perf_counter()
     fitted = _fit_groups(measurements, groups)
-    layout = Layout(
-        measurements.joints,
-        choose_effects((*measurements.effects, *effects), measurements.joints, carried(measurements)),
-    )
+    layout = Layout(measurements.joints, _chosen(measurements, fitted, effects))
     report = _Reporter(layout, progress, should_stop)
     chosen, equation, start, solution = _plain_fit(
         measurements, fitted, layout, observer, bandwidth, report, max_iterations
@@ -196,6 +194,20 @@ def carried(measurements: MeasurementSet) -> list[str]:
     return [name for name, bodies in measurements.payloads.items() if bodies]
 
 
+def _chosen(
+    measurements: MeasurementSet, fitted: Sequence[Group], effects: Sequence[str]
+) -> tuple[ChosenEffect, ...]:
+    """The model's effects; an episode has to lie in a group that is fitted."""
+    joints, groups = measurements.joints, [g.name for g in measurements.groups]
+    chosen = choose_effects((*measurements.effects, *effects), joints, carried(measurements), groups)
+    names = [g.name for g in fitted]
+    for effect in chosen:
+        if effect.group is not None and effect.group not in names:
+            text = effect.text(joints)
+            raise InputError(f'effect "{text}": group "{effect.group}" is not fitted; {", ".join(names)} are')
+    return chosen
+
+
 def _fit_groups(measurements: MeasurementSet, names: Sequence[str] | None) -> tuple[Group, ...]:
     if names is None:
         fitted = tuple(g for g in measurements.groups if not g.validation)
@@ -236,6 +248,8 @@ def _plain_fit(
             if solution.converged or report.stopped:
                 break
             x = start.x.copy()
+            if near is not None:
+                x[layout.effect_start :] = near[layout.effect_start :]
             x[layout.compliance] /= factor
             report.stage = f"fit from {factor:g} times the stiffness"
             other = gauss_newton(equation, start.prior, start.bounds, x, **options)

@@ -2,7 +2,7 @@
 
 A fit without them is scored with small versions of each over a grid (orders of a ripple, widths of a Stribeck
 peak); the best one of each effect is where its parameters begin. From nothing, most of them would end in a
-local minimum.
+local minimum. An episode's interval is found in closed form.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout
 from flexviz.equation.residual import Chain
-from flexviz.identification.scoring import best_each, score
+from flexviz.identification.interval import best_interval
+from flexviz.identification.scoring import beside, best_each, score
 from flexviz.identification.solver import gauss_newton
 from flexviz.identification.start import start_values
 from flexviz.measurements import MeasurementSet
@@ -47,6 +48,12 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     chain = Chain(x[simple.compliance], x[simple.link_viscous], evaluation.link)
     scored = score(inner, chain, wanted, weigh, residual, instruments, hessian)
     found = {s.effect: s.values for s in best_each(scored)}
+    for effect in wanted:
+        if effect.joint is not None and effect.group is not None:
+            rest = beside(instruments, hessian)
+            best = best_interval(inner, effect.joint, effect.group, weigh, rest, residual)
+            if best is not None:
+                found[effect] = np.array([best.torque, best.start, best.end])
     out = layout.vector(simple.model(x))
     for effect, where in layout.effect_slices():
         if effect in found:
