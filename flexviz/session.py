@@ -1,7 +1,8 @@
 """The state of one analysis, immutable, with its history.
 
 `Analysis` is one state: which set, which observer and bandwidth, what each group is used for, which effects
-are in the model, and the last identification. `Session` holds the states one can go back and forward to.
+are in the model, the last identification and the last diagnosis. `Session` holds the states one can go back
+and forward to.
 Nothing here computes or draws; the app, a recording and a report all show the same state.
 """
 
@@ -15,12 +16,22 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
+    from flexviz.diagnosis import Step as DiagnosisStep
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
 Role = Literal["fit", "validate", "ignore"]
 ROLES: tuple[Role, ...] = get_args(Role)
 HISTORY = 100  # states one can go back
+
+
+@dataclass(frozen=True, eq=False)
+class Stair:
+    """The errors of one model on the way: the effects added to the set's own, and what a diagnosis says."""
+
+    effects: tuple[str, ...]
+    step: DiagnosisStep
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +44,14 @@ class Analysis:
     observer: name of the observer.
     bandwidth: its bandwidth [rad/s], one number or one a joint; None is the observer's own default.
     roles: (group, role) of every group, in the set's order.
-    effects: effects added to the set's own, "name" (every joint) or "name:joint".
+    effects: effects added to the set's own, "name" (every joint), "name:joint", "name:payload" or
+        "name:joint@group".
     refine: whether the refinement stage runs too.
     identification: the last result, or None.
     fitted: the settings (`settings`) the result belongs to, or None.
+    diagnosis: the last diagnosis, or None.
+    diagnosed: the settings (`diagnosis_settings`) it belongs to, or None.
+    stairs: the models on the way to the present one, the fewest effects first.
     """
 
     path: Path
@@ -47,6 +62,9 @@ class Analysis:
     refine: bool = False
     identification: Identification | None = None
     fitted: tuple[Any, ...] | None = None
+    diagnosis: Diagnosis | None = None
+    diagnosed: tuple[Any, ...] | None = None
+    stairs: tuple[Stair, ...] = ()
 
     @property
     def settings(self) -> tuple[Any, ...]:
@@ -58,9 +76,20 @@ class Analysis:
         """True when the last result belongs to the present settings."""
         return self.identification is not None and self.fitted == self.settings
 
+    @property
+    def diagnosis_settings(self) -> tuple[Any, ...]:
+        """Everything a diagnosis depends on: it chooses its observer and its stages itself."""
+        return (self.path, self.roles, self.effects)
+
+    @property
+    def diagnosis_up_to_date(self) -> bool:
+        """True when the last diagnosis belongs to the present settings."""
+        return self.diagnosis is not None and self.diagnosed == self.diagnosis_settings
+
     def same_as(self, other: Analysis) -> bool:
-        """True when nothing distinguishes the two: same settings, the same result."""
-        return self.settings == other.settings and self.identification is other.identification
+        """True when nothing distinguishes the two: same settings, the same results."""
+        results = self.identification is other.identification and self.diagnosis is other.diagnosis
+        return results and self.settings == other.settings
 
     def groups_with(self, role: Role) -> tuple[str, ...]:
         """Names of the groups with this role."""
@@ -84,9 +113,20 @@ class Analysis:
         """The same with a result that was computed for `settings`."""
         return replace(self, identification=result, fitted=settings)
 
+    def with_diagnosis(self, diagnosis: Diagnosis) -> Analysis:
+        """The same with a diagnosis of the present settings; its first model is a stair.
+
+        Of the stairs before it those stay that lead here: the same use of the groups, fewer effects.
+        """
+        stairs = list(self.stairs if self.diagnosed is None or self.diagnosed[1] == self.roles else ())
+        stairs = [stair for stair in stairs if set(stair.effects) < set(self.effects)]
+        if diagnosis.steps:
+            stairs.append(Stair(self.effects, diagnosis.steps[0]))
+        return replace(self, diagnosis=diagnosis, diagnosed=self.diagnosis_settings, stairs=tuple(stairs))
+
     def without_result(self) -> Analysis:
         """The settings alone, light enough to be sent to another process."""
-        return replace(self, identification=None, fitted=None)
+        return replace(self, identification=None, fitted=None, diagnosis=None, diagnosed=None, stairs=())
 
     @staticmethod
     def start(measurements: MeasurementSet) -> Analysis:
@@ -120,6 +160,16 @@ class Session:
     def analysis(self) -> Analysis:
         """The present state."""
         return self.present.analysis
+
+    @property
+    def undoes(self) -> str:
+        """What `undo` takes back; empty where it does nothing."""
+        return self.present.label if self.past else ""
+
+    @property
+    def redoes(self) -> str:
+        """What `redo` brings again; empty where it does nothing."""
+        return self.future[0].label if self.future else ""
 
     def then(self, label: str, analysis: Analysis) -> Session:
         """The session after a change; changes with the same label in a row (a slider) count as one."""

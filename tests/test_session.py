@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from flexviz.diagnosis import Diagnosis, Step
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.session import HISTORY, Session, with_roles
@@ -86,3 +87,44 @@ def test_unknown_group_or_role(measurements: MeasurementSet) -> None:
         analysis.with_role("g9", "fit")
     with pytest.raises(InputError, match="role"):
         analysis.with_role("g1", "train")  # type: ignore[arg-type]
+
+
+# -- diagnosis -------------------------------------------------------------------------------------------
+
+
+def diagnosis(verdict: str = "missing", error: float = 1.0) -> Diagnosis:
+    step = Step(None, (error, error), (error, error), verdict)
+    return Diagnosis("set", verdict, (), (), (step,), (), (), 0.1)
+
+
+def test_undo_brings_back_diagnosis_and_result_without_computing(measurements: MeasurementSet) -> None:
+    session = Session.of(measurements)
+    first, second = diagnosis(), diagnosis("nothing-missing", 0.1)
+    result: Any = object()
+    session = session.then("looked", session.analysis.with_diagnosis(first))
+    added = session.analysis.with_effect("torque_offset:joint1", True)
+    assert not added.diagnosis_up_to_date and added.diagnosis is first
+    added = added.with_identification(result, added.settings).with_diagnosis(second)
+    session = session.then("added", added)
+    assert session.undoes == "added" and session.redoes == ""
+    assert session.analysis.diagnosis is second and session.analysis.diagnosis_up_to_date
+    session = session.undo()
+    assert session.analysis.diagnosis is first and session.analysis.identification is None
+    assert (session.undoes, session.redoes) == ("looked", "added")
+    session = session.redo()
+    assert session.analysis.diagnosis is second and session.analysis.identification is result
+    assert Session.of(measurements).undoes == ""
+
+
+def test_stairs_lead_to_the_present_model(measurements: MeasurementSet) -> None:
+    analysis = Session.of(measurements).analysis
+    for names in (("a",), ("a", "b"), ("a", "b", "c")):
+        analysis = replace(analysis, effects=names).with_diagnosis(diagnosis())
+    assert [len(stair.effects) for stair in analysis.stairs] == [1, 2, 3]
+    removed = replace(analysis, effects=("a", "c")).with_diagnosis(diagnosis())
+    assert [stair.effects for stair in removed.stairs] == [("a",), ("a", "c")]
+    again = removed.with_diagnosis(diagnosis())
+    assert [stair.effects for stair in again.stairs] == [("a",), ("a", "c")]
+    other = again.with_role("g2", "ignore").with_diagnosis(diagnosis())
+    assert [stair.effects for stair in other.stairs] == [("a", "c")]
+    assert other.without_result().stairs == () and other.without_result().diagnosis is None
