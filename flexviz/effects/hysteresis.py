@@ -54,6 +54,9 @@ class PreslidingHysteresis(LawEffect):
 def dahl(position: Array, rate: float) -> tuple[Array, Array]:
     """h and ∂h/∂ρ along a motion that starts from an unknown, taken as relaxed, state.
 
+    Between reversals the law has a closed form in the path since the last one; only the values at reversals
+    follow from one another.
+
     Args:
         position: shape (N,) [rad].
         rate: ρ [1/rad].
@@ -61,14 +64,31 @@ def dahl(position: Array, rate: float) -> tuple[Array, Array]:
     Returns:
         two arrays of shape (N,).
     """
-    step = np.diff(position)
-    fade = np.exp(-rate * np.abs(step))
-    target = np.sign(step)
-    h, slope = np.zeros(len(position)), np.zeros(len(position))
-    now, change = 0.0, 0.0
-    lost = np.abs(step)
-    for k, (f, t, d) in enumerate(zip(fade.tolist(), target.tolist(), lost.tolist(), strict=True)):
-        change = f * change - d * f * (now - t)
-        now = t + (now - t) * f
-        h[k + 1], slope[k + 1] = now, change
-    return h, slope
+    sign = np.sign(np.diff(position))
+    first = np.flatnonzero(sign != 0)  # of each run in one direction; standstill belongs to the run before
+    if not len(first):
+        return np.zeros(len(position)), np.zeros(len(position))
+    first = first[np.diff(sign[first], prepend=0.0) != 0]
+    target, ends = sign[first], np.append(first, len(position) - 1)
+    length = np.abs(np.diff(position[ends]))
+    fade = np.exp(-rate * length)
+    h_first = _chained(fade, target * (1.0 - fade))
+    slope_first = _chained(fade, -length * fade * (h_first[:-1] - target))
+
+    run = np.repeat(np.arange(len(first)), np.diff(ends))
+    gone = np.abs(position[first[0] + 1 :] - position[first][run])
+    left = np.exp(-rate * gone)
+    away = (h_first[:-1] - target)[run]
+    still = np.zeros(first[0] + 1)
+    h = np.concatenate((still, target[run] + away * left))
+    return h, np.concatenate((still, left * (slope_first[run] - gone * away)))
+
+
+def _chained(factor: Array, offset: Array) -> Array:
+    """x_{k+1} = factor_k x_k + offset_k from x_0 = 0: shape (R,) → (R + 1,); maps composed by doubling."""
+    factor, offset, reach = factor.copy(), offset.copy(), 1
+    while reach < len(factor):
+        offset[reach:] += factor[reach:] * offset[:-reach]
+        factor[reach:] = factor[reach:] * factor[:-reach]
+        reach *= 2
+    return np.concatenate(([0.0], offset))

@@ -1,0 +1,61 @@
+"""Friction with memory: the closed form against its recurrence, sample by sample."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS
+from flexviz.effects.base import JointMotion, LawEffect
+from flexviz.effects.hysteresis import dahl
+
+TIME = np.linspace(0.0, 8.0, 4001)
+_RANDOM = np.random.default_rng(3)
+PATHS = {
+    "swing": np.sin(2 * TIME) + 0.1 * np.sin(11 * TIME),
+    "rest first": np.where(TIME < 1.0, 0.3, 0.3 + np.sin(2 * (TIME - 1.0))),
+    "noise": 1e-4 * _RANDOM.standard_normal(len(TIME)),
+    "stops and turns": 1e-3 * np.cumsum(_RANDOM.integers(-1, 2, len(TIME))),
+    "still": np.full(20, 0.7),
+    "two samples": np.array([0.0, -0.02]),
+    "one sample": np.array([0.4]),
+}
+
+
+def recurrence(position: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """h and ∂h/∂ρ step by step, as the law says."""
+    h, slope = [0.0], [0.0]
+    for change in np.diff(position).tolist():
+        fade, target, away = np.exp(-rate * abs(change)), np.sign(change), h[-1] - np.sign(change)
+        slope.append(fade * slope[-1] - abs(change) * fade * away)
+        h.append(target + away * fade)
+    return np.array(h), np.array(slope)
+
+
+@pytest.mark.parametrize("rate", [1e-3, 0.5, 30.0, 1e4, 1e9])
+@pytest.mark.parametrize("name", PATHS)
+def test_dahl_is_its_recurrence(name: str, rate: float) -> None:
+    h, slope = dahl(PATHS[name], rate)
+    wanted, wanted_slope = recurrence(PATHS[name], rate)
+    np.testing.assert_allclose(h, wanted, rtol=0, atol=1e-12)
+    # the recurrence itself loses digits at high rates: rounding of a position counts ρ times
+    np.testing.assert_allclose(
+        slope, wanted_slope, rtol=0, atol=1e-11 * max(np.abs(wanted_slope).max(), 1e-30)
+    )
+
+
+@pytest.mark.parametrize("values", [(200.0, 2.0), (5.0, 3.0), (4000.0, 0.4)])
+def test_slopes_with_respect_to_both_parameters(values: tuple[float, float]) -> None:
+    effect = EFFECTS["presliding_hysteresis"]
+    assert isinstance(effect, LawEffect)
+    path = PATHS["swing"]
+    blank = np.zeros_like(path)
+    motion = JointMotion(TIME, path, blank, blank, blank, blank, 1000.0, 1.0, 1.0)
+    slopes = effect.law(motion, np.array(values))[1]
+    for k in range(2):
+        h = 1e-6 * values[k]
+        up, down = np.array(values), np.array(values)
+        up[k] += h
+        down[k] -= h
+        measured = (effect.law(motion, up)[0] - effect.law(motion, down)[0]) / (2 * h)
+        np.testing.assert_allclose(slopes[k], measured, rtol=1e-6, atol=1e-7 * np.abs(measured).max())
