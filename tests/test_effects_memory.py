@@ -1,6 +1,9 @@
-"""Friction with memory: the closed form against its recurrence, sample by sample."""
+"""Friction with memory: the closed form against its recurrence, and what was before a record."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +11,9 @@ import pytest
 from flexviz.effects import EFFECTS
 from flexviz.effects.base import JointMotion, LawEffect
 from flexviz.effects.hysteresis import dahl
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.simulation.sets import simulate_preset
 
 TIME = np.linspace(0.0, 8.0, 4001)
 _RANDOM = np.random.default_rng(3)
@@ -59,3 +65,48 @@ def test_slopes_with_respect_to_both_parameters(values: tuple[float, float]) -> 
         down[k] -= h
         measured = (effect.law(motion, up)[0] - effect.law(motion, down)[0]) / (2 * h)
         np.testing.assert_allclose(slopes[k], measured, rtol=1e-6, atol=1e-7 * np.abs(measured).max())
+
+
+def cut_at_reversals(measurements: MeasurementSet, after: float) -> MeasurementSet:
+    """Every group from the first reversal of joint 1 after `after` [s] on: there its friction is wound up."""
+    groups = []
+    for group in measurements.groups:
+        segment = group.segments[0]
+        direction = np.sign(np.gradient(segment.theta[:, 0]))
+        late = int(after / segment.step)
+        first = late + int(np.flatnonzero(np.diff(direction[late:]))[0])
+        time, theta, tau = segment.time[first:], segment.theta[first:], segment.tau[first:]
+        cut = replace(segment, time=time, theta=theta, tau=tau)
+        blank = {"q": None, "tau_joint": None, "theta_ref": None}
+        groups.append(replace(group, segments=(cut,), time=time, **blank))
+    return replace(measurements, groups=tuple(groups))
+
+
+def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
+    hidden = "presliding_hysteresis:joint1:presliding_stiffness=60,coulomb=6"
+    simulate_preset("planar-2r", tmp_path / "set", [hidden], seed=3)
+    measurements = cut_at_reversals(read_set(tmp_path / "set"), 3.0)
+    for refine in (False, True):
+        result = identify(measurements, effects=["presliding_hysteresis:joint1"], refine=refine)
+        exact = 1.0 if refine else 5.0
+        assert result.residual.rms[0] < 3 * result.residual.noise_floor[0]
+        assert result.value("link_viscous_friction", "joint1") == pytest.approx(1.0, rel=2e-3 * exact)
+        assert result.value("presliding_hysteresis.coulomb", "joint1") == pytest.approx(6.0, rel=2e-4 * exact)
+        stiffness = result.value("presliding_hysteresis.presliding_stiffness", "joint1")
+        assert stiffness == pytest.approx(60.0, rel=2e-4 * exact)
+
+
+def test_what_is_remembered_is_the_difference_of_two_beginnings() -> None:
+    effect = EFFECTS["presliding_hysteresis"]
+    assert isinstance(effect, LawEffect)
+    values = np.array([40.0, 2.0])
+    path, late = PATHS["swing"], 700
+    blank = np.zeros_like(path)
+    whole = JointMotion(TIME, path, blank, blank, blank, blank, 1000.0, 1.0, 1.0)
+    part = replace(whole, time=TIME[late:], position=path[late:])
+    missing = effect.law(whole, values)[0][late:] - effect.law(part, values)[0]
+    unknown = effect.unknown(part, values)
+    assert unknown.shape == (1, len(part.time))
+    size = missing[0] / unknown[0, 0]
+    assert 0.1 < abs(size) <= 3**0.5
+    np.testing.assert_allclose(size * unknown[0], missing, atol=1e-12 * values[1])

@@ -211,11 +211,21 @@ class Effect(ABC):
 
 
 class LawEffect(Effect):
-    """An effect whose u is a law of its joint's own motion, evaluated wide-band and then filtered."""
+    """An effect whose u is a law of its joint's own motion, evaluated wide-band and then filtered.
+
+    Attributes:
+        memory: u depends on what was before the record (`unknown` says how).
+    """
+
+    memory: ClassVar[bool] = False
 
     @abstractmethod
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         """u, shape (N,), and ∂u/∂p, shape (P, N)."""
+
+    def unknown(self, motion: JointMotion, values: Array) -> Array:
+        """What the time before the record may add to u, one standard deviation each, shape (M, N)."""
+        return np.zeros((0, len(motion.time)))
 
     @property
     def depth(self) -> int:

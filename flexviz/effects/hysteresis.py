@@ -6,12 +6,17 @@ import numpy as np
 
 from flexviz.effects.base import Array, Context, Guess, JointMotion, LawEffect, ParameterSpec, Place
 
+BEGINNING = 3**-0.5  # standard deviation of h at the beginning of a record, anywhere within ±1
+
 
 class PreslidingHysteresis(LawEffect):
     """The Dahl model: before it slides, friction is a spring.
 
     With h = σz/f_c and ρ = σ/f_c the state obeys dh = (dθ − |dθ| h) ρ: between reversals h runs towards ±1 as
     exp(−ρ·path), so only the path matters, not the speed.
+
+    h at the beginning of a record is unknown, anything within ±1. The law starts from zero; another beginning
+    h₀ adds f_c h₀ exp(−ρ·path), and of that only the size is unknown.
     """
 
     name = "presliding_hysteresis"
@@ -29,6 +34,7 @@ class PreslidingHysteresis(LawEffect):
         ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding"),
     )
     replaces = "coulomb_friction"
+    memory = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         coulomb = max(values[1], 1e-9)
@@ -36,6 +42,12 @@ class PreslidingHysteresis(LawEffect):
         h, slope = dahl(motion.position, rate)
         # u = f_c h(ρ), ρ = σ/f_c
         return coulomb * h, np.stack((slope, h - rate * slope))
+
+    def unknown(self, motion: JointMotion, values: Array) -> Array:
+        coulomb = max(values[1], 1e-9)
+        path = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(motion.position)))))
+        fade = np.exp(-max(values[0], 1e-6) / coulomb * path)
+        return (BEGINNING * coulomb * fade)[None]
 
     def guesses(self, context: Context, place: Place) -> list[Guess]:
         out = []

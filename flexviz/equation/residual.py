@@ -10,13 +10,14 @@ A parameter that moves s by δs (and its derivatives) or q by δq moves r by
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect, Terms
+from flexviz.equation.beginning import Remembered, remembered
+from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
@@ -51,7 +52,8 @@ class Equation:
     """r(x) for given signals and effects.
 
     What an effect's law sees of the identified quantities (s, q, K in its `JointMotion`) stays as it is until
-    `prepare` is called again; the Jacobian is exact for that.
+    `prepare` is called again; the Jacobian is exact for that. So does what friction with memory remembers of
+    the time before a record, which r is freed of (`beginning`).
     """
 
     def __init__(self, robot: Robot, signals: Signals, layout: Layout) -> None:
@@ -62,6 +64,7 @@ class Equation:
         self._link = LinkDynamics(robot)
         self._linear: dict[ChosenEffect, Terms] = {}
         self._prepared: Array | None = None
+        self._remembered: list[Remembered] | None = None
 
     @property
     def has_state(self) -> bool:
@@ -81,6 +84,7 @@ class Equation:
             if not self.has_state or np.max(np.abs(x[seen] - self._prepared[seen]) / scale) < 1e-3:
                 return False
         first = self._prepared is None
+        self._remembered = None
         self._forget()
         self._prepared = x.copy()
         self.context.refresh(x, self._rigid_or_elastic(x), self.context.last_s)
@@ -174,45 +178,10 @@ class Equation:
         for where, term in terms:
             for p, column in enumerate(range(where.start, where.stop)):
                 jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
+        if self._remembered is None:
+            values = [(effect, x[where]) for effect, where in lay.effect_slices()]
+            self._remembered = remembered(self.context, sig, values, chain)
+        for stretch in self._remembered:
+            stretch.taken_out(residual)
+            stretch.taken_out(jacobian)
         return Evaluation(residual, jacobian, s, q, link)
-
-
-class Chain:
-    """How a change of s or q moves r at given rigid-body terms."""
-
-    def __init__(self, compliance: Array, link_viscous: Array, link: LinkTerms) -> None:
-        self._compliance = compliance
-        self._dq, self._mass = link.dq, link.mass
-        self._damping = link.dv + np.diag(link_viscous)
-
-    def rows(self, rows: slice) -> Chain:
-        """The same for some of the samples."""
-        part = copy(self)
-        part._dq, part._mass, part._damping = self._dq[rows], self._mass[rows], self._damping[rows]
-        return part
-
-    def deflection(self, lost: Array, j: int) -> Array:
-        """−∂r for q of joint j that moves by `lost`, shape (3, N): shape (N, n)."""
-        return (
-            self._dq[:, :, j] * lost[0][:, None]
-            + self._damping[:, :, j] * lost[1][:, None]
-            + self._mass[:, :, j] * lost[2][:, None]
-        )
-
-    def torque(self, u: Array, j: int) -> Array:
-        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
-        out = -self.deflection(self._compliance[j] * u, j)
-        out[:, j] -= u[0]
-        return out
-
-    def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
-        """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
-        out = np.zeros(self._mass.shape[:2])
-        for k, j in enumerate(joints):
-            if entry == "torque":
-                out += self.torque(u[:, :, k], j)
-            elif entry == "deflection":
-                out -= self.deflection(u[:, :, k], j)
-            else:
-                out[:, j] -= u[0, :, k]
-        return out

@@ -3,7 +3,8 @@
 While a velocity or torque passes zero, noise and the finest details of a reversal decide how friction gets
 from one side to the other. What is not known of it is a torque of unknown course over some milliseconds, and
 nothing in between. Each such stretch is described by pulses of unknown size; fitted along with everything
-else, they cost a few samples at each reversal instead of spoiling the whole fit.
+else, they cost a few samples at each reversal instead of spoiling the whole fit. What a law with memory
+remembers of the time before the record is unknown in the same way (`LawEffect.unknown`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, JointMotion
 from flexviz.effects.base import LawEffect
-from flexviz.equation.residual import Chain, Equation
+from flexviz.equation.chain import Chain
+from flexviz.equation.residual import Equation
 
 Array = NDArray[np.float64]
 
@@ -56,12 +58,13 @@ def pulses(equation: Equation, x: Array, chain: Chain) -> list[Pulses]:
         motions = context.motions(joint)
         for index, motion in enumerate(motions):
             times, sizes = undecided(law, motion, values)
-            if not len(times):
-                continue
             step = motion.time[1] - motion.time[0]
             at = np.searchsorted(motion.time, times)
             part = np.zeros((len(times), len(motion.time)))
             part[np.arange(len(times)), at] = sizes / step
+            part = np.concatenate((part, law.unknown(motion, values)))
+            if not len(part):
+                continue
             filtered = context.filtered_block(index, part, joint, depth)  # (M, depth, N_block)
             rows = sig.blocks[index].rows
             columns = [chain.rows(rows).column(law.entry, (joint,), one[:, :, None]) for one in filtered]

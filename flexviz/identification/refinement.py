@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
+from flexviz.equation.chain import Chain
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.residual import Chain
 from flexviz.equation.sensitivity import signal_sensitivity
 from flexviz.equation.signals import Signals
 from flexviz.equation.undecided import pulses

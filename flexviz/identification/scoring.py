@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect, Guess
 from flexviz.equation import Equation
-from flexviz.equation.residual import Chain
+from flexviz.equation.chain import Chain
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout
-from flexviz.equation.residual import Chain
+from flexviz.equation.chain import Chain
 from flexviz.identification.interval import best_interval
 from flexviz.identification.scoring import beside, best_each, score
 from flexviz.identification.solver import gauss_newton

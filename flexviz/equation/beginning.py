@@ -1,0 +1,79 @@
+"""What friction with memory remembers of the time before a record: a few numbers per stretch.
+
+Where the state begins is unknown, but how much of it is left at each instant is not: r contains columns of
+known course C and unknown size h. For each stretch h is what fits best, so r and its Jacobian are freed of
+them: r − C (CᵀC + λ)⁻¹ Cᵀ r.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects.base import LawEffect
+from flexviz.equation.chain import Chain
+from flexviz.equation.context import EffectContext
+from flexviz.equation.signals import Signals
+
+Array = NDArray[np.float64]
+
+LEAST = 0.01  # of a column's largest value: what is left of it below that counts for nothing
+
+
+@dataclass(frozen=True)
+class Remembered:
+    """The columns of one stretch.
+
+    Attributes:
+        rows: the stretch's samples.
+        columns: shape (N_block · n, M), ∂r.
+        solve: shape (M, N_block · n), r ↦ the sizes that fit best.
+    """
+
+    rows: slice
+    columns: Array
+    solve: Array
+
+    def taken_out(self, r: Array) -> None:
+        """Free residuals (N, n) or Jacobians (N, n, P) of them, in place."""
+        part = r[self.rows]
+        flat = part.reshape(len(self.columns), -1)
+        r[self.rows] = (flat - self.columns @ (self.solve @ flat)).reshape(part.shape)
+
+
+def remembered(
+    context: EffectContext,
+    signals: Signals,
+    effects: Sequence[tuple[ChosenEffect, Array]],
+    chain: Chain,
+) -> list[Remembered]:
+    """The columns of every stretch that has some.
+
+    Args:
+        context: prepared.
+        signals: the equation's.
+        effects: the model's, each with its parameters.
+        chain: how changes of s and q move r.
+    """
+    found: dict[int, list[Array]] = {}
+    for effect, values in effects:
+        law = EFFECTS[effect.effect]
+        if not isinstance(law, LawEffect) or not law.memory or effect.joint is None:
+            continue
+        for index, motion in enumerate(context.motions(effect.joint)):
+            unknown = law.unknown(motion, values)
+            filtered = context.filtered_block(index, unknown, effect.joint, law.depth)[..., None]
+            part = chain.rows(signals.blocks[index].rows)
+            for one, size in zip(filtered, np.abs(unknown).max(axis=1), strict=True):
+                column = part.column(law.entry, (effect.joint,), one)
+                found.setdefault(index, []).append(column.ravel() / max(size, 1e-12))
+    out = []
+    for index, parts in found.items():
+        c = np.stack(parts, axis=1)
+        solve: Array = np.linalg.solve(c.T @ c + LEAST**2 * np.eye(c.shape[1]), c.T)
+        out.append(Remembered(signals.blocks[index].rows, c, solve))
+    return out

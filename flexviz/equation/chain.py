@@ -1,0 +1,53 @@
+"""How a change of the transmission torque or of the link's position moves the residual."""
+
+from __future__ import annotations
+
+from copy import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation.link import LinkTerms
+
+Array = NDArray[np.float64]
+
+
+class Chain:
+    """How a change of s or q moves r at given rigid-body terms."""
+
+    def __init__(self, compliance: Array, link_viscous: Array, link: LinkTerms) -> None:
+        self._compliance = compliance
+        self._dq, self._mass = link.dq, link.mass
+        self._damping = link.dv + np.diag(link_viscous)
+
+    def rows(self, rows: slice) -> Chain:
+        """The same for some of the samples."""
+        part = copy(self)
+        part._dq, part._mass, part._damping = self._dq[rows], self._mass[rows], self._damping[rows]
+        return part
+
+    def deflection(self, lost: Array, j: int) -> Array:
+        """−∂r for q of joint j that moves by `lost`, shape (3, N): shape (N, n)."""
+        return (
+            self._dq[:, :, j] * lost[0][:, None]
+            + self._damping[:, :, j] * lost[1][:, None]
+            + self._mass[:, :, j] * lost[2][:, None]
+        )
+
+    def torque(self, u: Array, j: int) -> Array:
+        """∂r for a torque u, shape (3, N), that is subtracted from joint j's s: shape (N, n)."""
+        out = -self.deflection(self._compliance[j] * u, j)
+        out[:, j] -= u[0]
+        return out
+
+    def column(self, entry: str, joints: tuple[int, ...], u: Array) -> Array:
+        """∂r for u, shape (D, N, m), that enters at the m joints: shape (N, n)."""
+        out = np.zeros(self._mass.shape[:2])
+        for k, j in enumerate(joints):
+            if entry == "torque":
+                out += self.torque(u[:, :, k], j)
+            elif entry == "deflection":
+                out -= self.deflection(u[:, :, k], j)
+            else:
+                out[:, j] -= u[0, :, k]
+        return out
