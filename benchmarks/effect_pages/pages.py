@@ -75,8 +75,8 @@ def page(effect: Effect) -> str:
 
 
 def _parameters(effect: Effect) -> str:
-    lines = ["| parameter | unit | bounds | |", "|---|---|---|---|"]
-    lines += [_row(f"`{p.name}`", p.unit, bounds_text(p), p.explanation) for p in effect.parameters]
+    lines = ["| | parameter | unit | bounds | |", "|---|---|---|---|---|"]
+    lines += [_row(p.symbol, f"`{p.name}`", p.unit, bounds_text(p), p.explanation) for p in effect.parameters]
     return "\n".join(lines)
 
 

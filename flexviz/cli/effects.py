@@ -97,7 +97,7 @@ def show_one(console: Console, effect: Effect) -> None:
         ("", enters_text(effect)),
     ]
     rows += [
-        ("parameter" if k == 0 else "", f"{parameter_text(p)}, {bounds_text(p)}: {p.explanation}")
+        ("parameter" if k == 0 else "", f"{p.symbol}: {parameter_text(p)}, {bounds_text(p)}: {p.explanation}")
         for k, p in enumerate(effect.parameters)
     ]
     rows += [("note", relation_text(effect))] if relation_text(effect) else []

@@ -32,6 +32,7 @@ class ParameterSpec:
         unit: SI unit.
         lower, upper: physical bounds.
         explanation: what it is, in a few words.
+        symbol: as in the equation; its name where there is none.
     """
 
     name: str
@@ -39,6 +40,11 @@ class ParameterSpec:
     lower: float = -np.inf
     upper: float = np.inf
     explanation: str = ""
+    symbol: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.symbol:
+            object.__setattr__(self, "symbol", self.name)
 
 
 @dataclass(frozen=True)
@@ -200,6 +206,10 @@ class Effect(ABC):
     def entry(self) -> Entry:
         """How it enters the equation."""
         return {"motor": "torque", "joint": "deflection"}.get(self.where, "residual")  # type: ignore[return-value]
+
+    def possible(self, values: Array) -> bool:
+        """Whether the parameters, shape (P,), go together; each one's own bounds are in `parameters`."""
+        return True
 
     @abstractmethod
     def terms(self, context: Context, place: Place, values: Array) -> Terms:

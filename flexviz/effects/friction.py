@@ -21,7 +21,7 @@ _ARMSTRONG = (
     "for the control of machines with friction, Automatica 30(7), 1994"
 )
 
-_SLIDING = ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving")
+_SLIDING = ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while moving", symbol="f_c")
 
 
 class CoulombFriction(LinearEffect):
@@ -72,9 +72,9 @@ class StribeckFriction(LawEffect):
     reference = _ARMSTRONG
     parameters = (
         ParameterSpec(
-            "stribeck", "Nm", lower=0.0, explanation="friction at creeping speed above that in motion"
+            "stribeck", "Nm", 0.0, explanation="friction at creeping speed above that in motion", symbol="f_s"
         ),
-        ParameterSpec("velocity", "rad/s", lower=0.01, upper=3.0, explanation="speed at which 37 % is left"),
+        ParameterSpec("velocity", "rad/s", 0.01, 3.0, "speed at which 37 % is left", "v_s"),
     )
     beside = "coulomb_friction"
 
@@ -109,7 +109,9 @@ class QuadraticFriction(LinearEffect):
     signature = "A parabola against velocity, with opposite signs in the two directions."
     confirm = "The same motion at clearly different speeds."
     reference = _ARMSTRONG
-    parameters = (ParameterSpec("quadratic", "Nm s²/rad²", explanation="friction at 1 rad/s"),)
+    parameters = (
+        ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
+    )
 
     def columns(self, motion: JointMotion) -> Array:
         return (motion.velocity * np.abs(motion.velocity))[np.newaxis]
@@ -130,9 +132,7 @@ class LoadDependentFriction(LinearEffect):
         "on load and velocity, IROS 2010"
     )
     parameters = (
-        ParameterSpec(
-            "coefficient", "-", lower=0.0, upper=0.9, explanation="share of the torque lost to friction"
-        ),
+        ParameterSpec("coefficient", "-", 0.0, 0.9, "share of the transmitted torque that is lost", "μ"),
     )
     state = True
 
@@ -157,12 +157,8 @@ class FrictionDrift(LawEffect):
         "temperature effects in robot joints, IROS 2010"
     )
     parameters = (
-        ParameterSpec(
-            "relative_rise", "-", lower=-0.9, upper=50.0, explanation="extra friction at the start"
-        ),
-        ParameterSpec(
-            "time_constant", "s", lower=0.2, upper=2000.0, explanation="time over which it fades to 37 %"
-        ),
+        ParameterSpec("relative_rise", "-", 0.0, 50.0, "extra friction at the start, relative to f_mv", "a"),
+        ParameterSpec("time_constant", "s", 0.2, 2000.0, "time over which it fades to 37 %", "T"),
     )
     state = True
 

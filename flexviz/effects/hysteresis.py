@@ -30,8 +30,10 @@ class PreslidingHysteresis(LawEffect):
     confirm = "Small back-and-forth motions about several positions."
     reference = "Dahl: Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976"
     parameters = (
-        ParameterSpec("presliding_stiffness", "Nm/rad", lower=1e-3, explanation="stiffness before it slides"),
-        ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding"),
+        ParameterSpec(
+            "presliding_stiffness", "Nm/rad", lower=1e-3, explanation="before it slides", symbol="σ"
+        ),
+        ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding", symbol="f_c"),
     )
     replaces = "coulomb_friction"
     memory = True

@@ -34,8 +34,8 @@ class CableSpring(Effect):
         "IEEE Control Systems Magazine 27(5), 2007"
     )
     parameters = (
-        ParameterSpec("stiffness", "Nm/rad", explanation="k_c"),
-        ParameterSpec("rest_angle", "rad", lower=-50.0, upper=50.0, explanation="q₀"),
+        ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),
+        ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle without pull", "q₀"),
     )
     state = True
 
@@ -69,7 +69,9 @@ class PayloadError(Effect):
         "Khalil, Gautier, Lemoine: Identification of the payload inertial parameters of industrial "
         "manipulators, ICRA 2007"
     )
-    parameters = (ParameterSpec("relative_mass_error", "-", lower=-0.95, upper=10.0, explanation="e"),)
+    parameters = (
+        ParameterSpec("relative_mass_error", "-", -0.95, 10.0, "true mass over the given one, less one", "e"),
+    )
     scope = "payload"
     state = True
 
@@ -128,22 +130,29 @@ def tilted_gravity(tilt_x: float, tilt_y: float) -> tuple[Array, Array]:
 
 
 class ExternalContact(LawEffect):
-    """Somebody or something pushed the arm for a while."""
+    """Somebody or something pushed the arm for a while.
+
+    Each edge is spread over one sample to either side, as smoothly as its slope needs: u is then as exact as
+    its integral, and ∂u/∂start and ∂u/∂end are its true derivatives.
+    """
 
     name = "external_contact"
     title = "External contact"
     where = "load"
     explanation = "Something touched or pushed the arm during part of one run."
-    equation = "τ_ext = T between start and end, in one group"
+    equation = "τ_ext = T for t₁ ≤ t ≤ t₂, in one group"
     signature = "A box in time, in one group only."
     confirm = "Repeat the run: a contact does not come back."
     reference = "Haddadin, De Luca, Albu-Schäffer: Robot collisions: a survey, IEEE T-RO 33(6), 2017"
     parameters = (
-        ParameterSpec("torque", "Nm", explanation="T, positive like the transmission torque"),
-        ParameterSpec("start", "s", explanation="when it begins"),
-        ParameterSpec("end", "s", explanation="when it ends"),
+        ParameterSpec("torque", "Nm", explanation="positive like the transmission torque", symbol="T"),
+        ParameterSpec("start", "s", explanation="when it begins, in the group's own time", symbol="t₁"),
+        ParameterSpec("end", "s", explanation="when it ends, not before it begins", symbol="t₂"),
     )
     scope = "episode"
+
+    def possible(self, values: Array) -> bool:
+        return bool(values[1] <= values[2])
 
     def terms(self, context: Context, place: Place, values: Array) -> Terms:
         assert place.joint is not None and place.group is not None
@@ -155,15 +164,14 @@ class ExternalContact(LawEffect):
         torque, start, end = values
         step = motion.time[1] - motion.time[0]
 
-        def after(instant: float) -> Array:
-            """1 from `instant` on; the sample that holds it counts in part."""
-            return np.clip((motion.time - instant) / step + 0.5, 0.0, 1.0)
+        def edge(instant: float) -> tuple[Array, Array]:
+            """0 before `instant`, 1 after it, and how fast that falls when the instant moves on [1/s]."""
+            late = np.clip((motion.time - instant) / step, -1.0, 1.0)
+            return 0.5 + late - 0.5 * late * np.abs(late), (1.0 - np.abs(late)) / step
 
-        def pulse(instant: float) -> Array:
-            return np.clip(1 - np.abs(motion.time - instant) / step, 0.0, 1.0) / step
-
-        box = after(start) - after(end)
-        return -torque * box, np.stack((-box, torque * pulse(start), -torque * pulse(end)))
+        (begun, begins), (ended, ends) = edge(start), edge(end)
+        box = begun - ended
+        return -torque * box, np.stack((-box, torque * begins, -torque * ends))
 
     def guesses(self, context: Context, place: Place) -> list[Guess]:
         return []  # searched in closed form over all intervals

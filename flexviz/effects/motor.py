@@ -34,10 +34,14 @@ class TorqueOffset(LinearEffect):
         "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, "
         "IEEE Control Systems Magazine 27(5), 2007"
     )
-    parameters = (ParameterSpec("offset", "Nm", explanation="constant torque"),)
+    parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
 
     def columns(self, motion: JointMotion) -> Array:
         return np.ones((1, len(motion.time)))
+
+
+ORDER = ParameterSpec("order", "-", lower=1.0, upper=400.0, explanation="cycles a joint turn", symbol="n")
+PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
 
 
 class Ripple(LawEffect):
@@ -85,9 +89,9 @@ class TorqueRipple(Ripple):
         "magnet motor drives, IEEE Trans. Industrial Electronics 43(2), 1996"
     )
     parameters = (
-        ParameterSpec("amplitude", "Nm", explanation="largest torque"),
-        ParameterSpec("order", "-", lower=0.5, upper=400.0, explanation="cycles a joint revolution"),
-        ParameterSpec("phase", "rad", explanation="phase at θ = 0"),
+        ParameterSpec("amplitude", "Nm", explanation="largest torque", symbol="a"),
+        ORDER,
+        PHASE,
     )
 
 
@@ -104,7 +108,7 @@ class MotorCoupling(Effect):
     signature = "A residual in proportion to the neighbouring motor's acceleration."
     confirm = "Move the neighbouring joint alone."
     reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"
-    parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia"),)
+    parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
     linear = True
 
     def terms(self, context: Context, place: Place, values: Array) -> Terms:

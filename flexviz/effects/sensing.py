@@ -21,7 +21,9 @@ class TorqueGain(Effect):
         "Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots, "
         "ASME J. Dynamic Systems, Measurement, and Control 136(5), 2014"
     )
-    parameters = (ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error"),)
+    parameters = (
+        ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error", symbol="g"),
+    )
     linear = True
 
     @property
@@ -51,7 +53,9 @@ class TorqueDelay(Effect):
     signature = "A residual in proportion to the torque's rate of change."
     confirm = "Fast motions; a step of the reference."
     reference = "Björklund, Ljung: A review of time-delay estimation techniques, CDC 2003"
-    parameters = (ParameterSpec("delay", "s", lower=-0.1, upper=0.1, explanation="how much later it acts"),)
+    parameters = (
+        ParameterSpec("delay", "s", lower=-0.1, upper=0.1, explanation="how much later it acts", symbol="d"),
+    )
     scope = "set"
 
     @property

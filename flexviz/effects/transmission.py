@@ -10,7 +10,7 @@ from flexviz.effects.base import (
     LawEffect,
     ParameterSpec,
 )
-from flexviz.effects.motor import Ripple
+from flexviz.effects.motor import ORDER, PHASE, Ripple
 
 _SPONG = "Spong: Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109(4), 1987"
 
@@ -31,7 +31,9 @@ class StiffnessHardening(LawEffect):
     reference = (
         "Tuttle, Seering: A nonlinear model of a harmonic drive gear transmission, IEEE T-RA 12(3), 1996"
     )
-    parameters = (ParameterSpec("cubic_stiffness", "Nm/rad³", lower=0.0, explanation="k₃"),)
+    parameters = (
+        ParameterSpec("cubic_stiffness", "Nm/rad³", 0.0, explanation="how much stiffer", symbol="k₃"),
+    )
     state = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
@@ -59,7 +61,7 @@ class Backlash(LawEffect):
     reference = (
         "Nordin, Gutman: Controlling mechanical systems with backlash — a survey, Automatica 38(10), 2002"
     )
-    parameters = (ParameterSpec("half_width", "rad", lower=0.0, upper=0.2, explanation="half the play"),)
+    parameters = (ParameterSpec("half_width", "rad", 0.0, 0.2, "half the play", "b"),)
     state = True
     linear = True
 
@@ -83,7 +85,7 @@ class JointDamping(LawEffect):
     signature = "Position error in proportion to the transmitted torque's rate of change."
     confirm = "Fast motions that excite the joint's resonance."
     reference = _SPONG
-    parameters = (ParameterSpec("damping", "Nm s/rad", lower=0.0, explanation="D"),)
+    parameters = (ParameterSpec("damping", "Nm s/rad", 0.0, explanation="of the deflection", symbol="D"),)
     state = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
@@ -112,7 +114,7 @@ class TransmissionError(Ripple):
         "Gandhi, Ghorbel: Closed-loop compensation of kinematic error in harmonic drives, T-CST 10(6), 2002"
     )
     parameters = (
-        ParameterSpec("amplitude", "rad", explanation="largest error"),
-        ParameterSpec("order", "-", lower=0.5, upper=400.0, explanation="cycles a joint revolution"),
-        ParameterSpec("phase", "rad", explanation="phase at θ = 0"),
+        ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"),
+        ORDER,
+        PHASE,
     )

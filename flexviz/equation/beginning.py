@@ -74,6 +74,6 @@ def remembered(
     out = []
     for index, parts in found.items():
         c = np.stack(parts, axis=1)
-        solve: Array = np.linalg.solve(c.T @ c + LEAST**2 * np.eye(c.shape[1]), c.T)
+        solve = np.linalg.inv(c.T @ c + LEAST**2 * np.eye(c.shape[1])) @ c.T
         out.append(Remembered(signals.blocks[index].rows, c, solve))
     return out

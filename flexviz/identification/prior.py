@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
 
 Array = NDArray[np.float64]
@@ -87,7 +88,9 @@ class Prior:
     weight: float = 1.0
 
     def feasible(self, x: Array) -> bool:
-        """Whether every body of x could exist."""
+        """Whether every body of x could exist, and every effect's parameters go together."""
+        if not all(EFFECTS[e.effect].possible(x[where]) for e, where in self.layout.effect_slices()):
+            return False
         p = pseudo_inertia(x[self.layout.inertial].reshape(-1, 10))
         try:
             np.linalg.cholesky(p)

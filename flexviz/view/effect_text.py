@@ -63,6 +63,7 @@ def effect_json(effect: Effect) -> dict[str, Any]:
         "parameters": [
             {
                 "name": p.name,
+                "symbol": p.symbol,
                 "unit": p.unit,
                 "lower": p.lower if math.isfinite(p.lower) else None,
                 "upper": p.upper if math.isfinite(p.upper) else None,

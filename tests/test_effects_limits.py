@@ -1,0 +1,63 @@
+"""What parameters of effects may be: signs, orders, and an interval that ends after it begins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS, ChosenEffect, Guess
+from flexviz.equation import Layout
+from flexviz.identification.prior import Prior, physically_consistent
+from flexviz.identification.refine import feasible_step
+from flexviz.identification.scoring import Scored, best_each
+from flexviz.identification.solver import Bounds
+from flexviz.robot import Robot
+
+DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are never negative
+    "coulomb_friction": "coulomb",
+    "stribeck_friction": "stribeck",
+    "quadratic_friction": "quadratic",
+    "load_dependent_friction": "coefficient",
+    "presliding_hysteresis": "coulomb",
+    "friction_drift": "relative_rise",
+    "link_coulomb_friction": "coulomb",
+    "joint_damping": "damping",
+    "cable_spring": "stiffness",
+}
+
+
+@pytest.mark.parametrize("name", DISSIPATE)
+def test_wrong_signs_are_out_of_bounds_and_gain_nothing(name: str) -> None:
+    specs = EFFECTS[name].parameters
+    index = [p.name for p in specs].index(DISSIPATE[name])
+    assert 0.0 <= specs[index].lower < 0.01
+    if specs[index].lower > 0.0:
+        return
+    blank = Guess("torque", (0,), np.zeros((1, 1, 1, 1)), lambda c: c)
+    values = np.array([max(p.lower, 0.5) for p in specs])
+    values[index] = -0.5
+    good = Scored(ChosenEffect("torque_offset", 0), blank, 1.0, np.array([-1.0]), np.zeros(1))
+    wrong = Scored(ChosenEffect(name, 0), blank, 100.0, values, np.zeros(1))
+    assert best_each([wrong, good])[0] is good
+
+
+@pytest.mark.parametrize("name", ["torque_ripple", "transmission_error"])
+def test_a_ripple_has_at_least_one_cycle_a_turn(name: str) -> None:
+    order = next(p for p in EFFECTS[name].parameters if p.name == "order")
+    assert order.lower == 1.0
+
+
+def test_a_contact_never_ends_before_it_begins() -> None:
+    robot = Robot.load("robots:planar_2r")
+    layout = Layout(robot.joints, (ChosenEffect("external_contact", 1, "g1"),))
+    cad = physically_consistent(robot.cad_parameters)
+    x = np.ones(layout.size)
+    x[layout.inertial] = cad.ravel()
+    x[-3:] = 5.0, 2.0, 2.4
+    prior = Prior(layout, cad, x.copy(), np.full(layout.size, np.inf))
+    open_bounds = Bounds(np.full(layout.size, -np.inf), np.full(layout.size, np.inf))
+    step = np.zeros(layout.size)
+    step[-2:] = 3.0, -1.0
+    reached = feasible_step(prior, open_bounds, x, step)
+    assert x[-2] < reached[-2] <= reached[-1] < x[-1]
+    assert prior.feasible(reached) and not prior.feasible(x + step) and prior.value(x + step) == np.inf
