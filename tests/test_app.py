@@ -104,7 +104,7 @@ def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
 
 
 def test_steps_show_their_controls(app: Application) -> None:
-    for step in ("Observer", "Identify", "Data"):
+    for step in ("Observer", "Identify", "Diagnose", "Data"):
         act(app, "step", step)
         assert [name for name, part in app.steps.items() if part.folder.visible] == [step]
         assert f"Step {step}" in status(app)
@@ -187,7 +187,7 @@ def test_a_mistake_is_shown_and_the_app_goes_on(app: Application, capsys: Any) -
 def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     app.open(open_set(sessions_dir() / DEMO))
     act(app, "run")
-    assert app.identify.running and app.identify._run.disabled and not app.identify._stop.disabled
+    assert app.identify.running and app.identify._run.disabled and not app.dock._stop.disabled
     frames, begin = app.show.playback.frames, time.monotonic()
     app.show.clock.play()
     until(app, lambda: not app.identify.running)
@@ -230,7 +230,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     sweep = app.observer.sweep
     assert not sweep._folder.visible and not sweep._best.visible
     act(app, "sweep")
-    assert sweep.running and sweep._stop.visible and sweep._start.disabled
+    assert sweep.running and not app.dock._stop.disabled and sweep._start.disabled
     until(app, lambda: not sweep.running)
     result = sweep._result
     assert len(result.bandwidths) == COUNT and "swept 11" in status(app)

@@ -12,11 +12,12 @@ from typing import Any
 import viser
 
 from flexviz.app.controls import choose, press, watch
+from flexviz.app.dock import Dock
 from flexviz.app.events import Dispatcher, Event, EventQueue
 from flexviz.app.keys import Keys
-from flexviz.app.panels import Dock
 from flexviz.app.show import Show
 from flexviz.app.steps.data import DataStep
+from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.app.steps.identify import IdentifyStep
 from flexviz.app.steps.observer import ObserverStep
 from flexviz.app.steps.view import ViewPanel
@@ -47,7 +48,13 @@ class Application:
         self.data = DataStep(self)
         self.observer = ObserverStep(self)
         self.identify = IdentifyStep(self)
-        self.steps = {"Data": self.data, "Observer": self.observer, "Identify": self.identify}
+        self.diagnose = DiagnoseStep(self)
+        self.steps = {
+            "Data": self.data,
+            "Observer": self.observer,
+            "Identify": self.identify,
+            "Diagnose": self.diagnose,
+        }
         self.view = ViewPanel(self)
         self.keys = Keys(self)
         self.dock.finish()
@@ -110,7 +117,7 @@ class Application:
 
     def open(self, opened: Opened) -> None:
         """Show a set from its beginning."""
-        for key in ("identify", "sweep", "replay"):
+        for key in ("identify", "sweep", "diagnose", "replay"):
             self.worker.stop(key)
         self.measurements = opened.measurements
         self.truth = opened.truth
@@ -152,13 +159,27 @@ class Application:
             step.refresh()
         if after.identification is not before.identification:
             self.show.show_model()
+        if after.diagnosis is not before.diagnosis or after.stairs != before.stairs:
+            self.show.show_diagnosis()
         self.dock.refresh()
         self.say(*self._message)
 
+    @property
+    def running(self) -> bool:
+        """True while an identification, a sweep or a search for missing effects runs or waits."""
+        return self.identify.running or self.observer.sweep.running or self.diagnose.running
+
+    def refresh_running(self) -> None:
+        """Something has begun or ended: what may be pressed has changed."""
+        for step in self.steps.values():
+            step.refresh()
+        self.dock.refresh()
+
     def stop(self) -> None:
-        """Stop the identification and the sweep; both keep what they have."""
+        """Stop what runs; identification and sweep keep what they have."""
         self.identify.stop()
         self.observer.sweep.stop()
+        self.diagnose.stop()
 
     # -- words ---------------------------------------------------------------------------------------
 
@@ -212,6 +233,8 @@ class Application:
             self.identify.heard(event)
         elif event.job.key == "sweep":
             self.observer.sweep.heard(event)
+        elif event.job.key == "diagnose":
+            self.diagnose.heard(event)
         elif event.job.key == "replay":
             self.show.heard(event)
         elif event.job.key == "open":

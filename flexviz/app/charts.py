@@ -6,9 +6,11 @@ from typing import Any
 
 import viser
 
-from flexviz.view.colours import PLAYHEAD
+from flexviz.view.colours import PLAYHEAD, REFERENCE
 from flexviz.view.plots import Plot
 from flexviz.view.text import escape
+
+SHADE = f"{PLAYHEAD}40"
 
 
 class Chart:
@@ -27,6 +29,7 @@ class Chart:
             cursor={"sync": {"key": "time"}} if plot.playhead is not None else None,  # type: ignore[arg-type]
             height=plot.height,
             padding=(10, 14, 0, 0),
+            bands=_bands(plot),  # type: ignore[arg-type]
         )
 
     def show(self, plot: Plot) -> None:
@@ -37,6 +40,7 @@ class Chart:
                 self._handle.series = _series(plot)  # type: ignore[assignment]
                 self._handle.scales = _scales(plot)  # type: ignore[assignment]
                 self._handle.axes = _axes(plot)  # type: ignore[assignment]
+                self._handle.bands = _bands(plot)  # type: ignore[assignment]
             if before.title != plot.title:
                 self._handle.title = plot.title
             self._handle.data = plot.data()
@@ -92,8 +96,8 @@ class ChartColumn:
 
 def _look(plot: Plot) -> tuple[Any, ...]:
     lines = tuple((line.label, line.colour, line.width, line.dashed, line.points) for line in plot.lines)
-    extra = plot.playhead is not None, plot.mark is not None
-    return lines, extra, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
+    extra = plot.playhead is not None, plot.mark is not None, plot.shade is not None, plot.whole_x
+    return lines, extra, plot.band, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
 
 
 def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
@@ -109,6 +113,10 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
             entry["dash"] = [6, 4]
         entry["points"] = {"show": line.points, "size": 5, "fill": line.colour}
         series.append(entry)
+    if plot.shade is not None:
+        series.append(
+            {"label": "chosen", "fill": SHADE, "width": 0, "scale": "now", "points": {"show": False}}
+        )
     if plot.mark is not None:
         series.append(
             {"label": "least", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
@@ -123,10 +131,12 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
 def _scales(plot: Plot) -> dict[str, Any]:
     scales: dict[str, Any] = {
         # of base 10 uPlot would write only the powers of ten at a horizontal axis
-        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span, base=2),
+        # and an x with fixed limits loses its axis whenever its tab has been hidden: only where data do not
+        # reach the limits
+        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span if plot.logarithmic_x else None, base=2),
         "y": _scale(plot.logarithmic, plot.range),
     }
-    if plot.playhead is not None or plot.mark is not None:
+    if plot.playhead is not None or plot.mark is not None or plot.shade is not None:
         scales["now"] = {"range": (0.02, 1.0)}  # its zeros lie below the chart
     return scales
 
@@ -137,4 +147,14 @@ def _scale(logarithmic: bool, limits: tuple[float, float] | None, base: int = 10
 
 
 def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
-    return ({"scale": "x", "size": 42, "space": 60}, {"scale": "y", "size": 58})
+    x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
+    if plot.whole_x:
+        x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
+    return (x, {"scale": "y", "size": 58})
+
+
+def _bands(plot: Plot) -> tuple[dict[str, Any], ...] | None:
+    if plot.band is None:
+        return None
+    high, low = plot.band
+    return ({"series": [high + 1, low + 1], "fill": f"{REFERENCE}40"},)

@@ -16,8 +16,9 @@ COMMANDS = (
     ("toggle", "Play or pause", "space", None),
     ("back", "Step back", "arrowleft", None),
     ("forward", "Step forward", "arrowright", None),
+    ("find", "Find what is missing in the model", "enter", "cmd/ctrl+shift"),
     ("run", "Run the identification", "enter", "cmd/ctrl"),
-    ("stop", "Stop the identification or the sweep", "escape", None),
+    ("stop", "Stop what runs", "escape", None),
     ("undo", "Undo the last change", "Z", "cmd/ctrl"),
     ("redo", "Redo the undone change", "Z", "cmd/ctrl+shift"),
 )
@@ -37,6 +38,7 @@ class Keys:
             "back": lambda: app.view.playback("◀ Step"),
             "forward": lambda: app.view.playback("Step ▶"),
             "run": app.identify.run,
+            "find": app.diagnose.find,
             "stop": app.stop,
             "undo": app.undo,
             "redo": app.redo,

@@ -10,7 +10,7 @@ import viser
 import viser.transforms as tf
 
 from flexviz.robot import PayloadBody, Robot
-from flexviz.view.colours import BODY, MEASURED, MODEL, rgb
+from flexviz.view.colours import BODY, MEASURED, MODEL, PLAYHEAD, rgb
 from flexviz.view.geometry import Shape
 from flexviz.view.stage import FIELD_OF_VIEW, Stage
 
@@ -41,6 +41,7 @@ class RobotNodes:
                 _on_click(mesh, body.joint, on_click)
             self._bodies.append(mesh)
         self._trail: Any = None
+        self._marked: Any = None
 
     def place(self, offset: np.ndarray) -> None:
         """Stand at `offset` (3,) [m]."""
@@ -79,11 +80,25 @@ class RobotNodes:
             )  # fmt: skip
             self._payload.append(ball)
 
-    def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
-        """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
-        path = np.array(
+    def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
+        """Where the tip is at M joint positions (n,) [rad]: (M, 3) [m]."""
+        return np.array(
             [self._robot.link_poses(q)[self._shape.tip][:3, 3] for q in positions], dtype=np.float32
         )
+
+    def mark(self, pieces: np.ndarray | None) -> None:
+        """Highlight pieces (K, 2, 3) of the path."""
+        if self._marked is not None:
+            self._marked.remove()
+            self._marked = None
+        if pieces is not None and len(pieces):
+            self._marked = self._server.scene.add_line_segments(
+                f"/{self.name}/marked", pieces, colors=rgb(PLAYHEAD), thickness=5.0, thickness_units="screen"
+            )
+
+    def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
+        """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
+        path = self.path(positions)
         segments = np.stack([path[:-1], path[1:]], axis=1)
         if self._trail is None:
             self._trail = self._server.scene.add_line_segments(
@@ -183,6 +198,19 @@ class Scene:
                     anchor="bottom-center",
                     font_screen_scale=0.95,
                 )
+
+    def path_pieces(self, positions: Sequence[np.ndarray], chosen: np.ndarray) -> np.ndarray:
+        """The measured robot's tip path over positions (M of (n,)), only the chosen pieces: (K, 2, 3) [m]."""
+        if self.measured is None or len(positions) < 2 or len(chosen) != len(positions):
+            return np.zeros((0, 2, 3), np.float32)
+        path = self.measured.path(positions)
+        pieces = np.stack([path[:-1], path[1:]], axis=1)
+        return pieces[chosen[:-1] & chosen[1:]]
+
+    def mark(self, pieces: np.ndarray | None) -> None:
+        """Highlight pieces (K, 2, 3) of the measured robot's path; None highlights nothing."""
+        if self.measured is not None:
+            self.measured.mark(pieces)
 
     def pose(self, measured: np.ndarray, identified: np.ndarray) -> None:
         """Both robots' joint positions (n,) [rad], applied together."""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from flexviz.app.clock import Clock
-from flexviz.app.panels import PlotPanel
 from flexviz.app.playback import Playback, Showing
+from flexviz.app.plots import PlotPanel
 from flexviz.app.scene import Scene
 from flexviz.app.work import Opened, replay_group
 from flexviz.jobs import JobEvent
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from flexviz.app.application import Application
 
 TRAIL = 160  # points of a trail
+MARKS = 300  # points of the path that may be highlighted
 
 
 class Show:
@@ -43,6 +46,7 @@ class Show:
         self._replays, self._replayed, self.joint = {}, None, 0
         self.group = measurements.groups[0]
         self.motion = measured_motion(measurements, self.group, None)
+        self.plots.where.opened()
         self._app.view.suggest_deflection(nice_factor(self.motion), anew=True)
         self.playback.show(None)
         with self.playback.hold():
@@ -57,10 +61,12 @@ class Show:
             self._app.observer.refresh()
             self.plots.show_signals()
             self.plots.show_states()
+            self.show_diagnosis()
         if group is not None and group != self.group.name:
             self.group = self._app.measurements.group(group)
             self._app.dock.refresh()
             self.show_group()
+            self._app.diagnose.findings.redraw()
 
     def show_group(self) -> None:
         """Draw the present group from its beginning."""
@@ -91,6 +97,20 @@ class Show:
         self._app.view.refresh()
         self.show_motion()
         self.plots.show_signals()
+        self.show_diagnosis()
+
+    def show_diagnosis(self) -> None:
+        """Draw where the model fails and how the error fell."""
+        self.plots.where.show()
+        self.plots.show_compare()
+
+    def marked(self, time: np.ndarray, inside: np.ndarray) -> np.ndarray:
+        """Pieces (K, 2, 3) [m] of the measured robot's path where `inside` (M,) holds at `time` (M,)."""
+        deflection, error = self._app.view.factors
+        every = self.motion.time[:: max(len(self.motion.time) // MARKS, 1)]
+        chosen = inside[np.clip(np.searchsorted(time, every), 0, len(time) - 1)] if len(time) else []
+        positions = [self.motion.pose(float(t), deflection, error)[0] for t in every]
+        return self.scene.path_pieces(positions, np.asarray(chosen, dtype=bool))
 
     def show_motion(self) -> None:
         """Draw the present motion with the present factors, labels and trails."""

@@ -7,7 +7,7 @@ CSS = """
 .fv-dim { color: var(--mantine-color-dimmed); }
 .fv-tag { background: #56B4E9; color: #000; border-radius: 3px; padding: 0 0.4em; font-size: 11px; }
 .fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; }
-.fv-steps { padding-top: 0.6em; }
+.fv-steps { padding-top: 0.6em; font-size: 12px; word-spacing: -0.06em; }
 .fv-steps span { white-space: nowrap; }
 .fv-steps .fv-now { font-weight: 700; border-bottom: 2px solid #0072B2; }
 .fv-steps .fv-later { color: var(--mantine-color-dimmed); font-style: italic; cursor: help; }
@@ -33,9 +33,29 @@ CSS = """
 .fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
 .fv-kind { padding-top: 0.35em; padding-bottom: 0.1em; font-weight: 600; }
 .fv-joints { max-height: 4.6em; overflow-y: auto; }
+.fv-next { margin-top: 0.25em; color: var(--mantine-color-dimmed); }
+.fv-next b { color: var(--mantine-color-text); }
+.fv-verdict { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; font-weight: 600;
+  border: 1px solid #999; border-left-width: 4px; }
+.fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
+.fv-verdict.nothing-missing { border-color: #009E73; }
+div:has(> .fv-added) { display: inline-block; width: 70%; vertical-align: top; }
+.fv-added { padding-top: 0.3em; }
+.fv-finding { margin-top: 0.2em; padding-top: 0.4em; border-top: 1px solid rgba(128, 128, 128, 0.3); }
+.fv-bar { height: 5px; border-radius: 3px; background: rgba(128, 128, 128, 0.25); margin: 2px 0; }
+.fv-bar span { display: block; height: 100%; border-radius: 3px; background: #999; }
+.fv-likely .fv-bar span { background: #0072B2; }
+.fv-card summary { color: #0072B2; } [data-mantine-color-scheme="dark"] .fv-card summary { color: #56B4E9; }
+.fv-card p { margin: 0.4em 0; } .fv-card svg { max-width: 100%; height: auto; }
+.fv-equation { font-size: 12.5px; margin: 0.3em 0; padding: 0.4em 0.6em; border-radius: 3px;
+  white-space: pre-wrap; background: rgba(128, 128, 128, 0.12); }
+.fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
 """
+
+
+EDGE, GAP = 10, 6  # [pixels] beside a row of buttons, between them
 
 
 def flex(uuid: str) -> str:
@@ -67,6 +87,33 @@ def wide_label(uuid: str) -> str:
     return (
         f"{flex(uuid)} > div:first-child {{ width: 14em !important; }}\n"
         f"{flex(uuid)} {{ padding-bottom: 0 !important; margin-bottom: -0.15em; }}"
+    )
+
+
+def in_row(*uuids: str, share: float | None = None) -> str:
+    """Rules that put buttons beside each other; each takes `share` of the row (None: the same for all)."""
+    width = share if share is not None else 1.0 / len(uuids)
+    first = uuids[0]
+    boxes = ", ".join(f'div:has(> button[id="{uuid}"])' for uuid in uuids)
+    buttons = ", ".join(f'button[id="{uuid}"]' for uuid in uuids)
+    return (
+        f"{boxes} {{ display: inline-block; width: calc({width:.4f} * (100% - {2 * EDGE - GAP}px)); "
+        f"margin: 0; margin-inline: 0; padding: 0 {GAP}px 0.5em 0; vertical-align: top; }}\n"
+        f'div:has(> button[id="{first}"]) {{ margin-left: {EDGE if share is None else 0}px; }}\n'
+        f"{buttons} {{ padding: 0 4px; font-size: 12.5px; }}"
+    )
+
+
+def next_button(uuid: str) -> str:
+    """A rule that makes a button the next thing to press."""
+    return f'button[id="{uuid}"] {{ outline: 3px solid #E69F00; outline-offset: 1px; }}'
+
+
+def next_option(uuid: str, index: int) -> str:
+    """The same for button `index` of a button group."""
+    return (
+        f"{flex(uuid)} button:nth-of-type({index + 1}) "
+        "{ outline: 2px solid #E69F00; outline-offset: -2px; font-weight: 700; }"
     )
 
 

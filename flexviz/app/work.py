@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexviz.errors import InputError
+from flexviz.errors import Cancelled, InputError
 from flexviz.session import Analysis, with_roles
 from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
 
 if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
     from flexviz.identification import Identification, SweepResult
     from flexviz.measurements import MeasurementSet
     from flexviz.model import FlexibleModel
 
 Progress = Callable[[Any], None]
 Stop = Callable[[], bool]
-WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.simulation")
+WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "flexviz.simulation")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,56 @@ def identify_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -
         progress=progress,
         should_stop=should_stop,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Looked:
+    """What a search for missing effects gives back.
+
+    Attributes
+    ----------
+    diagnosis: of the model the search started with.
+    identification: of that model; None where it was known before.
+    added: after each added effect: the effects beside the set's own, and the model's identification.
+    """
+
+    diagnosis: Diagnosis
+    identification: Identification | None
+    added: tuple[tuple[tuple[str, ...], Identification], ...] = ()
+
+
+def diagnose_set(
+    analysis: Analysis,
+    fit_first: bool,
+    apply: bool,
+    *,
+    progress: Progress,
+    should_stop: Stop,
+) -> Looked:
+    """Identify where that is needed, then look for what is missing; with `apply` add all that is found.
+
+    `progress` gets the identification's iterations and the
+    diagnosis's sentences.
+    """
+    from flexviz.diagnosis import diagnose
+
+    identification = None
+    if fit_first:
+        identification = identify_set(analysis, progress=progress, should_stop=should_stop)
+        if should_stop():
+            raise Cancelled
+    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
+    measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
+    diagnosis = diagnose(measurements, apply=apply, progress=progress, should_stop=should_stop)
+    added: list[tuple[tuple[str, ...], Identification]] = []
+    effects = analysis.effects
+    for step in diagnosis.steps[1:] if apply else ():
+        if step.added is None or should_stop():
+            break
+        effects = (*effects, step.added.text)
+        fitted = replace(analysis, effects=effects)
+        added.append((effects, identify_set(fitted, progress=progress, should_stop=should_stop)))
+    return Looked(diagnosis, identification, tuple(added))
 
 
 def sweep_set(

@@ -43,6 +43,9 @@ class Plot:
     span: (first, last) x of the axis, so that the plots of a tab agree; None where the data decide.
     range: (lowest, highest) value of the ordinate; None where the data decide.
     mark: (M,) 0/1 line at what is worth a look, or None.
+    band: two lines (their index) between which the chart is filled, or None.
+    shade: (M,) 0/1: the stretches of x that are highlighted, or None.
+    whole_x: True where x counts, so that the axis shows whole numbers only.
     """
 
     key: str
@@ -58,10 +61,15 @@ class Plot:
     logarithmic_x: bool = False
     range: tuple[float, float] | None = None
     mark: Array | None = None
+    band: tuple[int, int] | None = None
+    shade: Array | None = None
+    whole_x: bool = False
 
     def data(self) -> tuple[Array, ...]:
-        """x and every line, as the chart wants them; mark and playhead come last."""
+        """x and every line, as the chart wants them; shade, mark and playhead come last."""
         columns = [self.x, *(line.values for line in self.lines)]
+        if self.shade is not None:
+            columns.append(self.shade)
         if self.mark is not None:
             columns.append(self.mark)
         if self.playhead is not None:

@@ -13,21 +13,18 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
 
 STEPS = ("Data", "Observer", "Identify", "Diagnose")
-READY = STEPS[:3]  # the ones this version can do
-NOT_YET = "Diagnose (find the missing effect) comes in a later version."
 
 
-def step_line_html(current: str, done: tuple[str, ...] = ()) -> str:
-    """1 Data → 2 Observer → 3 Identify → 4 Diagnose, with where one is and what is done."""
+def step_line_html(current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
+    """1 Data → 2 Observer → 3 Identify → 4 Diagnose: where one is, what is done, and what comes next."""
     parts = []
     for number_, name in enumerate(STEPS, start=1):
-        if name not in READY:
-            parts.append(f'<span class="fv-later" title="{NOT_YET}">{number_} {name} (later)</span>')
-        elif name == current:
+        if name == current:
             parts.append(f'<span class="fv-now">{number_} {name} ●</span>')
         else:
             parts.append(f"<span>{number_} {name}{' ✓' if name in done else ''}</span>")
-    return f'<div class="fv fv-steps">{" → ".join(parts)}</div>'
+    following = f'<div class="fv-next">{hint}</div>' if hint else ""
+    return f'<div class="fv fv-steps">{" → ".join(parts)}{following}</div>'
 
 
 def error_text(result: Identification | None) -> str:

@@ -47,6 +47,7 @@ class EffectList:
         for name, box in self.boxes.items():
             box.value = name in chosen
         hidden = [name for name in addable() if name in chosen and name not in COMMON]
+        hidden += [name for name in chosen if name not in self.boxes]
         text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
         text = f"{text} {effects_note(added, own)}".strip()
         self._note.content = f'<div class="fv fv-dim">{escape(text)}</div>'

@@ -33,15 +33,12 @@ class IdentifyStep:
                 "Refine", False, hint="a second stage that removes the observer's bias; takes longer"
             )
             self._run = gui.add_button("Run", color="blue")
-            self._stop = gui.add_button("Stop", color="red", disabled=True)
-            self._bar = gui.add_progress_bar(100.0, animated=True, visible=False)
             self._why = gui.add_html("")
             self._truth = gui.add_checkbox(
                 "Show truth", False, visible=False, hint="the values the set was made with"
             )
             self._table = gui.add_html("")
         app.press(self._run, "run", self.run)
-        app.press(self._stop, "stop", self.stop)
         watch(self._refine, app.queue, "refine")
         watch(self._truth, app.queue, "truth")
         app.on("refine", lambda on: app.change("refine", replace(app.session.analysis, refine=on)))
@@ -67,11 +64,11 @@ class IdentifyStep:
         self.effects.refresh()
         self._refine.value = analysis.refine
         nothing = not analysis.groups_with("fit")
-        self._run.disabled = self.running or nothing
-        self._stop.disabled = not self.running
-        self._bar.visible = self.running
+        self._run.disabled = self._app.running or nothing
         if self.running:
-            text = "Run waits for the running identification; Stop keeps what it has."
+            text = "Running; Stop keeps what the solver has."
+        elif self._app.running:
+            text = "Run is off: something else runs. Stop ends it."
         elif nothing:
             text = "Run is off: no group is set to Fit in step Data."
         elif analysis.identification is not None and not analysis.up_to_date:
@@ -88,23 +85,32 @@ class IdentifyStep:
     def run(self) -> None:
         """Start the identification of the present settings."""
         analysis = self._app.session.analysis
-        if self.running or not analysis.groups_with("fit"):
+        if self._app.running or not analysis.groups_with("fit"):
             return
         self._running = analysis.settings
-        self._app.observer.sweep.stop()
         self._app.worker.stop("replay")  # it is simulated anew afterwards
-        self.iterations = []
-        self._draw_convergence()
+        self.begin()
+        self._app.dock.progress(1.0)  # how many iterations it takes is not known
         self._app.say("running", "busy")
         self._app.submit("identify", identify_set, analysis.without_result())
-        self.refresh()
-        self._app.observer.sweep.refresh()
+        self._app.refresh_running()
 
     def stop(self) -> None:
         """Stop the identification; it gives back what it has."""
         if self.running:
             self._app.worker.stop("identify")
             self._app.say("stopping", "busy")
+
+    def begin(self) -> None:
+        """An identification begins: its convergence is drawn from the start."""
+        self.iterations = []
+        self._draw_convergence()
+
+    def iterated(self, iteration: Any) -> None:
+        """An iteration of an identification."""
+        self.iterations.append(iteration)
+        self._app.say(progress_text(self.iterations), "busy")
+        self._new_iterations = True
 
     def tick(self) -> None:
         """Let the convergence plots follow a running identification."""
@@ -114,9 +120,7 @@ class IdentifyStep:
     def heard(self, event: JobEvent) -> None:
         """What the identification has to say."""
         if event.kind == "progress":
-            self.iterations.append(event.value)
-            self._app.say(progress_text(self.iterations), "busy")
-            self._new_iterations = True
+            self.iterated(event.value)
             return
         if event.kind == "started":
             return
@@ -132,8 +136,7 @@ class IdentifyStep:
             self._app.say("stopped before a first result")
         if event.kind != "done":
             self._app.show.show_model()
-        self.refresh()
-        self._app.observer.sweep.refresh()
+        self._app.refresh_running()
 
     def _summary(self, result: Any) -> str:
         count = plural(len(result.iterations), "iteration")

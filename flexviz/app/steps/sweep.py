@@ -22,7 +22,7 @@ def belongs_to(analysis: Analysis) -> tuple[Any, ...]:
 
 
 class Sweep:
-    """Sweep, stop, take the minimum; made inside the step's folder.
+    """Sweep, take the minimum; made inside the step's folder.
 
     `bandwidths` gives the ones to try, `take` sets a bandwidth [rad/s].
     """
@@ -38,8 +38,6 @@ class Sweep:
         self._start = gui.add_button(
             "Sweep bandwidth", color="blue", hint="identify at eleven bandwidths around this one"
         )
-        self._stop = gui.add_button("Stop sweep", color="red", visible=False)
-        self._bar = gui.add_progress_bar(0.0, visible=False)
         self._about = gui.add_html("")
         self._best = gui.add_button(
             "Use the sweep's minimum", color="gray", visible=False, hint="the least error over all joints"
@@ -47,7 +45,6 @@ class Sweep:
         self._folder = gui.add_folder(None, visible=False)
         self._charts = ChartColumn(app.server, self._folder)
         app.press(self._start, "sweep", self.run)
-        app.press(self._stop, "sweep-stop", self.stop)
         app.press(self._best, "sweep-best", lambda: self._take(self._result.best) if self._result else None)
 
     @property
@@ -65,10 +62,10 @@ class Sweep:
         if self.running or self._why_not():
             return
         self._running = belongs_to(analysis)
-        self._bar.value = 0.0
+        self._app.dock.progress(0.0)
         self._app.say("sweep starts", "busy")
         self._app.submit("sweep", sweep_set, analysis.without_result(), self._bandwidths())
-        self.refresh()
+        self._app.refresh_running()
 
     def stop(self) -> None:
         """Stop; what is done so far is shown."""
@@ -82,7 +79,7 @@ class Sweep:
             return
         if event.kind == "progress":
             done, total = event.value
-            self._bar.value = 100.0 * done / total
+            self._app.dock.progress(done / total)
             self._app.say(f"sweep: {done} of {total} bandwidths", "busy")
             return
         of, self._running = self._running, None
@@ -93,13 +90,12 @@ class Sweep:
         elif of is not None and of[0] == self._app.session.analysis.path:
             self._result, self._of = event.value, of
             self._app.say(f"swept {plural(len(event.value.bandwidths), 'bandwidth')}")
-        self.refresh()
+        self._app.refresh_running()
 
     def refresh(self) -> None:
         """Show the result for the chosen joint, and what may be pressed."""
         why = self._why_not()
         self._start.disabled = self.running or bool(why)
-        self._stop.visible = self._bar.visible = self.running
         self._best.visible = self._folder.visible = self._result is not None
         note = f'<div class="fv fv-dim">Sweep is off: {why}.</div>' if why and not self.running else ""
         if self._result is not None:
@@ -112,8 +108,8 @@ class Sweep:
         self._about.content = note
 
     def _why_not(self) -> str:
-        if self._app.identify.running:
-            return "an identification runs"
+        if self._app.running:
+            return "something runs"
         if not self._app.session.analysis.groups_with("fit"):
             return "no group is set to Fit in step Data"
         return ""

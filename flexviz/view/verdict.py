@@ -1,0 +1,153 @@
+"""A diagnosis in sentences: the verdict, and each finding with its numbers, ties and hiding places."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexviz.effects import EFFECTS
+from flexviz.view.text import escape, number, plural, title, with_error
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis, Finding, Tie
+    from flexviz.diagnosis.result import Absorbed
+
+BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
+ALONG = {
+    "position": "the position",
+    "velocity": "the velocity",
+    "acceleration": "the acceleration",
+    "load": "the load",
+    "time": "time",
+    "group": "the groups",
+    "frequency": "frequency",
+}
+LIKELY = 0.5  # confidence from which a finding is put forward
+SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
+ABSORBED = 3  # parameters named at most
+
+
+def effect_title(name: str) -> str:
+    """The effect's title; of one that is not in the library its name in words."""
+    effect = EFFECTS.get(name)
+    return effect.title if effect is not None else title(name)
+
+
+def where_text(joint: str | None, payload: str | None = None, group: str | None = None) -> str:
+    """ " on joint2", " in payload p2", " on joint1 in group g2", or nothing."""
+    text = f" on {joint}" if joint else f" in payload {payload}" if payload else ""
+    return text + (f" in group {group}" if group else "")
+
+
+def finding_name(finding: Finding) -> str:
+    """ "Coulomb friction on joint2"."""
+    return effect_title(finding.effect) + where_text(finding.joint, finding.payload, finding.group)
+
+
+def effect_text_name(text: str) -> str:
+    """The text of a chosen effect ("coulomb_friction:joint2") in words."""
+    name, _, where = text.partition(":")
+    place, _, group = where.partition("@")
+    return effect_title(name) + where_text(place or None, None, group or None)
+
+
+def share_text(share: float) -> str:
+    """0.994 as "99 %"; what would round to nothing or to certainty is said so."""
+    if share < 0.01:
+        return "< 1 %"
+    if share > 0.99:
+        return "> 99 %"
+    return f"{100 * share:.0f} %"
+
+
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """One sentence; begins with "Nothing is missing:", "Missing:" or "Unknown:"."""
+    beginning = BEGINNINGS.get(diagnosis.verdict, "Unknown:")
+    if diagnosis.verdict == "missing" and diagnosis.findings:
+        best = diagnosis.findings[0]
+        return (
+            f"{beginning} {finding_name(best)}. It explains {share_text(best.score)} of the error above the "
+            f"noise; confidence {share_text(best.confidence)}."
+        )
+    if diagnosis.verdict == "missing":
+        return f"{beginning} an effect that could not be named."
+    if diagnosis.verdict == "nothing-missing":
+        return f"{beginning} no effect of the library would explain what is left; it looks like noise."
+    place = next((p for p in diagnosis.where if p.explained > SMALLEST_SHARE), None)
+    if place is None:
+        return f"{beginning} something is left that no effect of the library explains."
+    return (
+        f"{beginning} something is left that no effect of the library explains, mostly on {place.joint} "
+        f"along {ALONG.get(place.variable, place.variable)} ({share_text(place.explained)} of it)."
+    )
+
+
+def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
+    """The verdict in its box, with what else a reader should know."""
+    if diagnosis is None:
+        return (
+            '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
+            "where that has not been done, looks at what is left, and tries every effect that is known.</div>"
+        )
+    notes = "".join(f'<div class="fv-dim">{escape(note)}</div>' for note in diagnosis.notes)
+    if diagnosis.stopped:
+        notes += '<div class="fv-warn">Stopped before the end: this is what was found until then.</div>'
+    if not up_to_date:
+        notes += (
+            '<div class="fv-warn">The model or the groups have changed since: press Find the missing effect.'
+            "</div>"
+        )
+    return (
+        f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict_text(diagnosis))}</div>'
+        + (f'<div class="fv">{notes}</div>' if notes else "")
+    )
+
+
+def values_text(finding: Finding) -> str:
+    """ "coulomb 3.000 ± 0.012 Nm"; the interval is 95 %."""
+    parts = []
+    for name, (value, std, unit) in finding.parameters.items():
+        shown, error = with_error(value, None if std is None else 1.96 * std)
+        parts.append(f"{title(name)} {shown} ± {error} {'' if unit == '-' else unit}".rstrip())
+    return ", ".join(parts)
+
+
+def tie_text(tie: Tie) -> str:
+    """What a finding cannot be told from, and what would decide."""
+    other = effect_title(tie.effect) + where_text(tie.joint)
+    text = f"Hardly told from {other} (signatures alike to {share_text(min(abs(tie.correlation), 1.0))})."
+    breaks = getattr(tie, "breaks", "")
+    return f"{text} {breaks}".strip()
+
+
+def absorbed_text(absorbed: Absorbed) -> str:
+    """A parameter that had taken the effect up."""
+    place = f" of {absorbed.joint}" if absorbed.joint else ""
+    unit = "" if absorbed.unit == "-" else f" {absorbed.unit}"
+    return f"{title(absorbed.name)}{place}: {number(absorbed.before)} → {number(absorbed.after)}{unit}"
+
+
+def finding_html(finding: Finding, rank: int, full: bool) -> str:
+    """A finding: name, values, share, confidence; the full one with ties and what had taken it up."""
+    likely = " fv-likely" if finding.confidence >= LIKELY else ""
+    values = values_text(finding)
+    lines = [f"<div><b>{rank}. {escape(finding_name(finding))}</b></div>"]
+    lines.append(
+        f'<div class="fv-bar"><span style="width:{100 * min(max(finding.confidence, 0.0), 1.0):.0f}%"></span>'
+        f"</div><div>confidence {share_text(finding.confidence)}, explains {share_text(finding.score)}</div>"
+    )
+    if values:
+        lines.append(f"<div>{escape(values)}</div>")
+    ties = finding.inseparable_from if full else finding.inseparable_from[:1]
+    lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
+    absorbed = getattr(finding, "absorbed", ()) if full else ()
+    if absorbed:
+        named = "; ".join(absorbed_text(entry) for entry in absorbed[:ABSORBED])
+        more = len(absorbed) - ABSORBED
+        named += f"; and {plural(more, 'other')}" if more > 0 else ""
+        lines.append(f'<div class="fv-dim">Had been taken up by {escape(named)}.</div>')
+    return f'<div class="fv fv-finding{likely}">{"".join(lines)}</div>'
+
+
+def progress_sentence(progress: object) -> str:
+    """What a diagnosis is doing."""
+    return str(getattr(progress, "text", "") or "looking")

@@ -1,0 +1,247 @@
+"""Where the model fails: the residual of one joint against each variable, and the map of all joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.view.colours import REFERENCE, RESIDUAL, cividis, css
+from flexviz.view.plots import Line, Plot, no_plot, thin
+from flexviz.view.text import escape, number, short_names
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Place
+    from flexviz.identification import Identification
+
+Array = NDArray[np.float64]
+
+EMPTY = (
+    "The residual against position, velocity, acceleration, load, time, group and frequency appears here "
+    "after Run (step 3, Identify) or Find the missing effect (step 4, Diagnose)."
+)
+UNITS = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s²",
+    "load": "Nm",
+    "time": "s",
+}
+VARIABLES = tuple(UNITS)
+COLUMNS = (*VARIABLES, "group", "frequency")  # of the map
+BINS = 24
+LEAST = 8  # samples a bin needs
+HEIGHT = 150  # [pixels]
+SHOWN_GROUPS = 12
+NORMAL = 1.96  # standard deviations of a 95 % interval
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The residual of one joint with what it may depend on, over some groups.
+
+    Attributes
+    ----------
+    names: the groups.
+    group: (N,) index of the group each sample belongs to.
+    variables: name -> (N,): position [rad], velocity [rad/s], acceleration [rad/s²], load [Nm], time [s].
+    residual: (N,) [Nm].
+    floor: what measurement noise alone leaves, rms [Nm]; NaN where that is not known.
+    """
+
+    names: tuple[str, ...]
+    group: NDArray[np.int64]
+    variables: dict[str, Array]
+    residual: Array
+    floor: float
+
+
+def samples(result: Identification | None, joint: int) -> Samples | None:
+    """The samples of one joint from an identification's residuals; None where there are none."""
+    if result is None:
+        return None
+    names: list[str] = []
+    rows: list[tuple[Array, ...]] = []
+    group: list[Array] = []
+    for name, series in result.residuals.items():
+        if len(series.time) < 5:
+            continue
+        time, q = np.asarray(series.time), np.asarray(series.q[:, joint])
+        velocity = np.gradient(q, time)
+        steps = np.diff(time, prepend=2 * time[0] - time[1])
+        near_gap = steps > 2.5 * np.median(steps)
+        near_gap |= np.roll(near_gap, -1) | np.roll(near_gap, 1)
+        acceleration, load = np.gradient(velocity, time), series.torque[:, joint]
+        columns = (q, velocity, acceleration, load, time, series.residual[:, joint])
+        rows.append(tuple(np.asarray(column)[~near_gap] for column in columns))
+        group.append(np.full(np.count_nonzero(~near_gap), len(names)))
+        names.append(name)
+    if not rows:
+        return None
+    columns = [np.concatenate(pieces) for pieces in zip(*rows, strict=True)]
+    floors = np.asarray(result.residual.noise_floor, dtype=float)
+    floor = float(floors[joint]) if joint < len(floors) else float("nan")
+    variables = dict(zip(VARIABLES, columns[:-1], strict=True))
+    return Samples(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
+
+
+def binned(variable: Array, residual: Array, bins: int = BINS) -> tuple[Array, Array]:
+    """Middles of equally wide bins and the mean residual in each, where a bin has enough samples."""
+    low, high = (float(edge) for edge in np.quantile(variable, (0.005, 0.995)))
+    if not high > low:
+        return np.zeros(0), np.zeros(0)
+    index = np.floor((variable - low) / (high - low) * bins).astype(int)
+    inside = (index >= 0) & (index < bins)
+    count = np.bincount(index[inside], minlength=bins)
+    total = np.bincount(index[inside], residual[inside], bins)
+    enough = count >= LEAST
+    middles = low + (np.arange(bins) + 0.5) * (high - low) / bins
+    return middles[enough], total[enough] / count[enough]
+
+
+def where_plots(found: Samples | None, name: str, shown: str) -> tuple[Plot, ...]:
+    """Binned mean against every variable with the noise band, the spectrum of the shown group, each group."""
+    if found is None:
+        return tuple(no_plot(key, EMPTY if key == "position" else "") for key in (*VARIABLES, "spectrum"))
+    plots = [_against(found, key, name) for key in VARIABLES if key != "time"]
+    plots.append(_time(found, name, shown))
+    plots.append(_spectrum(found, name, shown))
+    return tuple(plots)
+
+
+def _against(found: Samples, key: str, name: str) -> Plot:
+    x, mean = binned(found.variables[key], found.residual)
+    if len(x) < 2:
+        return no_plot(key, f"The {key} of {name} hardly changes.")
+    title = f"Residual of {name} [Nm] against {key} [{UNITS[key]}]"
+    return Plot(
+        key, title, x, _with_band(x, mean, found.floor), f"{key} [{UNITS[key]}]", height=HEIGHT, band=(1, 2)
+    )
+
+
+def _with_band(x: Array, mean: Array, floor: float) -> tuple[Line, ...]:
+    half = NORMAL * floor if np.isfinite(floor) else 0.0
+    return (
+        Line("mean", RESIDUAL, mean, 2.2, points=True),
+        Line("noise +95 %", REFERENCE, np.full(len(x), half), 1.0),
+        Line("noise −95 %", REFERENCE, np.full(len(x), -half), 1.0),
+    )
+
+
+def _time(found: Samples, name: str, shown: str) -> Plot:
+    rows = _rows(found, shown)
+    time, residual = found.variables["time"][rows], found.residual[rows]
+    if len(time) < 2:
+        return no_plot("time", "")
+    x, (values,) = thin(time, [residual])
+    lines = _with_band(x, values, found.floor)
+    lines = (Line("residual", RESIDUAL, values, 1.3), *lines[1:])
+    title = f"Residual of {name} [Nm] against time, {shown}"
+    return Plot(
+        "time", title, x, lines, height=HEIGHT, playhead=np.zeros(len(x)), band=(1, 2), shade=np.zeros(len(x))
+    )
+
+
+def _spectrum(found: Samples, name: str, shown: str) -> Plot:
+    from scipy.signal import welch
+
+    rows = _rows(found, shown)
+    time, residual = found.variables["time"][rows], found.residual[rows]
+    if len(time) < 64:
+        return no_plot("spectrum", "")
+    rate = 1.0 / float(np.median(np.diff(time)))
+    frequency, power = welch(residual, rate, nperseg=min(len(residual), int(8 * rate)))
+    top = frequency <= min(25.0, rate / 2)
+    values = np.sqrt(np.maximum(power[top], 1e-30))[1:]
+    x, (density,) = thin(frequency[top][1:], [values])
+    floor = float(density.max()) * 1e-5
+    title = f"Spectrum of the residual of {name} [Nm/√Hz], {shown}"
+    line = Line("density", RESIDUAL, np.maximum(density, floor), 1.5)
+    return Plot("spectrum", title, x, (line,), "frequency [Hz]", logarithmic=True, height=HEIGHT)
+
+
+def _rows(found: Samples, shown: str) -> NDArray[np.bool_]:
+    return found.group == (found.names.index(shown) if shown in found.names else 0)
+
+
+def limits(found: Samples | None, variable: str) -> tuple[float, float] | None:
+    """Smallest and largest value of a variable, for the range slider."""
+    if found is None or variable not in found.variables:
+        return None
+    values = found.variables[variable]
+    low, high = float(values.min()), float(values.max())
+    return (low, high) if high > low else None
+
+
+def instants(
+    found: Samples, variable: str, low: float, high: float, shown: str
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Times (M,) [s] of the shown group and whether the variable is in the range there."""
+    rows = _rows(found, shown)
+    values = found.variables[variable][rows]
+    return found.variables["time"][rows], (values >= low) & (values <= high)
+
+
+def shaded(plot: Plot, time: Array, inside: NDArray[np.bool_]) -> Array:
+    """0/1 at the plot's x: which instants are highlighted."""
+    if not len(plot.x) or not len(time):
+        return np.zeros(len(plot.x))
+    return inside[np.clip(np.searchsorted(time, plot.x), 0, len(time) - 1)].astype(float)
+
+
+def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]) -> str:
+    """What is highlighted."""
+    share = float(np.mean(inside)) if len(inside) else 0.0
+    return (
+        f'<div class="fv fv-dim">{escape(variable)} from {number(low, 3)} to {number(high, 3)} '
+        f"{UNITS[variable]}: {100 * share:.0f} % of the time in this group, orange in the plot over time and "
+        "on the robot's path.</div>"
+    )
+
+
+def map_html(places: Sequence[Place], joints: Sequence[str], chosen: int = 0) -> str:
+    """Joint by variable: the share of the residual's variance that each explains out of sample."""
+    if not places:
+        return ""
+    share = {(place.joint, place.variable): max(place.explained, 0.0) for place in places}
+    columns = [key for key in COLUMNS if any(variable == key for _, variable in share)]
+    head = "".join(
+        f'<th title="{key}">{escape(key[:5])}{"." if len(key) > 5 else ""}</th>' for key in columns
+    )
+    rows = []
+    for index, (joint, short) in enumerate(zip(joints, short_names(tuple(joints)), strict=True)):
+        cells = "".join(_cell(share.get((joint, key)), joint, key) for key in columns)
+        bold = "<b>{}</b>" if index == chosen else "{}"
+        rows.append(f"<tr><td>{bold.format(escape(short))}</td>{cells}</tr>")
+    return (
+        '<div class="fv"><b>Share of the final residual that each variable explains</b>'
+        f'<table class="fv-table fv-heat"><tr><th></th>{head}</tr>{"".join(rows)}</table>'
+        '<div class="fv-dim">Out of sample: noise scores 0. From the last diagnosis.</div></div>'
+    )
+
+
+def _cell(share: float | None, joint: str, variable: str) -> str:
+    if share is None:
+        return "<td>–</td>"
+    colour = cividis(share)
+    ink = "#000" if sum(colour) > 330 else "#fff"
+    return (
+        f'<td style="background:{css(colour)};color:{ink}" title="{escape(joint)}, {escape(variable)}">'
+        f"{100 * share:.0f} %</td>"
+    )
+
+
+def groups_html(found: Samples | None, name: str) -> str:
+    """The rms of the residual in every group."""
+    if found is None:
+        return ""
+    cells = []
+    for index, group in enumerate(found.names[:SHOWN_GROUPS]):
+        part = found.residual[found.group == index]
+        rms = number(float(np.sqrt(np.mean(part**2))), 3)
+        cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')
+    floor = f" Noise floor {number(found.floor, 2)}." if np.isfinite(found.floor) else ""
+    return f'<div class="fv">Rms residual of {escape(name)} [Nm]: {"".join(cells)}{floor}</div>'

@@ -1,0 +1,178 @@
+"""A diagnosis in words, cards, stairs and maps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis import Diagnosis, Finding, Place, Step, Tie
+from flexviz.diagnosis.result import Absorbed, Evidence
+from flexviz.effects import EFFECTS
+from flexviz.session import Analysis, Stair
+from flexviz.view.effect_card import card_html, picture
+from flexviz.view.evidence import evidence_plot
+from flexviz.view.next_step import next_step, steps_done
+from flexviz.view.staircase import EMPTY, staircase_html, staircase_plots
+from flexviz.view.verdict import (
+    effect_text_name,
+    finding_html,
+    share_text,
+    values_text,
+    verdict_html,
+    verdict_text,
+)
+from flexviz.view.where import binned, instants, limits, map_html, samples, shaded, where_plots
+
+TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
+ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
+FINDING = Finding(
+    "coulomb_friction", "joint2", None, None, 0.62, 0.98, {"coulomb": (3.0, 0.01, "Nm")}, (TIE,), 400.0,
+    (ABSORBED,),
+    Evidence(
+        "joint2", (("g1", 0, 50), ("g2", 50, 100)), np.tile(np.linspace(0, 5, 50), 2),
+        np.ones(100), np.zeros(100),
+    ),
+)  # fmt: skip
+STEP = Step(
+    None,
+    (2.0, 1.0),
+    (2.2, 1.1),
+    "missing",
+    (("g1", (2.0, 1.0), False), ("g4", (2.2, 1.1), True)),
+    (0.01, 0.02),
+)
+LOW = replace(STEP, rms=(0.2, 0.1), groups=(("g1", (0.2, 0.1), False), ("g4", (0.2, 0.1), True)))
+DIAGNOSIS = Diagnosis(
+    "set", "missing", (FINDING,), (Place("joint2", "velocity", 0.31, (-1.0, 1.0)),), (STEP,), (), (), 3.0
+)
+
+
+def test_the_verdict_begins_as_agreed() -> None:
+    assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2.")
+    assert verdict_text(replace(DIAGNOSIS, findings=())).startswith("Missing:")
+    assert verdict_text(replace(DIAGNOSIS, verdict="nothing-missing")).startswith("Nothing is missing:")
+    unknown = verdict_text(replace(DIAGNOSIS, verdict="unknown"))
+    assert unknown.startswith("Unknown:") and "joint2 along the velocity (31 %" in unknown
+    assert verdict_text(replace(DIAGNOSIS, verdict="unknown", where=())).startswith("Unknown:")
+
+
+def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
+    assert "Find the missing effect" in verdict_html(None)
+    assert "have changed since" in verdict_html(DIAGNOSIS, up_to_date=False)
+    assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
+    assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=("<b>",)))
+
+
+@pytest.mark.parametrize("share, text", [(0.0, "< 1 %"), (0.5, "50 %"), (0.999, "> 99 %"), (1.0, "> 99 %")])
+def test_nothing_is_said_to_be_certain(share: float, text: str) -> None:
+    assert share_text(share) == text
+
+
+def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
+    assert values_text(FINDING) == "coulomb 3.000 ± 0.020 Nm"
+    text = finding_html(FINDING, 1, full=True)
+    for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
+        assert part in text, part
+    bare = replace(FINDING, inseparable_from=(), absorbed=(), parameters={}, evidence=None)
+    assert "fv-warn" not in finding_html(bare, 2, full=True)
+
+
+@pytest.mark.parametrize(
+    "text, name",
+    [
+        ("coulomb_friction:joint2", "Coulomb friction on joint2"),
+        ("external_contact:joint1@g2", "on joint1 in group g2"),
+        ("torque_delay", EFFECTS["torque_delay"].title),
+    ],
+)
+def test_an_effects_text_in_words(text: str, name: str) -> None:
+    assert name in effect_text_name(text)
+
+
+@pytest.mark.parametrize("name", list(EFFECTS))
+def test_every_effect_has_a_card_with_equation_and_picture(name: str) -> None:
+    card = card_html(name)
+    assert EFFECTS[name].title.split()[0].lower() in card.lower() and "fv-equation" in card
+    assert picture(name).startswith("<svg")
+    assert picture(name) in card
+
+
+def test_an_unknown_effect_has_none() -> None:
+    assert card_html("no_such") == "" and picture("../../etc/passwd") == ""
+
+
+def test_evidence_follows_the_group() -> None:
+    plot = evidence_plot(FINDING, "g2")
+    assert "g2" in plot.title and len(plot.lines) == 2 and len(plot.x) == 50
+    assert "g1" in evidence_plot(FINDING, "g9").title
+    assert evidence_plot(replace(FINDING, evidence=None), "g1").note and not evidence_plot(None, "g1").lines
+
+
+def test_stairs_fall_and_say_what_was_added() -> None:
+    stairs = (Stair((), STEP), Stair(("coulomb_friction:joint2",), LOW))
+    both, one = staircase_plots(stairs, 1, "joint2")
+    labels = [line.label for line in both.lines]
+    assert labels == ["g1", "g4 (validation)", "noise floor"]
+    assert both.lines[0].values[0] == pytest.approx(np.sqrt(2.5)) and both.lines[0].values[-1] < 0.2
+    assert list(both.x) == [-0.5, 0.5, 0.5, 1.5] and one.lines[0].values[0] == 1.0
+    assert "+ Coulomb friction on joint2" in staircase_html(stairs)
+    without = tuple(Stair(s.effects, replace(s.step, groups=(), noise_floor=())) for s in stairs)
+    assert [line.label for line in staircase_plots(without, 0, "joint1")[0].lines] == ["fit", "validation"]
+    assert staircase_plots((), 0, "joint1")[0].note == EMPTY and staircase_html(()) == ""
+
+
+def residuals(n: int = 2000) -> Any:
+    time = np.linspace(0.0, 10.0, n)
+    q = np.stack([np.sin(time), np.cos(time)], axis=1)
+    velocity = np.stack([np.cos(time), -np.sin(time)], axis=1)
+    series = SimpleNamespace(time=time, q=q, torque=q, residual=2.0 * np.sign(velocity))
+    return SimpleNamespace(
+        residuals={"g1": series, "g2": series}, residual=SimpleNamespace(noise_floor=(0.1, float("nan")))
+    )
+
+
+def test_the_residual_against_velocity_shows_the_step() -> None:
+    found = samples(residuals(), 0)
+    assert found is not None
+    x, mean = binned(found.variables["velocity"], found.residual)
+    assert np.allclose(mean[x > 0.1], 2.0) and np.allclose(mean[x < -0.1], -2.0)
+    plots = {plot.key: plot for plot in where_plots(found, "joint1", "g1")}
+    assert plots["velocity"].band == (1, 2) and plots["velocity"].lines[1].values[0] == pytest.approx(0.196)
+    assert all(np.isfinite(line.values).all() for plot in plots.values() for line in plot.lines)
+    assert where_plots(None, "joint1", "g1")[0].note and samples(None, 0) is None
+
+
+def test_a_range_marks_its_instants() -> None:
+    found = samples(residuals(), 0)
+    assert found is not None
+    low, high = limits(found, "position") or (0.0, 0.0)
+    assert (low, high) == pytest.approx((-1.0, 1.0), abs=0.01) and limits(found, "nothing") is None
+    time, inside = instants(found, "position", 0.5, 1.0, "g2")
+    assert np.mean(inside) == pytest.approx(np.mean(np.sin(np.linspace(0, 10, 2000)) >= 0.5), abs=0.01)
+    plot = next(p for p in where_plots(found, "joint1", "g2") if p.key == "time")
+    assert set(shaded(plot, time, inside)) == {0.0, 1.0}
+
+
+def test_the_map_has_a_cell_for_every_joint_and_variable() -> None:
+    text = map_html(
+        (Place("joint2", "velocity", 0.31, (0, 1)), Place("joint1", "velocity", -0.1, (0, 1))),
+        ("joint1", "joint2"),
+    )
+    assert "31 %" in text and "0 %" in text and map_html((), ("joint1",)) == ""
+
+
+def test_what_to_do_next(tmp_path: Any) -> None:
+    analysis = Analysis(tmp_path, roles=(("g1", "fit"),))
+    assert next_step(analysis, "Data", False).step == "Diagnose"
+    assert "<b>Stop</b>" in next_step(analysis, "Data", True).text
+    assert next_step(analysis.with_role("g1", "ignore"), "Diagnose", False).step == "Data"
+    looked = analysis.with_diagnosis(DIAGNOSIS)
+    assert next_step(looked, "Diagnose", False).button == "add" and steps_done(looked) == ("Diagnose",)
+    done = looked.with_effect("a", True).with_diagnosis(
+        replace(DIAGNOSIS, verdict="nothing-missing", findings=())
+    )
+    assert "Compare" in next_step(done, "Diagnose", False).text
