@@ -1,6 +1,7 @@
 """Forward simulation of flexible-joint robots: both sides, controller, sensors and every effect."""
 
 from flexviz.simulation.control import Controller
+from flexviz.simulation.own import JointState, OwnLaw, Pull
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
@@ -21,8 +22,11 @@ __all__ = [
     "PRESETS",
     "Controller",
     "Fourier",
+    "JointState",
+    "OwnLaw",
     "Plan",
     "PlannedGroup",
+    "Pull",
     "Reference",
     "Run",
     "Sampled",

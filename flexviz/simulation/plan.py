@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.control import Controller
+from flexviz.simulation.own import OwnLaw
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Reference
 from flexviz.simulation.run import Run, simulate_run
@@ -46,6 +47,7 @@ class Plan:
     single: write the signals as float32.
     extra: also write link positions and joint torques.
     note: where the true values come from, for truth.json.
+    laws: (joint, law) of what the library does not have; truth.json does not tell of them.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Plan:
     extra: bool = True
     note: str = ""
     files: dict[str, str] = field(default_factory=dict)
+    laws: tuple[tuple[str, OwnLaw], ...] = ()
 
     def run(
         self,
@@ -88,6 +91,7 @@ class Plan:
             seed=seed,  # type: ignore[arg-type]
             group=group.name,
             payload_name=group.payload,
+            laws=self.laws,
             progress=progress,
             should_stop=should_stop,
         )

@@ -4,13 +4,14 @@
     motor   θ̈ = B⁻¹ (τ − f_m − τ_j)
     joint   τ_j = K (θ − q)   or ElasticJoint
 
-Everything here is in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z], z the presliding states.
+Everything here is in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z], z the presliding
+states and those of laws of one's own.
 The integrator is the classical Runge–Kutta method of order 4 with the motor torque held over a call.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 from flexviz._pinocchio import pin
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.own import JointState, OwnLaw, Pull
 
 Array = np.ndarray
 Advance = Callable[[Array, float, float, int], None]
@@ -37,6 +39,7 @@ class Plant:
     presliding: (joint index, Dahl).
     elastic: joint index -> law, for joints that are not a plain spring.
     contacts: (joint index, torque [Nm], start [s], end [s]).
+    own: (joint index, law) of what the library does not have.
     """
 
     model: Any
@@ -49,6 +52,7 @@ class Plant:
     presliding: list[tuple[int, Dahl]] = field(default_factory=list)
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
+    own: list[tuple[int, OwnLaw]] = field(default_factory=list)
 
     @property
     def n(self) -> int:
@@ -60,24 +64,44 @@ class Plant:
         return self.elastic.get(i) or ElasticJoint(float(self.stiffness[i]))
 
     def empty_state(self) -> Array:
-        """A state vector (4n + presliding states) of zeros."""
-        return np.zeros(4 * self.n + len(self.presliding))
+        """A state vector (4n + presliding and own states) of zeros."""
+        return np.zeros(4 * self.n + len(self.presliding) + sum(law.states for _, law in self.own))
 
-    def joint_torque(self, x: Array) -> Array:
-        """τ_j (N, n) [Nm] for states x (N, 4n + …)."""
+    def pulls(
+        self, time: float, y: list[float], carried: Sequence[float] | Array
+    ) -> list[tuple[int, int, Pull]]:
+        """Joint, place of its states and torques of each law of one's own, at the state `y` (4n + …).
+
+        `carried` (n,) is what the joints carry by the library's laws [Nm].
+        """
+        n, out = self.n, []
+        at = 4 * n + len(self.presliding)
+        for i, law in self.own:
+            z = y[at : at + law.states]
+            state = JointState(time, y[n + i], y[3 * n + i], y[i], y[2 * n + i], float(carried[i]), z)
+            out.append((i, at, law.pull(state)))
+            at += law.states
+        return out
+
+    def joint_torque(self, x: Array, time: Array) -> Array:
+        """τ_j (N, n) [Nm] for states x (N, 4n + …) at `time` (N,) [s]."""
         n = self.n
         q, theta, qv, thetav = (x[:, i * n : (i + 1) * n] for i in range(4))
         torque = self.stiffness * (theta - q)
         for i, law in self.elastic.items():
             columns = (theta[:, i].tolist(), q[:, i].tolist(), thetav[:, i].tolist(), qv[:, i].tolist())
             torque[:, i] = [law.torque(*row) for row in zip(*columns, strict=True)]
+        if self.own:
+            rows = zip(time.tolist(), x.tolist(), torque.tolist(), strict=True)
+            for k, row in enumerate(rows):
+                for i, _, pull in self.pulls(*row):
+                    torque[k, i] += pull.joint
         return torque
 
     def stepper(self, x: Array) -> Advance:
         """A function advance(τ (n,), t, duration, substeps) that integrates the state `x` in place."""
         n = self.n
-        nz = len(self.presliding)
-        size = 4 * n + nz
+        size = len(self.empty_state())
         model, data, aba = self.model, self.model.createData(), pin.aba
         linear = self._linear_part()
         inverse: Array = np.linalg.inv(self.motor_inertia)
@@ -85,8 +109,8 @@ class Plant:
         apply = np.multiply if diagonal else np.dot
         weight = np.ascontiguousarray(np.diag(inverse)) if diagonal else inverse
         motor_laws, link_laws, presliding = self.motor_laws, self.link_laws, list(enumerate(self.presliding))
-        elastic, contacts = list(self.elastic.items()), self.contacts
-        nonlinear = bool(motor_laws or link_laws or presliding or elastic or contacts)
+        elastic, contacts, own = list(self.elastic.items()), self.contacts, self.own
+        nonlinear = bool(motor_laws or link_laws or presliding or elastic or contacts or own)
 
         force = np.zeros(3 * n)  # link torque, motor torque, joint torque [Nm]
         link, motor, carried = force[:n], force[n : 2 * n], force[2 * n :]
@@ -104,6 +128,12 @@ class Plant:
                 carried[i] = torque
                 link[i] += torque
                 motor[i] -= torque
+            if own:
+                for i, at, pull in self.pulls(t, values, carried):
+                    carried[i] += pull.joint
+                    link[i] += pull.joint - pull.link
+                    motor[i] -= pull.joint + pull.motor
+                    rate[at : at + len(pull.rates)] = pull.rates
             for i, law in link_laws:
                 link[i] -= law(t, values[i], values[2 * n + i])
             for i, law in motor_laws:

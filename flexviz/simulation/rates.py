@@ -36,6 +36,12 @@ def fastest(plant: Plant, positions: Array) -> tuple[float, float]:
             link[i] += abs(law(0.0, q[i], e) - law(0.0, q[i], -e)) / (2 * e)
         for i, law in plant.motor_laws:
             motor[i] += abs(law(0.0, q[i], e, load[i]) - law(0.0, q[i], -e, load[i])) / (2 * e)
+        for sign in (1.0, -1.0) if plant.own else ():
+            y = plant.empty_state()
+            y[: 2 * n], y[2 * n : 4 * n] = np.tile(q, 2), sign * e
+            for i, _, pull in plant.pulls(0.0, y.tolist(), load):
+                link[i] += sign * pull.link / (2 * e)
+                motor[i] += sign * pull.motor / (2 * e)
         presliding = max((2.0 * d.presliding_stiffness / d.coulomb for _, d in plant.presliding), default=0.0)
         extra = np.zeros(n)
         for i, d in plant.presliding:

@@ -14,6 +14,7 @@ from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import Controller, TorqueFilter
 from flexviz.simulation.loop import Loop, Progress
+from flexviz.simulation.own import OwnLaw
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
 from flexviz.simulation.sensors import Feedback, Sensors
@@ -71,6 +72,7 @@ def simulate_run(
     seed: int | np.random.Generator | None = None,
     group: str | None = None,
     payload_name: str | None = None,
+    laws: Sequence[tuple[str, OwnLaw]] = (),
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Run:
@@ -78,8 +80,8 @@ def simulate_run(
 
     `step` is the largest integration step [s] (None: chosen from the fastest motion), `record_step` the
     recording's step [s] (None: every controller cycle). `start` "rest": in static equilibrium at θ_d(0);
-    "moving": on the reference, with its velocity. `progress` gets the share done; when `should_stop` says so
-    the simulation ends with Cancelled.
+    "moving": on the reference, with its velocity. `laws` are (joint, law) beside the library's. `progress`
+    gets the share done; when `should_stop` says so the simulation ends with Cancelled.
     """
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; valid: {", ".join(STARTS)}')
@@ -91,6 +93,7 @@ def simulate_run(
     time = np.arange(cycles) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
     plant, recorder = make_plant(robot, model, payload, group=group, payload_name=payload_name)
+    plant.own = [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
     kp, kd = (robot.to_pin(np.broadcast_to(gain, n)) for gain in (controller.kp, controller.kd))
     if start == "rest":
         x, tau = starting.at_rest(plant, position[0], kp)
@@ -123,7 +126,7 @@ def to_run(
         q=q,
         q_velocity=qv,
         tau=robot.from_pin(torques),
-        tau_joint=robot.from_pin(plant.joint_torque(states)),
+        tau_joint=robot.from_pin(plant.joint_torque(states, time)),
         theta_ref=robot.from_pin(position),
         torque_hold=hold,
     )

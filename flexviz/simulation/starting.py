@@ -19,18 +19,26 @@ def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
     n = plant.n
     data = plant.model.createData()
     theta, q, tau = theta_ref.copy(), theta_ref.copy(), np.zeros(n)
+    x = plant.empty_state()
     for _ in range(200):
         load = pin.computeGeneralizedGravity(plant.model, data, q).copy()
         for i, law in plant.link_laws:
             load[i] += law(0.0, float(q[i]), 0.0)
         for i, torque, start, end in plant.contacts:
             load[i] -= torque * (start <= 0.0 < end)
-        new = load.copy()
+        x[:n], x[n : 2 * n] = q, theta
+        own = plant.pulls(0.0, x.tolist(), load)
+        for i, _, pull in own:
+            load[i] += pull.link
+        new, extra = load.copy(), np.zeros(n)
+        for i, _, pull in own:
+            new[i] += pull.motor
+            extra[i] += pull.joint
         for i, law in plant.motor_laws:
             new[i] += law(0.0, float(theta[i]), 0.0, float(load[i]))
         theta_new = theta_ref - np.where(kp > 0, new / np.where(kp > 0, kp, 1.0), 0.0)
         shift = [
-            plant.joint(i).shift(float(theta_new[i])) - plant.joint(i).opening(float(load[i]))
+            plant.joint(i).shift(float(theta_new[i])) - plant.joint(i).opening(float(load[i] - extra[i]))
             for i in range(n)
         ]
         q_new = theta_new + np.array(shift)
@@ -38,7 +46,6 @@ def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
         theta, q, tau = theta_new, q_new, new
         if change < 1e-14:
             break
-    x = plant.empty_state()
     x[:n], x[n : 2 * n] = q, theta
     return x, tau
 

@@ -1,0 +1,146 @@
+"""The fit that knows the truth, and what it gains: with the workbench that the diagnosis itself uses.
+
+The only file of the study that reaches inside the diagnosis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.equation import Equation, Layout, build_signals
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet
+from flexviz.model import EffectValue, FlexibleModel
+from flexviz.observers import FlatZeroPhase
+
+Array = NDArray[np.float64]
+
+ITERATIONS = 30
+ERROR_HERTZ = 5.0  # band of the errors that are compared
+
+
+@dataclass(frozen=True)
+class Knowing:
+    """What can be known of a case.
+
+    Attributes
+    ----------
+    gain: how much χ² (and the metric's determinant) falls from the best base model to the fit that knows the
+        truth; without a library effect to know, to the noise floor itself.
+    gains: the same for each hidden effect when the fit knows all others.
+    objective_gain: the same fall in the diagnosis' own objective.
+    chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
+    chi_held_out: (n,) of the validation group, with what is hidden.
+    model: the fit that knows the truth.
+    converged: both fits.
+    """
+
+    gain: float
+    gains: tuple[float, ...]
+    objective_gain: float
+    chi: tuple[float, ...]
+    chi_base: tuple[float, ...]
+    chi_held_out: tuple[float, ...]
+    model: FlexibleModel
+    converged: bool
+
+
+def true_model(truth: dict[str, Any]) -> FlexibleModel:
+    """The truth of a case as a model, without what the library does not have."""
+    named = [e for e in truth["effects"] if e["effect"] != "unknown"]
+    values = [
+        EffectValue(e["effect"], e["joint"], e.get("all_parameters") or e["parameters"], e["group"], e["payload"])
+        for e in (*truth["base_effects"], *named)
+    ]
+    return FlexibleModel(
+        tuple(truth["joints"]),
+        np.array(truth["stiffness"]),
+        np.array(truth["motor_inertia"]),
+        np.array(truth["viscous_link"]),
+        np.array(truth["viscous_motor"]),
+        np.array(truth["inertial"]),
+        tuple(values),
+    )
+
+
+def know(measurements: MeasurementSet, truth: dict[str, Any]) -> Knowing:
+    """Fit the base model, and the one with the true effects, started from the truth."""
+    joints, true = measurements.joints, true_model(truth)
+    base = Layout(joints, choose_effects(measurements.effects, joints))
+    bench = Workbench(measurements, base)
+    hidden = [chosen(e, joints) for e in true.effects[len(truth["base_effects"]) :]]
+    plain = identify(measurements)
+    without = _best(bench, base, [base.vector(plain.model), base.vector(true)])
+    if not hidden:
+        gain = _chi_square(without) - _samples(without) * base.n
+        chi = tuple(map(float, without.chi))
+        held_out = tuple(map(float, without.chi_held_out))
+        return Knowing(gain, (), gain, chi, chi, held_out, base.model(without.x), without.converged)
+    layout = with_hidden(base, hidden)
+    full = _best(bench, layout, [layout.vector(true)])
+    gains = []
+    for k in range(len(hidden)):
+        if len(hidden) == 1:
+            gains.append(_chi_square(without) - _chi_square(full))
+            continue
+        less = with_hidden(base, hidden[:k] + hidden[k + 1 :])
+        part = _best(bench, less, [less.vector(layout.model(full.x)), less.vector(true)])
+        gains.append(_chi_square(part) - _chi_square(full))
+    return Knowing(
+        _chi_square(without) - _chi_square(full),
+        tuple(gains),
+        without.objective - full.objective,
+        tuple(map(float, full.chi)),
+        tuple(map(float, without.chi)),
+        tuple(map(float, full.chi_held_out)),
+        layout.model(full.x),
+        full.converged and without.converged,
+    )
+
+
+def chosen(effect: EffectValue, joints: Sequence[str]) -> ChosenEffect:
+    """An effect's place in a layout."""
+    joint = None if effect.joint is None else list(joints).index(effect.joint)
+    return ChosenEffect(effect.effect, joint, effect.group, effect.payload)
+
+
+def with_hidden(base: Layout, hidden: Sequence[ChosenEffect]) -> Layout:
+    """The base model's effects and the hidden ones, without those that a hidden one replaces."""
+    replaced = {(EFFECTS[h.effect].replaces, h.joint) for h in hidden}
+    kept = tuple(e for e in base.effects if (e.effect, e.joint) not in replaced)
+    return Layout(base.joints, (*kept, *hidden))
+
+
+def errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[float, ...]:
+    """Residual rms of a model per joint over the held-out groups [Nm], in a band flat where the robot moves."""
+    groups = [g for g in measurements.groups if g.validation]
+    layout = Layout(measurements.joints, tuple(chosen(e, measurements.joints) for e in model.effects))
+    x = layout.vector(model)
+    signals = build_signals(measurements, groups, FlatZeroPhase(2 * np.pi * ERROR_HERTZ))
+    equation = Equation(measurements.robot, signals, layout)
+    equation.prepare(x)
+    residual = equation.evaluate(x).residual
+    return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
+
+
+def _best(bench: Workbench, layout: Layout, starts: Sequence[Array]) -> Fit:
+    """The best fit of a layout from several starts."""
+    fits = [bench.fit(layout, x, iterations=ITERATIONS) for x in starts]
+    return min(fits, key=lambda fit: fit.objective)
+
+
+def _chi_square(fit: Fit) -> float:
+    """−2 log likelihood of fit and validation groups, up to a constant."""
+    points = [p for p in (fit.point, fit.held_out) if p is not None]
+    return sum(float(np.sum(p.r**2)) + sum(m.log_determinant for m in p.metrics) for p in points)
+
+
+def _samples(fit: Fit) -> int:
+    return sum(int(np.count_nonzero(p.used)) for p in (fit.point, fit.held_out) if p is not None)
