@@ -59,7 +59,7 @@ class Application:
         self.keys = Keys(self)
         self.dock.finish()
         self.on("job", self._job)
-        self.on("client", self.show.scene.aim)
+        self.on("client", self._came)
         self.on("resized", self.show.scene.resized)
         self.on("gone", self.show.scene.gone)
 
@@ -223,6 +223,10 @@ class Application:
         self._stopped.set()
         self.show.playback.close()
         self.worker.close()
+
+    def _came(self, client: viser.ClientHandle) -> None:
+        self.show.scene.aim(client)
+        self.show.plots.connected()
 
     def _tick(self) -> None:
         self.show.tick()

@@ -19,6 +19,7 @@ class Chart:
     def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
         self._server = server
         self._plot = plot
+        self._renewed = False
         self._handle = server.gui.add_uplot(
             plot.data(),
             series=_series(plot),  # type: ignore[arg-type]
@@ -44,6 +45,15 @@ class Chart:
             if before.title != plot.title:
                 self._handle.title = plot.title
             self._handle.data = plot.data()
+
+    def renew(self) -> None:
+        """Let every browser build the chart anew.
+
+        A chart whose data change in the moment in which it gets its width loses its horizontal axis; that
+        happens where a page is opened while the playhead moves.
+        """
+        self._renewed = not self._renewed
+        self._handle.axes = _axes(self._plot, 42 + self._renewed)  # type: ignore[assignment]
 
     def visible(self, on: bool) -> None:
         """Show or hide the chart."""
@@ -86,6 +96,11 @@ class ChartColumn:
                     self._charts[plot.key] = Chart(self._server, plot)
             else:
                 chart.show(plot)
+
+    def renew(self) -> None:
+        """Let every browser build the charts anew."""
+        for chart in self._charts.values():
+            chart.renew()
 
     def move(self, time: float) -> None:
         """Move every playhead [s]."""
@@ -131,9 +146,7 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
 def _scales(plot: Plot) -> dict[str, Any]:
     scales: dict[str, Any] = {
         # of base 10 uPlot would write only the powers of ten at a horizontal axis
-        # and an x with fixed limits loses its axis whenever its tab has been hidden: only where data do not
-        # reach the limits
-        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span if plot.logarithmic_x else None, base=2),
+        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span, base=2),
         "y": _scale(plot.logarithmic, plot.range),
     }
     if plot.playhead is not None or plot.mark is not None or plot.shade is not None:
@@ -146,8 +159,8 @@ def _scale(logarithmic: bool, limits: tuple[float, float] | None, base: int = 10
     return scale if limits is None else scale | {"range": limits}
 
 
-def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
-    x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
+def _axes(plot: Plot, size: int = 42) -> tuple[dict[str, Any], ...]:
+    x: dict[str, Any] = {"scale": "x", "size": size, "space": 60}
     if plot.whole_x:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
     return (x, {"scale": "y", "size": 58})

@@ -157,4 +157,4 @@ class Show:
         """Let playheads and the time slider follow the clock."""
         if self.clock.playing:
             self._app.view.tick()
-        self.plots.move(self.clock.time)
+        self.plots.tick(self.clock.time)

@@ -39,8 +39,8 @@ CSS = """
   border: 1px solid #999; border-left-width: 4px; }
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
 .fv-verdict.nothing-missing { border-color: #009E73; }
-div:has(> .fv-added) { display: inline-block; width: 70%; vertical-align: top; }
-.fv-added { padding-top: 0.3em; }
+div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
+.fv-added { padding-top: 0.3em; padding-right: 0.2em; }
 .fv-finding { margin-top: 0.2em; padding-top: 0.4em; border-top: 1px solid rgba(128, 128, 128, 0.3); }
 .fv-bar { height: 5px; border-radius: 3px; background: rgba(128, 128, 128, 0.25); margin: 2px 0; }
 .fv-bar span { display: block; height: 100%; border-radius: 3px; background: #999; }
@@ -98,8 +98,8 @@ def in_row(*uuids: str, share: float | None = None) -> str:
     buttons = ", ".join(f'button[id="{uuid}"]' for uuid in uuids)
     return (
         f"{boxes} {{ display: inline-block; width: calc({width:.4f} * (100% - {2 * EDGE - GAP}px)); "
-        f"margin: 0; margin-inline: 0; padding: 0 {GAP}px 0.5em 0; vertical-align: top; }}\n"
-        f'div:has(> button[id="{first}"]) {{ margin-left: {EDGE if share is None else 0}px; }}\n'
+        f"margin: 0 !important; padding: 0 {GAP}px 0.5em 0; vertical-align: top; }}\n"
+        f'div:has(> button[id="{first}"]) {{ margin-left: {EDGE if share is None else 0}px !important; }}\n'
         f"{buttons} {{ padding: 0 4px; font-size: 12.5px; }}"
     )
 

@@ -102,6 +102,7 @@ class WhereTab:
         ends = limits(self._samples, key)
         if ends is not None:
             low, high = ends
+            low, high = float(f"{low:.6g}"), float(f"{high:.6g}")
             self._range.min, self._range.max, self._range.step = low, high, (high - low) / STEPS
             self._range.value = (low + 0.75 * (high - low), high)
         self.show()

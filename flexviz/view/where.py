@@ -173,7 +173,10 @@ def limits(found: Samples | None, variable: str) -> tuple[float, float] | None:
         return None
     values = found.variables[variable]
     low, high = float(values.min()), float(values.max())
-    return (low, high) if high > low else None
+    if not high > low:
+        return None
+    digit = 10.0 ** (np.floor(np.log10(high - low)) - 1)  # so that the slider's ends are short numbers
+    return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
 
 
 def instants(

@@ -152,13 +152,14 @@ class DiagnoseStep:
             app.change("looked for the missing effect" if looked.added else self._label, analysis)
         for index, (effects, identification) in enumerate(looked.added, start=1):
             step = diagnosis.steps[index]
-            following = tuple(
-                s.added for s in diagnosis.steps[index + 1 : index + 2] if s.added is not None
-            )
+            following = tuple(s.added for s in diagnosis.steps[index + 1 : index + 2] if s.added is not None)
             answer = replace(diagnosis, verdict=step.verdict, findings=following, steps=(step,))
             analysis = replace(analysis, effects=effects)
             analysis = analysis.with_identification(identification, analysis.settings).with_diagnosis(answer)
             app.change(f"added {effect_text_name(effects[-1])}", analysis)
+        found = app.session.analysis.diagnosis
+        if found is not None and found.verdict == "missing" and found.findings and found.findings[0].joint:
+            app.show.select(joint=app.measurements.joint_index(found.findings[0].joint))
         app.say(f"{self._label} in {number(diagnosis.seconds, 2)} s")
 
     def _why_not(self) -> str:
