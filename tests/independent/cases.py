@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def draw(
         noise: times the robot's usual noise; 1 or 3 by default.
         duration: of each run [s].
     """
-    rng = np.random.default_rng((seed, ROBOTS.index(robot)))
+    rng = np.random.default_rng((seed, ROBOTS.index(robot), crc32(kind.encode())))
     frame = FRAMES[robot]
     arm = planar_arm(rng) if robot == "2r" else varied(urdf_arm(robot), rng, 0.12)
     n = len(arm.joints)
