@@ -108,7 +108,7 @@ def _case(kind: str, robot: str, k: int, seed: int) -> Case:
     own, base = "", ()
     names = list(SIZES)
     shift = 0 if robot != "ur5" else len(names) // 2  # so that few cases on two arms show every effect
-    noise = NOISES[(k + k // len(names)) % len(NOISES)]
+    noise = NOISES[k % len(NOISES)]  # every effect meets each of them
     if kind in ("single", "limit"):
         effects = (names[(k + shift) % len(names)],)
         base = _base(effects, rng)
@@ -116,11 +116,9 @@ def _case(kind: str, robot: str, k: int, seed: int) -> Case:
         effects, base = _pair(names, rng)
     elif kind == "clean":
         base = CLEAN_BASES[k % len(CLEAN_BASES)]
-        noise = NOISES[(k + k // len(CLEAN_BASES)) % len(NOISES)]
     else:
         own = list(OWN)[(k + shift) % len(OWN)]
         base = ("coulomb_friction",) if rng.random() < 0.3 else ()
-        noise = NOISES[(k + k // len(OWN)) % len(NOISES)]
     label = "+".join(effects) or own or "+".join(base) or "plain"
     return Case(f"{kind}-{robot}-{k:03d}-{label}", kind, robot, effects, own, base, noise, seed)
 

@@ -17,6 +17,7 @@ from flexviz.simulation.plant import Array
 ROBOTS = ("2r", "panda", "ur5")
 CYCLE = 0.0005  # [s] of the controller; each torque is held that long
 RECORD = 0.001  # [s]
+DURATIONS = (10.0, 12.0)  # [s] of every run of a set
 HARMONICS = 8  # of one period in the whole run
 URDF = "robot.urdf"
 
@@ -34,7 +35,7 @@ def random_plan(kind: str, rng: np.random.Generator, base: tuple[str, ...], nois
     `noise` scales the sensors' noise.
     """
     robot, source, files, inertial = _planar(rng) if kind == "2r" else _arm(kind, rng)
-    n, duration = robot.n, float(rng.choice([10.0, 12.0]))
+    n, duration = robot.n, float(rng.choice(DURATIONS))
     if kind == "2r":
         stiffness = np.exp(rng.uniform(np.log(700.0), np.log(4000.0), n))  # [Nm/rad]
         motor = rng.uniform((0.6, 0.45), (2.4, 1.05))  # [kg m²]

@@ -33,7 +33,28 @@ SIZES: dict[str, tuple[str, float, bool]] = {
 }
 # Detection limit in natural units at noise 1: the size at which a fit that knows the truth gains 300, median
 # over joints and sets. The table of the study shows them anew.
-LIMITS: dict[str, tuple[float, float]] = dict.fromkeys(SIZES, (0.03, 0.1))  # (planar arm, Panda and UR5)
+LIMITS: dict[str, tuple[float, float]] = {  # (planar arm, Panda and UR5)
+    "coulomb_friction": (0.00011, 0.0011),
+    "stribeck_friction": (0.0006, 0.006),
+    "quadratic_friction": (0.00028, 0.0028),
+    "load_dependent_friction": (0.00022, 0.0022),
+    "presliding_hysteresis": (0.00016, 0.0016),
+    "friction_drift": (0.0029, 0.029),
+    "torque_ripple": (0.00028, 0.0028),
+    "torque_offset": (0.00035, 0.0035),
+    "torque_gain": (0.00048, 0.0048),
+    "torque_delay": (0.01, 0.1),
+    "stiffness_hardening": (0.0015, 0.015),
+    "backlash": (0.014, 0.14),
+    "joint_damping": (0.026, 0.26),
+    "transmission_error": (0.034, 0.34),
+    "link_coulomb_friction": (8e-05, 0.0008),
+    "cable_spring": (0.00024, 0.0024),
+    "payload_error": (0.00032, 0.0032),
+    "base_tilt": (0.0019, 0.019),
+    "external_contact": (6e-05, 0.0006),
+    "motor_coupling": (0.00048, 0.0048),
+}
 AROUND = (0.4, 3.0)  # cases around the detection limit, in detection limits
 NARROWEST = 3.0  # the largest size is at least this many times the smallest
 

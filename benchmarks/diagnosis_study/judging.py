@@ -1,0 +1,187 @@
+"""What counts as right: the rules by which a diagnosis is scored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis_study.cases import TWINS
+
+Json = dict[str, Any]
+
+DECIDABLE = 300.0  # χ² that a fit that knows the truth gains at least
+JOINTLESS = {"payload_error", "base_tilt", "torque_delay"}
+SIGNLESS = {"amplitude"}  # a sign change is a phase of π
+NOTHING, UNKNOWN = "nothing", "unknown"
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A finding as it was stated: how sure, and whether it was right."""
+
+    confidence: float
+    right: bool
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One case, and what was said of it.
+
+    Attributes
+    ----------
+    case, kind, robot, noise: of the case.
+    truth: the hidden effects as the truth file has them.
+    gain, gains: of a fit that knows the truth, in all and for each effect, in χ².
+    verdict: for the model the set starts with; "error" when there was no answer.
+    named: the first named effect and its joint; NOTHING or UNKNOWN when none was named.
+    first_right: the first named effect is a hidden one.
+    all_found, extra: every hidden effect was added; names of what was added besides.
+    right: right in every respect.
+    parameter_errors: "effect.parameter" → |found / true − 1| in the final model.
+    knowing_errors: the same of the fit that knows the truth.
+    held_out: final held-out error over that of the fit that knows the truth, minus one; None without either.
+    stated: findings with their confidence: the first named, then what was added later.
+    wall, cpu: seconds of the diagnosis.
+    answer: in words.
+    """
+
+    case: str
+    kind: str
+    robot: str
+    noise: float
+    truth: tuple[Json, ...]
+    gain: float
+    gains: tuple[float, ...]
+    verdict: str
+    named: tuple[str, str | None]
+    first_right: bool
+    all_found: bool
+    extra: tuple[str, ...]
+    right: bool
+    parameter_errors: dict[str, float]
+    knowing_errors: dict[str, float]
+    held_out: float | None
+    stated: tuple[Stated, ...]
+    wall: float
+    cpu: float
+    answer: str
+
+    @property
+    def decidable(self) -> bool:
+        """Whether a fit that knows the truth gains enough in all."""
+        return self.gain >= DECIDABLE
+
+    @property
+    def each_decidable(self) -> bool:
+        """Whether every hidden effect gains enough by itself, the others being known."""
+        return min(self.gains, default=self.gain) >= DECIDABLE
+
+
+def same(found: Json, true: Json) -> bool:
+    """Whether it is the true effect in its place, or a twin that is reported as tied with it."""
+    jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
+    joint_right = jointless or found.get("joint") == true["joint"]
+    if found["effect"] == true["effect"]:
+        return joint_right and (true["effect"] != "payload_error" or found.get("payload") == true["payload"])
+    tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
+    return tied and joint_right and frozenset((found["effect"], true["effect"])) in TWINS
+
+
+def judge(truth: Json, known: Json, result: Json) -> Judged:
+    """One case: its truth, the fit that knows it, and the diagnosis."""
+    hidden = truth["effects"]
+    library = [e for e in hidden if e["effect"] != "unknown"]
+    got = result.get("diagnosis")
+    if got is None:
+        return _judged(truth, known, result, "error", (NOTHING, None), answer=f"error: {result.get('error')}")
+    verdict, steps, candidates = got["verdict"], got.get("steps") or [], got["candidates"]
+    added = [s["added"] for s in steps if s.get("added")]
+    final = steps[-1]["verdict"] if steps else verdict
+    extra = [a for a in added if not any(same(a, t) for t in library) and a["effect"] not in truth["base"]]
+    found = all(any(same(a, t) for a in added) for t in library)
+    first = candidates[0] if candidates and verdict == "missing" else None
+    named = (
+        (first["effect"], first["joint"]) if first else (UNKNOWN if verdict == "unknown" else NOTHING, None)
+    )
+    first_right = first is not None and any(same(first, t) for t in library)
+    if not hidden:
+        right = verdict == "nothing-missing" and not added
+    elif not library:
+        places = got.get("where") or [{}]
+        right = "unknown" in (verdict, final) and places[0].get("joint") == hidden[0]["joint"]
+    else:
+        right = verdict == "missing" and first_right and found and not extra and final == "nothing-missing"
+    words = [verdict, *(_text(a) for a in added)]
+    if final != verdict:
+        words.append(f"then {final}")
+    if "unknown" in (verdict, final) and got.get("where"):
+        words.append("at {joint}, {variable}".format(**got["where"][0]))
+    return _judged(
+        truth, known, result, verdict, named,
+        first_right=first_right, all_found=found, extra=tuple(map(_text, extra)), right=right,
+        parameter_errors=_errors(library, got["model"]["effects"]),
+        stated=_stated(first, added, result.get("confidences") or [], library),
+        answer=", ".join(words),
+    )  # fmt: skip
+
+
+def _judged(
+    truth: Json, known: Json, result: Json, verdict: str, named: tuple[str, str | None], **more: Any
+) -> Judged:
+    library = [e for e in truth["effects"] if e["effect"] != "unknown"]
+    values: Json = {"first_right": False, "all_found": False, "extra": (), "right": False, "answer": ""}
+    values |= {"parameter_errors": {}, "stated": ()}
+    errors, best = result.get("errors"), known.get("errors")
+    return Judged(
+        case=truth["case"],
+        kind=truth["kind"],
+        robot=truth["robot"],
+        noise=truth["noise_scale"],
+        truth=tuple(truth["effects"]),
+        gain=known["gain"],
+        gains=tuple(known["gains"]),
+        verdict=verdict,
+        named=named,
+        knowing_errors=_errors(library, known["effects"]),
+        held_out=None
+        if not errors or not best
+        else float(np.linalg.norm(errors) / np.linalg.norm(best)) - 1.0,
+        wall=result.get("wall", float("nan")),
+        cpu=result.get("cpu", float("nan")),
+        **(values | more),
+    )
+
+
+def _stated(
+    first: Json | None, added: list[Json], confidences: list[float], library: list[Json]
+) -> tuple[Stated, ...]:
+    """The first finding, and what was added after it."""
+    if first is None:
+        return ()
+    out = [Stated(first["confidence"], any(same(first, t) for t in library))]
+    later = zip(added[1:], confidences[1:], strict=False)
+    return (*out, *(Stated(c, any(same(a, t) for t in library)) for a, c in later))
+
+
+def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for true in library:
+        for found in effects:
+            place = ("joint", "payload")
+            if found["effect"] != true["effect"] or any(found.get(k) != true.get(k) for k in place):
+                continue
+            for name, value in true["parameters"].items():
+                entry = found["parameters"].get(name)
+                if entry is None or not value or name == "order":
+                    continue
+                number = entry["value"] if isinstance(entry, dict) else entry
+                ratio = abs(number / value) if name in SIGNLESS else number / value
+                out[f"{true['effect']}.{name}"] = abs(ratio - 1.0)
+    return out
+
+
+def _text(effect: Json) -> str:
+    place = effect.get("joint") or effect.get("payload")
+    return effect["effect"] + (f":{place}" if place else "")

@@ -1,0 +1,202 @@
+"""Diagnose cases in worker processes, one file a result: what is there is not done again."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import asdict
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis_study.cases import Case
+from benchmarks.diagnosis_study.judging import DECIDABLE
+from benchmarks.diagnosis_study.making import case_folder, is_made, make, truth_file
+
+Json = dict[str, Any]
+
+LONGEST = 600.0  # [s] after that a diagnosis is stopped
+
+
+def known_file(work: Path, name: str) -> Path:
+    """What a fit that knows the truth gains."""
+    return work / "known" / f"{name}.json"
+
+
+def result_file(work: Path, name: str, label: str) -> Path:
+    """What a diagnosis said; `label` tells several versions of it apart."""
+    return work / label / f"{name}.json"
+
+
+def make_all(work: Path, cases: list[Case], jobs: int) -> None:
+    """Simulate what is not there yet."""
+    missing = [case for case in cases if not is_made(work, case)]
+    for case, _ in _spread(_make, [(work, case) for case in missing], missing, jobs):
+        say(f"made {case.name}")
+
+
+def run_all(work: Path, names: list[str], jobs: int, label: str) -> None:
+    """Diagnose, and fit with the truth known, what has no result yet."""
+    missing = [
+        n for n in names if not (known_file(work, n).is_file() and result_file(work, n, label).is_file())
+    ]
+    for done, (name, line) in enumerate(
+        _spread(run_one, [(work, n, label) for n in missing], missing, jobs), 1
+    ):
+        say(f"{done}/{len(missing)} {name}: {line}")
+
+
+def run_one(work: Path, name: str, label: str) -> str:
+    """One case; what it says in a line."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        result, known = result_file(work, name, label), known_file(work, name)
+        if not result.is_file():
+            write(result, _diagnosed(work, name))
+        if not known.is_file():
+            write(known, _known(work, name))
+    got = json.loads(result.read_text(encoding="utf-8"))
+    gain = json.loads(known.read_text(encoding="utf-8"))["gain"]
+    if "error" in got:
+        return f"gain {gain:.3g}, {got['error']}"
+    added = [s["added"]["effect"] for s in got["diagnosis"]["steps"] if s["added"]]
+    return f"gain {gain:.3g}, {got['diagnosis']['verdict']} {' '.join(added)}, {got['wall']:.1f} s"
+
+
+def write(path: Path, document: Json) -> None:
+    """All of it or nothing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_suffix(".new")
+    temporary.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    temporary.replace(path)
+
+
+def say(text: str) -> None:
+    """A line of progress."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _diagnosed(work: Path, name: str) -> Json:
+    """The diagnosis of a case. Nothing but the measurement set is known here."""
+    from benchmarks.diagnosis_study.knowing import errors
+    from flexviz.diagnosis import diagnose
+    from flexviz.measurements import read_set
+
+    began, began_cpu = time.perf_counter(), time.process_time()
+    try:
+        measurements = read_set(case_folder(work, name))
+        end = began + LONGEST
+        diagnosis = diagnose(measurements, apply=True, should_stop=lambda: time.perf_counter() > end)
+    except Exception as error:  # a case that fails is a result, too
+        return {"error": f"{type(error).__name__}: {error}", "trace": traceback.format_exc()} | _spent(
+            began, began_cpu
+        )
+    spent = _spent(began, began_cpu)
+    document = diagnosis.to_json()
+    return {
+        "diagnosis": document,
+        "confidences": [s.added.confidence for s in diagnosis.steps if s.added is not None],
+        "errors": errors(measurements, final_model(document, measurements.joints)),
+        **spent,
+    }
+
+
+def _spent(began: float, began_cpu: float) -> Json:
+    return {"wall": time.perf_counter() - began, "cpu": time.process_time() - began_cpu}
+
+
+def _known(work: Path, name: str) -> Json:
+    """The fit that knows the truth; the truth file learns whether its case can be decided."""
+    from benchmarks.diagnosis_study.knowing import errors, know
+    from flexviz.measurements import read_set
+
+    path = truth_file(work, name)
+    truth = json.loads(path.read_text(encoding="utf-8"))
+    measurements = read_set(case_folder(work, name))
+    began = time.perf_counter()
+    known = know(measurements, truth)
+    ratio = np.sqrt(np.array(known.chi_base) / (np.array(known.chi) if known.gains else 1.0))
+    if truth["effects"]:
+        truth["weak"] = min(known.gains, default=known.gain) < DECIDABLE
+        truth["residual_ratio"] = float(ratio.max())
+        write(path, truth)
+    model = known.model
+    return {
+        "gain": known.gain,
+        "gains": known.gains,
+        "objective_gain": known.objective_gain,
+        "chi": known.chi,
+        "chi_base": known.chi_base,
+        "chi_held_out": known.chi_held_out,
+        "converged": known.converged,
+        "errors": errors(measurements, model) if known.gains or not truth["effects"] else None,
+        "stiffness": model.stiffness.tolist(),
+        "motor_inertia": model.motor_inertia.tolist(),
+        "effects": [asdict(e) for e in model.effects],
+        "seconds": time.perf_counter() - began,
+    }
+
+
+def final_model(document: Json, joints: tuple[str, ...]) -> Any:
+    """The final model of a diagnosis, from its JSON."""
+    from flexviz.equation.layout import INERTIAL_NAMES
+    from flexviz.model import EffectValue, FlexibleModel
+
+    values = {(p["name"], p["joint"]): p["value"] for p in document["model"]["parameters"]}
+
+    def column(name: str) -> list[float]:
+        return [values[name, joint] for joint in joints]
+
+    effects = [
+        EffectValue(
+            e["effect"], e["joint"], {k: v["value"] for k, v in e["parameters"].items()},
+            e.get("group"), e.get("payload"),
+        )
+        for e in document["model"]["effects"]
+    ]  # fmt: skip
+    return FlexibleModel(
+        joints,
+        np.array(column("stiffness")),
+        np.array(column("motor_inertia")),
+        np.array(column("link_viscous_friction")),
+        np.array(column("motor_viscous_friction")),
+        np.array([column(name) for name in INERTIAL_NAMES]).T,
+        tuple(effects),
+    )
+
+
+def _make(work: Path, case: Case) -> None:
+    make(work, case)
+
+
+def _spread(
+    work: Callable[..., Any], arguments: list[tuple[Any, ...]], labels: list[Any], jobs: int
+) -> Iterator[tuple[Any, Any]]:
+    """Call `work` on each, here or in several processes; (label, what it gave) as they are done."""
+    if jobs <= 1:
+        for label, given in zip(labels, arguments, strict=True):
+            yield label, work(*given)
+        return
+    with _pool(jobs) as pool:
+        waiting = {pool.submit(work, *given): label for label, given in zip(labels, arguments, strict=True)}
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=40)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
