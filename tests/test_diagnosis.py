@@ -9,7 +9,6 @@ import pytest
 from flexviz.cli.diagnose import lines, sentence
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
-from flexviz.diagnosis.where import explained
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
@@ -94,15 +93,6 @@ def test_adding_replaces_and_removing_undoes():
     smaller, rest = without_effect(larger, start, dahl)
     assert smaller.effects == (ChosenEffect("torque_offset", 0),)
     np.testing.assert_allclose(rest[smaller.effect_start :], x[-1:])
-
-
-def test_explained_is_judged_out_of_sample():
-    rng = np.random.default_rng(0)
-    position = rng.uniform(-1, 1, 4000)
-    noise = rng.standard_normal(4000)
-    assert abs(explained(position, noise)[0]) < 0.02
-    share, span = explained(position, noise + 5 * np.exp(-(((position - 0.3) / 0.1) ** 2)))
-    assert share > 0.3 and span[0] < 0.3 < span[1]
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +16,8 @@ from flexviz.identification.prior import Prior
 from flexviz.identification.refine import Point, feasible_step, whitened_point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
-from flexviz.identification.start import start_values
-from flexviz.measurements import MeasurementSet
+from flexviz.identification.start import Start, other_effects, start_values
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import ButterworthZeroPhase
 
 Array = NDArray[np.float64]
@@ -23,6 +25,10 @@ Array = NDArray[np.float64]
 PLAIN_HERTZ = 7.0
 STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
+NOISE_MOVED = 0.02  # relative change of a stiffness or motor inertia after which the noise is whitened anew
+EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
+# samples before each that predict it, and how often the prediction is solved for: enough for a judgement
+ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,7 @@ class Fit:
         chi: shape (n,), mean square of the whitened residual of the fit groups.
         chi_held_out: shape (n,); NaN without validation groups.
         objective: Σ_j N log max(χ_j, 1) + the cost of unknown pulses + k log N, over all groups.
+        noise_objective: its first part alone.
         converged: the last step was negligible.
     """
 
@@ -46,6 +53,7 @@ class Fit:
     chi: Array
     chi_held_out: Array
     objective: float
+    noise_objective: float
     converged: bool
 
 
@@ -57,14 +65,31 @@ class Workbench:
         fit = [g for g in measurements.groups if not g.validation]
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
-        self.refinement = Refinement(measurements, fit, layout)
-        self._plain: Signals | None = None
-        self.validation = Refinement(measurements, held_out, layout) if held_out else None
+        self.refinement = self._refinement(fit, layout)
+        self.validation = self._refinement(held_out, layout) if held_out else None
+        bare = Layout(layout.joints)
+        self._start = start_values(measurements, self.refinement.with_layout(bare).narrow)
+        self._plain: tuple[Signals, Start] | None = None
+        self._plain_shared: dict[object, Any] = {}
+
+    def _refinement(self, groups: list[Group], layout: Layout) -> Refinement:
+        refinement = Refinement(self.measurements, groups, layout)
+        refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
+        return refinement
+
+    def with_tolerance(self, tolerance: Array) -> Workbench:
+        """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""
+        other = copy(self)
+        other.refinement = copy(self.refinement)
+        other.refinement.tolerance = tolerance
+        if self.validation is not None:
+            other.validation = copy(self.validation)
+            other.validation.tolerance = tolerance
+        return other
 
     def assumptions(self, layout: Layout) -> tuple[Prior, Bounds]:
         """Prior and bounds of a layout; viscous friction may be negative while something is still missing."""
-        refinement = self.refinement.with_layout(layout)
-        start = start_values(self.measurements, refinement.narrow)
+        start = other_effects(self._start, layout, self.refinement.narrow.signals)
         lower = start.bounds.lower.copy()
         lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
         # a wrong model may want a rigid joint; the next one has to find its way back
@@ -80,6 +105,7 @@ class Workbench:
         *,
         iterations: int = 10,
         check: Callable[[], None] = lambda: None,
+        near: Fit | None = None,
     ) -> Fit:
         """Gauss–Newton on Zᵀ W r = 0 from x.
 
@@ -88,19 +114,19 @@ class Workbench:
             x: start, shape (P,).
             iterations: at most this many steps.
             check: called before each step; may raise to stop.
+            near: another model's fit with nearly the same stiffnesses and motor inertias as x, whose
+                whiteners may be taken.
         """
         refinement = self.refinement.with_layout(layout)
         prior, bounds = self.assumptions(layout)
         x = bounds.clip(x)
-        whiteners = None
+        whitened = _Whitened(layout, near)
         point, converged = None, False
         best: tuple[float, Array, Point] | None = None
         for iteration in range(iterations + 1):
             check()
-            point = whitened_point(refinement, x, whiteners)
-            if iteration >= 1:
-                whiteners = point.whiteners
-            size = _objective(point, layout)
+            point = whitened.point(refinement, x)
+            size = _objective(point)
             if best is None or size < best[0]:
                 best = size, x, point
             gradient, prior_hessian = prior.gradient_and_hessian(x)
@@ -108,7 +134,7 @@ class Workbench:
             hessian = flat.T @ flat + prior_hessian
             step, _ = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-            converged = length < NEGLIGIBLE and iteration >= 2
+            converged = length < NEGLIGIBLE and iteration >= 1
             if converged or iteration == iterations:
                 break
             x = feasible_step(prior, bounds, x, step)
@@ -118,17 +144,18 @@ class Workbench:
         return self._judged(layout, x, point, converged)
 
     def _judged(self, layout: Layout, x: Array, point: Point, converged: bool) -> Fit:
-        total = _objective(point, layout)
+        total, noise = _objective(point), _noise_objective(point)
         held_out, chi_held_out = None, np.full(layout.n, np.nan)
         samples = np.count_nonzero(point.used)
         if self.validation is not None:
             held_out = whitened_point(self.validation.with_layout(layout), x)
             chi_held_out = _chi(held_out)
-            total += _objective(held_out, layout)
+            total += _objective(held_out)
+            noise += _noise_objective(held_out)
             samples += np.count_nonzero(held_out.used)
         freedom = layout.size - layout.effect_start
         total += freedom * float(np.log(samples * layout.n))
-        return Fit(layout, x, point, held_out, _chi(point), chi_held_out, total, converged)
+        return Fit(layout, x, point, held_out, _chi(point), chi_held_out, total, noise, converged)
 
     def roughly(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
         """A plain fit of a layout: weighted by its own residual, it finds its way from far off.
@@ -140,13 +167,15 @@ class Workbench:
         """
         if self._plain is None:
             observer = ButterworthZeroPhase(2 * np.pi * PLAIN_HERTZ)
-            self._plain = build_signals(self.measurements, self.fit_groups, observer)
-        equation = Equation(self.measurements.robot, self._plain, layout)
-        start = start_values(self.measurements, equation)
+            signals = build_signals(self.measurements, self.fit_groups, observer)
+            bare = Equation(self.measurements.robot, signals, Layout(layout.joints), self._plain_shared)
+            self._plain = signals, start_values(self.measurements, bare)
+        signals, bare_start = self._plain
+        equation = Equation(self.measurements.robot, signals, layout, self._plain_shared)
+        start = other_effects(bare_start, layout, signals)
         begin = start.x.copy()
         begin[layout.effect_start :] = x[layout.effect_start :]
         _, bounds = self.assumptions(layout)
-        equation = Equation(self.measurements.robot, self._plain, layout)
         solution = gauss_newton(
             equation, start.prior, bounds, bounds.clip(begin), reweightings=2, max_iterations=14,
             report=lambda *_: check(),
@@ -163,7 +192,39 @@ def _chi(point: Point) -> Array:
     return np.sum(point.r**2, axis=0) / np.count_nonzero(point.used)
 
 
-def _objective(point: Point, layout: Layout) -> float:
-    samples = np.count_nonzero(point.used)
-    noise = samples * float(np.log(np.maximum(_chi(point), 1.0)).sum())
-    return noise + sum(m.log_determinant for m in point.metrics)
+def _noise_objective(point: Point) -> float:
+    return np.count_nonzero(point.used) * float(np.log(np.maximum(_chi(point), 1.0)).sum())
+
+
+def _objective(point: Point) -> float:
+    return _noise_objective(point) + sum(m.log_determinant for m in point.metrics)
+
+
+class _Whitened:
+    """Whitened points along a fit; the noise's way is followed anew only where it has changed."""
+
+    def __init__(self, layout: Layout, near: Fit | None) -> None:
+        self._layout = layout
+        self._whiteners, self._noise_at = None, np.zeros(0)
+        if near is not None:
+            self._whiteners, self._noise_at = near.point.whiteners, self._noise(near.x, near.layout)
+        self._metrics, self._effects_at = None, np.zeros(0)
+
+    @staticmethod
+    def _noise(x: Array, layout: Layout) -> Array:
+        """What the noise's way depends on most."""
+        return np.log(np.concatenate((x[layout.compliance], x[layout.motor_inertia])))
+
+    def point(self, refinement: Refinement, x: Array) -> Point:
+        noise, effects = self._noise(x, self._layout), x[self._layout.effect_start :]
+        if self._whiteners is None or np.max(np.abs(noise - self._noise_at)) > NOISE_MOVED:
+            self._whiteners, self._metrics, self._noise_at = None, None, noise
+        if self._metrics is not None:
+            scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
+            if effects.size and np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:
+                self._metrics = None
+        if self._metrics is None:
+            self._effects_at = effects.copy()
+        point = whitened_point(refinement, x, self._whiteners, self._metrics)
+        self._whiteners, self._metrics = point.whiteners, point.metrics
+        return point

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
 SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
+BAND_STEP = 1.05  # bands within this factor are the same to signals that models share
 
 
 @dataclass(frozen=True)
@@ -42,8 +44,12 @@ class _Fine:
 class EffectContext:
     """Offers signals to effects; `refresh` renews what depends on the parameters."""
 
-    def __init__(self, robot: Robot, signals: Signals, layout: Layout) -> None:
+    def __init__(
+        self, robot: Robot, signals: Signals, layout: Layout, shared: dict[object, Any] | None = None
+    ) -> None:
+        """`shared` holds what only the signals determine: one for all models of the same signals."""
         self._robot, self._signals, self._layout = robot, signals, layout
+        self._shared: dict[object, Any] = {} if shared is None else shared
         self._fine: list[_Fine] | None = None
         self._x: Array | None = None
         self._q: Array | None = None
@@ -59,7 +65,7 @@ class EffectContext:
         """
         self._x, self._q, self._s = x.copy(), q, s
         self._motions.clear()
-        self._cache = {k: v for k, v in self._cache.items() if isinstance(k, tuple) and k[0] == "delay"}
+        self._cache = {}
 
     @property
     def last_s(self) -> Array | None:
@@ -81,17 +87,19 @@ class EffectContext:
         return self.delayed_tau(joint, 0.0)
 
     def delayed_tau(self, joint: int, delay: float) -> Array:
-        key = ("delay", joint, round(delay, 12))
-        if key not in self._cache:
+        observer = self._signals.observer_of(joint)
+        band = float(np.max(observer.bandwidth))
+        key = ("torque", observer.name, band, self.count(), joint, round(delay, 12))
+        cache = self._shared if delay == 0.0 else self._cache
+        if key not in cache:
             out = np.empty((4, self.count()))
-            observer = self._signals.observer_of(joint)
             for block in self._signals.blocks:
                 raw = block.segment.tau[:, joint : joint + 1]
                 shift = self._signals.torque_hold / 2 + delay
                 values = observer.derivatives(raw, block.segment.step, 4, delay=shift, stride=block.stride)
                 out[:, block.rows] = values[:, self._signals.kept(block), 0]
-            self._cache[key] = out
-        return self._cache[key]
+            cache[key] = out
+        return cache[key]
 
     def link_state(self, joint: int) -> Array:
         assert self._q is not None
@@ -196,31 +204,54 @@ class EffectContext:
         return max(d for d in range(1, min(wanted, block.stride) + 1) if block.stride % d == 0)
 
     def fine(self) -> list[_Fine]:
-        """Wide-band signals of every block, made once."""
+        """Wide-band signals of every block, made once for all models whose bands are nearly the same."""
         if self._fine is None:
             assert self._x is not None
             lay, sig = self._layout, self._signals
-            noise_theta, noise_tau = segments_noise([b.segment for b in sig.blocks])
-            inertia = self._x[lay.motor_inertia]
-            stiffness = 1 / self._x[lay.compliance]
+            if "noise" not in self._shared:
+                self._shared["noise"] = segments_noise([b.segment for b in sig.blocks])
+            noise = self._shared["noise"]
+            inertia, stiffness = self._x[lay.motor_inertia], 1 / self._x[lay.compliance]
             scale = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0)) + 1e-9
-            self._fine = []
-            for block in sig.blocks:
-                segment, stride = block.segment, self._fine_stride(block)
-                step = segment.step * stride
-                root = np.sqrt(segment.step)
-                limit = 0.3 / step
-                sign = SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / (noise_theta * root + 1e-12)) ** (2 / 3)
-                sign = np.clip(sign, 4.0, limit)
-                band = torque_band(noise_theta * root, noise_tau * root, inertia, stiffness, scale, limit)
-                wide = ButterworthZeroPhase(2 * np.pi * sign)
-                position = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
-                narrow = ButterworthZeroPhase(2 * np.pi * band)
-                theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
-                delay = sig.torque_hold / 2
-                tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
-                self._fine.append(_Fine(segment.time[::stride], step, position[0], position[1], theta, tau))
+            wide = [self._sign_band(b, noise[0]) for b in sig.blocks]
+            narrow = [
+                torque_band(
+                    noise[0] * root, noise[1] * root, inertia, stiffness, scale, self._band_limit(block)
+                )
+                for block in sig.blocks
+                for root in [np.sqrt(block.segment.step)]
+            ]
+            strides = tuple(self._fine_stride(b) for b in sig.blocks)
+            key = (
+                "fine",
+                strides,
+                *(tuple(np.round(np.log(w) / np.log(BAND_STEP))) for w in (*wide, *narrow)),
+            )
+            if key not in self._shared:
+                self._shared[key] = [
+                    self._make_fine(block, a, b) for block, a, b in zip(sig.blocks, wide, narrow, strict=True)
+                ]
+            self._fine = self._shared[key]
         return self._fine
+
+    def _band_limit(self, block: Block) -> float:
+        return 0.3 / (block.segment.step * self._fine_stride(block))
+
+    def _sign_band(self, block: Block, noise_theta: Array) -> Array:
+        """Band of the velocity whose sign friction follows, shape (n,) [Hz]."""
+        density = noise_theta * np.sqrt(block.segment.step)
+        band = SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / (density + 1e-12)) ** (2 / 3)
+        return np.clip(band, 4.0, self._band_limit(block))
+
+    def _make_fine(self, block: Block, wide_hertz: Array, narrow_hertz: Array) -> _Fine:
+        segment, stride = block.segment, self._fine_stride(block)
+        wide = ButterworthZeroPhase(2 * np.pi * wide_hertz)
+        position = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
+        narrow = ButterworthZeroPhase(2 * np.pi * narrow_hertz)
+        theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
+        delay = self._signals.torque_hold / 2
+        tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
+        return _Fine(segment.time[::stride], segment.step * stride, position[0], position[1], theta, tau)
 
     # -- rigid body ------------------------------------------------------------------------------------------
 

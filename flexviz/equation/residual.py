@@ -11,6 +11,7 @@ A parameter that moves s by δs (and its derivatives) or q by δq moves r by
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,11 +57,14 @@ class Equation:
     the time before a record, which r is freed of (`beginning`).
     """
 
-    def __init__(self, robot: Robot, signals: Signals, layout: Layout) -> None:
+    def __init__(
+        self, robot: Robot, signals: Signals, layout: Layout, shared: dict[object, Any] | None = None
+    ) -> None:
+        """`shared` is kept by the caller for all equations of the same signals."""
         self.robot = robot
         self.signals = signals
         self.layout = layout
-        self.context = EffectContext(robot, signals, layout)
+        self.context = EffectContext(robot, signals, layout, shared)
         self._link = LinkDynamics(robot)
         self._linear: dict[ChosenEffect, Terms] = {}
         self._prepared: Array | None = None

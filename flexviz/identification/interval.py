@@ -6,81 +6,74 @@ A box in time is the difference of two steps. With the steps' weighted signature
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import ChosenEffect
 from flexviz.equation import Equation
+from flexviz.identification.projection import Projection, Weigh
+from flexviz.identification.scoring import Scored
 
 Array = NDArray[np.float64]
 
+EPISODE = "external_contact"
 INSTANTS = 100  # in a group
 CLOSEST = 0.1  # [s] between candidate instants
 SHORTEST = 0.2  # [s]
 
 
-@dataclass(frozen=True)
-class Interval:
-    """A torque during part of a group.
-
-    Attributes:
-        torque: [Nm].
-        start, end: in the group's own time [s].
-        gain: fall of the weighted sum of squares.
-    """
-
-    torque: float
-    start: float
-    end: float
-    gain: float
-
-
-def best_interval(
+def best_intervals(
     equation: Equation,
     joint: int,
-    group: str,
-    weigh: Callable[[Array], Array],
-    rest: Callable[[Array], Array],
-    residual: Array,
-) -> Interval | None:
-    """The interval in which a torque on a joint explains most; None where nothing of the group is there.
+    weigh: Weigh,
+    projection: Projection,
+    *,
+    group: str | None = None,
+    longest: float = 1.0,
+) -> list[Scored]:
+    """The interval of every stretch in which a torque on a joint explains most, the best stretch first.
 
     Args:
         equation: prepared at the present parameters.
         joint: index in the set's joint order.
-        group: the group's name.
-        weigh: (N, n, C) → (M, C), weighted as `residual`.
-        rest: takes out of (M, C) what the model's own parameters can do.
-        residual: shape (M,).
+        weigh: weights columns as the projection's residual.
+        projection: takes out what the model can do by itself.
+        group: only in this one.
+        longest: share of the stretch that an episode may fill.
     """
-    sig = equation.signals
-    blocks = [k for k, b in enumerate(sig.blocks) if sig.groups[b.group].name == group]
-    if not blocks:
-        return None
-    time = np.concatenate([sig.time[sig.blocks[k].rows] for k in blocks])
-    instants = np.arange(time.min(), time.max(), max(CLOSEST, float(np.ptp(time)) / INSTANTS))
-    columns = np.zeros((sig.count, equation.layout.n, len(instants)))
+    sig, n = equation.signals, equation.layout.n
     motions = equation.context.motions(joint)
-    for k in blocks:
-        fine = motions[k].time
+    out = []
+    for index, block in enumerate(sig.blocks):
+        name = sig.groups[block.group].name
+        if group is not None and name != group:
+            continue
+        time = sig.time[block.rows]
+        length = float(np.ptp(time))
+        instants = np.arange(time.min(), time.max(), max(CLOSEST, length / INSTANTS))
+        fine = motions[index].time
         steps = np.clip((fine - instants[:, None]) / (fine[1] - fine[0]) + 0.5, 0.0, 1.0)
         # T on the link side: r gains the filtered step
-        columns[sig.blocks[k].rows, joint] = equation.context.filtered_block(k, steps, joint, 1)[:, 0].T
-    weighed = rest(weigh(columns))
-    gram, along = weighed.T @ weighed, weighed.T @ residual
-    first, last = np.triu_indices(len(instants), 1)
-    long = instants[last] - instants[first] >= SHORTEST
-    first, last = first[long], last[long]
-    if not len(first):
-        return None
-    norm = np.maximum(gram[first, first] + gram[last, last] - 2 * gram[first, last], 1e-9 * gram.max())
-    share = along[first] - along[last]
-    best = int(np.argmax(share**2 / norm))
-    return Interval(
-        torque=float(-share[best] / norm[best]),
-        start=float(instants[first[best]]),
-        end=float(instants[last[best]]),
-        gain=float(share[best] ** 2 / norm[best]),
-    )
+        columns = np.zeros((len(time), n, len(instants)))
+        columns[:, joint] = equation.context.filtered_block(index, steps, joint, 1)[:, 0].T
+        weighed = weigh(columns, index)
+        rows = slice(block.rows.start * n, block.rows.stop * n)
+        gram, along = projection.normal(weighed, rows)
+        first, last = np.triu_indices(len(instants), 1)
+        duration = instants[last] - instants[first]
+        fits = (duration >= SHORTEST) & (duration <= longest * length + 1e-9)
+        first, last = first[fits], last[fits]
+        if not len(first):
+            continue
+        diagonal = np.diag(gram)
+        norm = np.maximum(diagonal[first] + diagonal[last] - 2 * gram[first, last], 1e-9 * gram.max())
+        share = along[first] - along[last]
+        gain = share**2 / np.maximum(norm, 1e-300)
+        best = int(np.argmax(gain))
+        a, b = first[best], last[best]
+        torque = -share[best] / max(float(norm[best]), 1e-300)
+        values = np.array([torque, instants[a], instants[b]])
+        effect = ChosenEffect(EPISODE, joint, name)
+        signature = (weighed[:, a] - weighed[:, b]) * torque
+        out.append(Scored(effect, float(gain[best]), values, signature, rows))
+    return sorted(out, key=lambda s: -s.gain)

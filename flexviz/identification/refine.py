@@ -97,22 +97,35 @@ class Point:
     narrow: Evaluation
 
 
-def whitened_point(refinement: Refinement, x: Array, whiteners: list[Whitener] | None = None) -> Point:
-    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given."""
+def whitened_point(
+    refinement: Refinement,
+    x: Array,
+    whiteners: list[Whitener] | None = None,
+    metrics: list[Metric] | None = None,
+) -> Point:
+    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given.
+
+    Args:
+        refinement: the data and the model.
+        x: shape (P,).
+        whiteners: of another point, near enough.
+        metrics: of another point, near enough; then the whiteners are theirs.
+    """
     blocks = refinement.blocks
     for equation in (refinement.wide, refinement.narrow):
         equation.prepare(x)
     wide, narrow = refinement.wide.evaluate(x), refinement.narrow.evaluate(x)
-    if whiteners is None:
-        whiteners = refinement.whiteners(x, narrow.link)
-    metrics = refinement.metrics(x, narrow, whiteners)
+    if metrics is None:
+        if whiteners is None:
+            whiteners = refinement.whiteners(x, narrow.link)
+        metrics = refinement.metrics(x, narrow, whiteners)
     pairs = list(zip(metrics, blocks, strict=True))
     r = np.concatenate([m.apply(wide.residual[b.rows]) for m, b in pairs])
     z = np.concatenate([m.apply(narrow.jacobian[b.rows]) for m, b in pairs])
     used = np.concatenate([settled(r[b.rows]) for b in blocks])
     r[~used] = 0.0
     z[~used] = 0.0
-    return Point(r, z, used, metrics, whiteners, narrow)
+    return Point(r, z, used, metrics, [m.whitener for m in metrics], narrow)
 
 
 def settled(r: Array) -> NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,12 +64,16 @@ class Refinement:
         self.blocks = wide_signals.blocks
         self.noise = segments_noise([b.segment for b in self.blocks])
         self._signals = wide_signals, narrow_signals
+        self._shared: dict[object, Any] = {}
         self._set(layout)
+        self.order, self.every = ORDER.get(layout.n, LONG_ORDER), 1
         self.tolerance = np.zeros(layout.n)  # [Nm²] white model error a sample, beside the measurement noise
 
     def _set(self, layout: Layout) -> None:
         self.layout = layout
-        self.wide, self.narrow = (Equation(self.robot, signals, layout) for signals in self._signals)
+        self.wide, self.narrow = (
+            Equation(self.robot, signals, layout, self._shared) for signals in self._signals
+        )
 
     def with_layout(self, layout: Layout) -> Refinement:
         """The same data for a model with other effects; the signals are shared."""
@@ -79,7 +84,7 @@ class Refinement:
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
         theta, tau = signal_sensitivity(self.layout, x, link)
-        order = ORDER.get(self.layout.n, LONG_ORDER)
+        order = self.order
         kernels: dict[tuple[float, float], tuple[Array, Array]] = {}
         out = []
         for block in self.blocks:
@@ -94,7 +99,7 @@ class Refinement:
             cov += lagged_covariance(tau[:, rows], narrow, self.noise[1] ** 2)
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
             cov[0] += np.diag(1e-9 * size + self.tolerance)
-            out.append(whitener(cov))
+            out.append(whitener(cov, self.every))
         return out
 
     def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:

@@ -7,130 +7,103 @@ of h.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect, Guess
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation
 from flexviz.equation.chain import Chain
+from flexviz.identification.projection import Projection, Weigh
 
 Array = NDArray[np.float64]
 
+BATCH = 64  # columns that are weighted at once
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Scored:
     """One guess and what it would explain.
 
     Attributes:
         effect: which effect, where.
-        guess: the small version that was scored.
         gain: fall of the weighted sum of squares.
         values: the effect's parameters at which a search may start, shape (P,).
-        signature: shape (M,), what is left of the guess's best combination beside the model's own
-            parameters, unit length.
+        signature: shape (M_rows,), the guess's best combination, weighted.
+        rows: where the signature is not zero; everywhere where None.
     """
 
     effect: ChosenEffect
-    guess: Guess
     gain: float
     values: Array
     signature: Array
+    rows: slice | None = None
 
 
 def score(
-    equation: Equation,
-    chain: Chain,
-    wanted: Sequence[ChosenEffect],
-    weigh: Callable[[Array], Array],
-    residual: Array,
-    instruments: Array,
-    hessian: Array,
+    equation: Equation, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
 ) -> list[Scored]:
-    """Every guess of every effect.
+    """The best guess of every effect.
 
     Args:
-        equation: prepared at the present parameters; its samples are those of `weigh`.
+        equation: prepared at the present parameters; its stretches are those of `weigh`.
         chain: how changes of s and q move r there.
         wanted: the effects to try.
-        weigh: (N, n, C) → (M, C), weighted as `residual`.
-        residual: shape (M,).
-        instruments: shape (M, P), weighted Jacobian of the present model.
-        hessian: shape (P, P), instrumentsᵀ instruments + the prior's.
+        weigh: weights columns as the projection's residual.
+        projection: takes out what the model can do by itself.
 
     Returns:
-        one entry a guess, in the order of `wanted`.
+        one entry an effect, in the order of `wanted`, without those whose every guess has an impossible sign.
     """
     guesses = [
         (effect, guess)
         for effect in wanted
         for guess in EFFECTS[effect.effect].guesses(equation.context, effect.place)
     ]
-    if not guesses:
-        return []
-    rest = beside(instruments, hessian)
-    out: list[Scored] = []
-    batch = 64
-    for start in range(0, len(guesses), batch):
-        part = guesses[start : start + batch]
-        columns = [
-            np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part
-        ]
-        weighed = rest(weigh(np.concatenate(columns, axis=2)))
+    best: dict[ChosenEffect, Scored] = {}
+    start = 0
+    while start < len(guesses):
+        stop, width = start, 0
+        while stop < len(guesses) and (width == 0 or width + len(guesses[stop][1].columns) <= BATCH):
+            width += len(guesses[stop][1].columns)
+            stop += 1
+        part = guesses[start:stop]
+        columns = np.concatenate(
+            [np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part],
+            axis=2,
+        )
+        weighed = np.concatenate(
+            [weigh(columns[b.rows], k) for k, b in enumerate(equation.signals.blocks)], axis=0
+        )
+        gram, along = projection.normal(weighed)
         at = 0
         for effect, guess in part:
-            width = len(guess.columns)
-            out.append(_scored(effect, guess, weighed[:, at : at + width], residual))
-            at += width
-    return out
+            here = slice(at, at + len(guess.columns))
+            at = here.stop
+            coefficients, gain = explained(gram[here, here], along[here])
+            values = np.asarray(guess.to_values(coefficients), float)  # type: ignore[operator]
+            if allowed(effect, values) and (effect not in best or gain > best[effect].gain):
+                best[effect] = Scored(effect, gain, values, weighed[:, here] @ coefficients)
+        start = stop
+    return [best[effect] for effect in wanted if effect in best]
 
 
-def beside(instruments: Array, hessian: Array) -> Callable[[Array], Array]:
-    """A function that takes out of signatures, shape (M, C), what the model's own parameters can do.
-
-    Args:
-        instruments: shape (M, P), weighted Jacobian of the present model.
-        hessian: shape (P, P), instrumentsᵀ instruments + the prior's.
-    """
-    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    factor = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-13, hermitian=True)
-
-    def rest(signatures: Array) -> Array:
-        share = scale[:, None] * (factor @ (scale[:, None] * (instruments.T @ signatures)))
-        return signatures - instruments @ share
-
-    return rest
-
-
-def _scored(effect: ChosenEffect, guess: Guess, columns: Array, residual: Array) -> Scored:
-    norm = np.linalg.norm(columns, axis=0)
-    alive = norm > 1e-12 * max(float(np.linalg.norm(residual)), 1e-300)
-    coefficients = np.zeros(columns.shape[1])
+def explained(gram: Array, along: Array) -> tuple[Array, float]:
+    """Coefficients (C,) that take most from the residual, and the fall of its sum of squares."""
+    coefficients = np.zeros(len(along))
+    size = np.sqrt(np.maximum(np.diag(gram), 0.0))
+    alive = size > 0
     if alive.any():
-        scaled = columns[:, alive] / norm[alive]
+        d = size[alive]
+        scaled = gram[np.ix_(alive, alive)] / d[:, None] / d
         # r + h c → least: the coefficients carry the opposite sign of what r contains
-        coefficients[alive] = -np.linalg.lstsq(scaled, residual, rcond=1e-6)[0] / norm[alive]
-    fitted = columns @ coefficients
-    length = float(np.linalg.norm(fitted))
-    values = np.asarray(guess.to_values(coefficients), float)  # type: ignore[operator]
-    return Scored(
-        effect, guess, float(-2 * fitted @ residual - fitted @ fitted), values, fitted / max(length, 1e-300)
-    )
+        coefficients[alive] = -np.linalg.lstsq(scaled, along[alive] / d, rcond=1e-10)[0] / d
+    return coefficients, float(-2 * coefficients @ along - coefficients @ gram @ coefficients)
 
 
-def best_each(scored: Sequence[Scored]) -> list[Scored]:
-    """The best guess of each effect, best effect first; those with an impossible sign come last."""
-    best: dict[ChosenEffect, Scored] = {}
-    for s in scored:
-        if s.effect not in best or _allowed_gain(s) > _allowed_gain(best[s.effect]):
-            best[s.effect] = s
-    return sorted(best.values(), key=_allowed_gain, reverse=True)
-
-
-def _allowed_gain(s: Scored) -> float:
-    """Its gain; none where a parameter has an impossible sign."""
-    specs = EFFECTS[s.effect.effect].parameters
-    wrong = any(v < p.lower or v > p.upper for v, p in zip(s.values, specs, strict=True) if p.lower == 0.0)
-    return 0.0 if wrong else s.gain
+def allowed(effect: ChosenEffect, values: Array) -> bool:
+    """False where a parameter that cannot be negative is, or one lies beyond its bound."""
+    specs = EFFECTS[effect.effect].parameters
+    return not any(v < p.lower or v > p.upper for v, p in zip(values, specs, strict=True) if p.lower == 0.0)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout
 from flexviz.equation.chain import Chain
-from flexviz.identification.interval import best_interval
-from flexviz.identification.scoring import beside, best_each, score
+from flexviz.identification.interval import best_intervals
+from flexviz.identification.projection import Projection
+from flexviz.identification.scoring import score
 from flexviz.identification.solver import gauss_newton
 from flexviz.identification.start import start_values
 from flexviz.measurements import MeasurementSet
@@ -40,20 +41,19 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)
     hessian = instruments.T @ instruments + start.prior.gradient_and_hessian(x)[1]
 
-    def weigh(columns: Array) -> Array:
-        return (columns * weights).reshape(-1, columns.shape[2])
+    def weigh(columns: Array, block: int) -> Array:
+        return (columns * weights[inner.signals.blocks[block].rows]).reshape(-1, columns.shape[2])
 
     wanted = [e for e in layout.effects if not EFFECTS[e.effect].linear]
     residual = (evaluation.residual * solution.weights).ravel()
+    projection = Projection(residual, instruments, hessian)
     chain = Chain(x[simple.compliance], x[simple.link_viscous], evaluation.link)
-    scored = score(inner, chain, wanted, weigh, residual, instruments, hessian)
-    found = {s.effect: s.values for s in best_each(scored)}
+    found = {s.effect: s.values for s in score(inner, chain, wanted, weigh, projection)}
     for effect in wanted:
         if effect.joint is not None and effect.group is not None:
-            rest = beside(instruments, hessian)
-            best = best_interval(inner, effect.joint, effect.group, weigh, rest, residual)
-            if best is not None:
-                found[effect] = np.array([best.torque, best.start, best.end])
+            best = best_intervals(inner, effect.joint, weigh, projection, group=effect.group)
+            if best:
+                found[effect] = best[0].values
     out = layout.vector(simple.model(x))
     for effect, where in layout.effect_slices():
         if effect in found:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout
 from flexviz.equation.link import LinkDynamics
+from flexviz.equation.signals import Signals
 from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.identification.solver import Bounds
 from flexviz.measurements import MeasurementSet
@@ -95,12 +96,27 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     x[lay.motor_inertia] = motor_inertia
     x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
     x[lay.effect_start :] = solution[12 * n :]
-    bounds = _bounds(lay, stiffness, motor_inertia, np.max(np.abs(sig.tau[0]), axis=0))
+    return _assembled(lay, sig, x, cad, np.sqrt(np.mean(residual**2, axis=0)))
+
+
+def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
+    """The same start for a model with other effects, which begin at zero."""
+    old = start.prior.layout
+    x = np.zeros(layout.size)
+    x[: layout.effect_start] = start.x[: old.effect_start]
+    return _assembled(layout, signals, x, start.prior.cad, start.rigid_rms)
+
+
+def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array) -> Start:
+    """Prior and bounds around x."""
+    largest = np.max(np.abs(sig.tau[0]), axis=0)
+    bounds = _bounds(lay, 1 / x[lay.compliance], x[lay.motor_inertia], largest)
     x = bounds.clip(x)
     centre = x.copy()
     centre[lay.effect_start :] = 0.0
+    rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
     prior = Prior(lay, cad, centre, _spread(lay, x, rms_torque, sig.theta[1]))
-    return Start(x, prior, bounds, np.sqrt(np.mean(residual**2, axis=0)))
+    return Start(x, prior, bounds, rigid_rms)
 
 
 def _rigid_fit(

@@ -142,34 +142,55 @@ def score_covariance(
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
-def whitener(covariance: Array) -> Whitener:
-    """From Cov(r_t, r_{t−k}), shape (p + 1, N, n, n)."""
+def whitener(covariance: Array, every: int = 1) -> Whitener:
+    """From Cov(r_t, r_{t−k}), shape (p + 1, N, n, n).
+
+    Args:
+        covariance: of the residual.
+        every: the predictor is solved for at every such sample and interpolated between: it changes as slowly
+            as the pose. 1 is exact.
+    """
     order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
-    predictor = np.zeros((order, count, n, n))
-    remaining = covariance[0].copy()
-    for t in range(1, min(order, count)):
-        _predict(covariance, predictor, remaining, slice(t, t + 1), t)
+    every = min(every, max(1, (count - order - 1) // 2))
+    begun = np.arange(min(order, count))  # the first samples have fewer before them
+    later = np.unique(np.r_[np.arange(order, count, every), count - 1]) if count > order else np.arange(0)
+    at = np.concatenate([begun, later])
+    weights = np.empty((len(at), order, n, n))
+    scale = np.empty((len(at), n, n))
     chunk = max(1, int(4e6 / (order * n) ** 2))
-    for start in range(order, count, chunk):
-        _predict(covariance, predictor, remaining, slice(start, min(start + chunk, count)), order)
-    remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
-    return Whitener(predictor, np.linalg.inv(np.linalg.cholesky(remaining)))
+    for start in range(0, len(at), chunk):
+        part = slice(start, min(start + chunk, len(at)))
+        weights[part], scale[part] = _predict(covariance, at[part])
+    predictor = weights.transpose(1, 0, 2, 3)
+    if len(at) < count:
+        place = np.searchsorted(at, np.arange(count), side="right") - 1
+        place = np.minimum(place, len(at) - 2)
+        share = ((np.arange(count) - at[place]) / (at[place + 1] - at[place]))[:, None, None]
+        predictor = predictor[:, place] * (1 - share) + predictor[:, place + 1] * share
+        scale = scale[place] * (1 - share) + scale[place + 1] * share
+    return Whitener(np.ascontiguousarray(predictor), scale)
 
 
-def _predict(covariance: Array, predictor: Array, remaining: Array, rows: slice, order: int) -> None:
-    """Fill predictor and remaining covariance of the samples `rows` from the `order` samples before each."""
-    t = np.arange(rows.start, rows.stop)
-    n = covariance.shape[2]
+def _predict(covariance: Array, t: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Predictor (T, p, n, n) of the samples t and inverse Cholesky factor (T, n, n) of what remains."""
+    order, n = len(covariance) - 1, covariance.shape[2]
     past = np.empty((len(t), order, n, order, n))
     for i in range(order):
         for j in range(i, order):
-            block = covariance[j - i, t - 1 - i]
+            block = covariance[j - i, np.maximum(t - 1 - i, 0)]
+            missing = t - 1 - j < 0
+            if missing.any():  # a sample before the first: of unit variance, and related to nothing
+                block = block.copy()
+                block[missing] = np.eye(n) if i == j else 0.0
             past[:, i, :, j, :] = block
-            past[:, j, :, i, :] = block.transpose(0, 2, 1)
+            if i != j:
+                past[:, j, :, i, :] = block.transpose(0, 2, 1)
     cross = np.stack(
         [covariance[k + 1, t] for k in range(order)], axis=1
-    )  # (T, order, n, n): Cov(r_t, r_{t−1−k})
+    )  # (T, p, n, n): Cov(r_t, r_{t−1−k})
     right = cross.transpose(0, 1, 3, 2).reshape(len(t), order * n, n)
     weights = np.linalg.solve(past.reshape(len(t), order * n, order * n), right)
-    predictor[:order, t] = weights.reshape(len(t), order, n, n).transpose(1, 0, 3, 2)
-    remaining[t] -= right.transpose(0, 2, 1) @ weights
+    remaining = covariance[0, t] - right.transpose(0, 2, 1) @ weights
+    remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
+    scale = np.linalg.inv(np.linalg.cholesky(remaining))
+    return weights.reshape(len(t), order, n, n).transpose(0, 1, 3, 2), scale

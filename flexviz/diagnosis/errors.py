@@ -1,0 +1,81 @@
+"""Errors in Nm for people: residuals of every group in one band that is flat where the robot moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.fitting import Fit
+from flexviz.equation import Equation, build_signals
+from flexviz.identification.refinement import residual_noise
+from flexviz.measurements import MeasurementSet
+from flexviz.noise import segments_noise
+from flexviz.observers import FlatZeroPhase
+
+Array = NDArray[np.float64]
+
+HERTZ = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Residuals of one model.
+
+    Attributes:
+        rms: shape (n,), over the fit groups [Nm].
+        rms_validation: the same over the validation groups; None without any.
+        groups: (name, rms per joint [Nm], whether it is held out).
+        noise_floor: shape (n,), what measurement noise alone leaves [Nm].
+        residual: shape (N, n) [Nm].
+    """
+
+    rms: tuple[float, ...]
+    rms_validation: tuple[float, ...] | None
+    groups: tuple[tuple[str, tuple[float, ...], bool], ...]
+    noise_floor: tuple[float, ...]
+    residual: Array
+
+
+class ErrorBand:
+    """The signals of all groups in the band that errors are shown in."""
+
+    def __init__(self, measurements: MeasurementSet) -> None:
+        self.measurements = measurements
+        self.signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * HERTZ))
+        self.noise = segments_noise([b.segment for b in self.signals.blocks])
+        self._shared: dict[object, Any] = {}
+        self.rows = {
+            group.name: np.concatenate(
+                [np.arange(b.rows.start, b.rows.stop) for b in self.signals.blocks if b.group == k]
+                or [np.arange(0)]
+            )
+            for k, group in enumerate(self.signals.groups)
+        }
+
+    def errors(self, fit: Fit) -> Errors:
+        """Residuals of a model."""
+        equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
+        equation.prepare(fit.x)
+        evaluation = equation.evaluate(fit.x)
+        residual = evaluation.residual
+        held_out = {g.name: g.validation for g in self.signals.groups}
+        groups = tuple(
+            (name, _rms(residual[rows]), held_out[name]) for name, rows in self.rows.items() if len(rows)
+        )
+        fitted = np.concatenate([self.rows[n] for n, _, validation in groups if not validation])
+        judged = [self.rows[n] for n, _, validation in groups if validation]
+        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, evaluation.link, self.noise))
+        return Errors(
+            _rms(residual[fitted]),
+            _rms(residual[np.concatenate(judged)]) if judged else None,
+            groups,
+            tuple(map(float, floor)),
+            residual,
+        )
+
+
+def _rms(residual: Array) -> tuple[float, ...]:
+    return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))

@@ -1,0 +1,155 @@
+"""A refitted candidate in words and numbers: values, rivals, what had absorbed it, what it takes away."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.confidence import confidence
+from flexviz.diagnosis.errors import ErrorBand, Errors
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.judging import score_of
+from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
+from flexviz.diagnosis.search import Scores, Tried
+from flexviz.diagnosis.telling_apart import breaking
+from flexviz.effects import EFFECTS
+from flexviz.identification.scoring import Scored
+from flexviz.identification.uncertainty import colour_matrix, covariance
+
+Array = NDArray[np.float64]
+
+TIED = 20.0  # difference of the objective up to which two effects fit equally well
+TIED_SHARE = 0.02  # the same as a share of the gain: laws are only nearly right
+ALIKE = 0.98  # correlation of signatures from which on a candidate that was not refitted counts as tied
+MOVED = 4.0  # standard errors from which on a parameter had absorbed an effect
+MOVED_SHARE = 0.01  # and this share of its value
+MENTIONED = 6  # parameters
+
+
+def fit_covariance(bench: Workbench, fit: Fit) -> tuple[Array, Array]:
+    """Covariance (P, P) of a fit and the prior's share of each variance (P,)."""
+    prior, _ = bench.assumptions(fit.layout)
+    flat = fit.point.z.reshape(-1, fit.layout.size)
+    rows = [b.rows for b in bench.refinement.blocks]
+    colour = colour_matrix(fit.point.r, fit.point.z, rows)
+    return covariance(flat.T @ flat, colour, prior.gradient_and_hessian(fit.x)[1])
+
+
+def standard_errors(bench: Workbench, fit: Fit) -> Array:
+    """Of every parameter, shape (P,)."""
+    return np.sqrt(np.maximum(np.diag(fit_covariance(bench, fit)[0]), 0.0))
+
+
+def explain(
+    bench: Workbench,
+    before: Fit,
+    best: Tried,
+    tried: list[Tried],
+    scores: Scores | None,
+    errors: tuple[ErrorBand, Errors, Errors] | None = None,
+) -> Finding:
+    """A candidate as a finding.
+
+    Args:
+        bench: the data.
+        before: the model without it.
+        best: with it, refitted.
+        tried: all candidates that were refitted.
+        scores: of all candidates at `before`; None for one that is only mentioned.
+        errors: the band of errors and the errors before and after; None for one that is only mentioned.
+    """
+    effect, fit = best.effect, best.fit
+    std = standard_errors(bench, fit)
+    where = dict(fit.layout.effect_slices())[effect]
+    specs = EFFECTS[effect.effect].parameters
+    gain = before.objective - fit.objective
+    rivals = [t.fit.objective for t in tried if t.effect != effect]
+    margin = (min(rivals) if rivals else before.objective) - fit.objective
+    return Finding(
+        effect.effect,
+        fit.layout.joint_name(effect),
+        effect.group,
+        effect.payload,
+        score_of(before, fit),
+        confidence(before, fit, gain, margin),
+        {
+            p.name: (float(v), float(e), p.unit)
+            for p, v, e in zip(specs, fit.x[where], std[where], strict=True)
+        },
+        () if scores is None else ties(bench, before, best, tried, scores),
+        float(gain),
+        absorbed(before, fit, std),
+        None if errors is None else evidence(best, *errors),
+    )
+
+
+def ties(bench: Workbench, before: Fit, best: Tried, tried: list[Tried], scores: Scores) -> tuple[Tie, ...]:
+    """What the data cannot tell from the best candidate."""
+    gain = before.objective - best.fit.objective
+    mine = _unit(best.scored, scores)
+    refitted = {t.effect: t for t in tried}
+    out = []
+    for s in scores.ranked[:12]:
+        if s.effect == best.effect:
+            continue
+        other = _unit(s, scores)
+        correlation = abs(float(other @ mine))
+        rival = refitted.get(s.effect)
+        close = rival is not None and rival.fit.objective - best.fit.objective < max(TIED, TIED_SHARE * gain)
+        if close or (rival is None and correlation > ALIKE):
+            out.append(
+                Tie(
+                    s.effect.effect,
+                    before.layout.joint_name(s.effect),
+                    correlation,
+                    breaking(bench, before, best.effect, mine, other),
+                )
+            )
+    return tuple(out)
+
+
+def _unit(scored: Scored, scores: Scores) -> Array:
+    rest = scores.projection.rest(scored.signature[:, None], scored.rows)[:, 0]
+    return rest / max(float(np.linalg.norm(rest)), 1e-300)
+
+
+def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
+    """Parameters that moved when the effect was added, by the largest number of standard errors first."""
+    old, new = before.layout, after.layout
+    count = new.effect_start
+    a, b = before.x[:count].copy(), after.x[:count].copy()
+    error = std[:count].copy()
+    stiff = new.compliance
+    error[stiff] = error[stiff] / b[stiff] ** 2
+    a[stiff], b[stiff] = 1 / a[stiff], 1 / b[stiff]
+    assert old.joints == new.joints
+    with np.errstate(divide="ignore", invalid="ignore"):
+        deviations = np.nan_to_num(np.abs(b - a) / error, posinf=0.0)
+    out = [
+        Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
+        for k, (name, joint, unit) in enumerate(new.names()[:count])
+        if deviations[k] > MOVED and abs(b[k] - a[k]) > MOVED_SHARE * abs(b[k])
+    ]
+    return tuple(sorted(out, key=lambda m: -m.deviations)[:MENTIONED])
+
+
+def evidence(best: Tried, band: ErrorBand, before: Errors, after: Errors) -> Evidence:
+    """The residual of the joint that the effect changes most, before it and what it takes away."""
+    change = before.residual - after.residual
+    joint = best.effect.joint
+    if joint is None:
+        size = np.sqrt(np.mean(before.residual**2, axis=0)) + 1e-300
+        joint = int(np.argmax(np.mean(change**2, axis=0) / size**2))
+    groups, rows, at = [], [], 0
+    for name, here in band.rows.items():
+        groups.append((name, at, at + len(here)))
+        rows.append(here)
+        at += len(here)
+    order = np.concatenate(rows)
+    return Evidence(
+        best.fit.layout.joints[joint],
+        tuple(groups),
+        band.signals.time[order],
+        before.residual[order, joint],
+        change[order, joint],
+    )

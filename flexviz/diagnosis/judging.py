@@ -1,0 +1,73 @@
+"""How fits are judged: what is left above the noise, what is worth adding, what it is called at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis.fitting import Fit
+from flexviz.effects import EFFECTS, ChosenEffect
+
+GAIN = 100.0  # fall of the objective that an effect has to bring
+GAIN_LATER = 0.01  # and this share of what was gained before it: a law that is nearly right leaves traces
+GAIN_EPISODE = 0.03  # the same for an episode, which can imitate much
+WORTH = 0.1  # of the excess, or it is not worth a name
+STRUCTURED = 3.0  # χ² per sample above the noise from which on what is left is not noise
+NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
+SHARPEST = 0.1  # of the record's step: time stamps are not known better
+LARGEST_GAIN = 0.4  # a drive whose torque is further off would have been noticed
+
+
+def excess(fit: Fit) -> float:
+    """Mean χ² per sample above the noise, over joints, fit and validation groups."""
+    values = np.concatenate((fit.chi, fit.chi_held_out[np.isfinite(fit.chi_held_out)]))
+    return float(np.mean(np.maximum(values - 1.0, 0.0)))
+
+
+def removed(before: Fit, after: Fit) -> float:
+    """Share of the excess that a refit removed."""
+    return 1 - excess(after) / max(excess(before), 1e-9)
+
+
+def score_of(before: Fit, after: Fit) -> float:
+    """Share of the excess held-out variance that a refit removed; the fit groups' without any."""
+    held_out = np.isfinite(before.chi_held_out).all()
+    old = before.chi_held_out if held_out else before.chi
+    new = after.chi_held_out if held_out else after.chi
+    gone = 1 - np.maximum(new - 1, 0).sum() / max(float(np.maximum(old - 1, 0).sum()), 1e-9)
+    return float(np.clip(gone, 0.0, 1.0))
+
+
+def at_bound(fit: Fit, effect: ChosenEffect) -> bool:
+    """Whether a parameter ended at a bound: a gain of −80 % is a search that ran away, not a finding."""
+    values = fit.x[dict(fit.layout.effect_slices())[effect]]
+    specs = EFFECTS[effect.effect].parameters
+    edges = [(v, edge) for v, p in zip(values, specs, strict=True) for edge in (p.lower, p.upper) if edge]
+    return any(np.isfinite(edge) and abs(v - edge) <= 1e-6 * abs(edge) for v, edge in edges)
+
+
+def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
+    """Whether the values of an effect could be real: inside their bounds, and not finer than time stamps are.
+
+    Args:
+        fit: with the effect.
+        effect: which one.
+        raw_step: of the records [s].
+    """
+    if at_bound(fit, effect):
+        return False
+    values = fit.x[dict(fit.layout.effect_slices())[effect]]
+    by_name = {p.name: abs(v) for p, v in zip(EFFECTS[effect.effect].parameters, values, strict=True)}
+    if effect.effect == "torque_delay":
+        return by_name["delay"] > SHARPEST * raw_step
+    return effect.effect != "torque_gain" or by_name["gain_error"] < LARGEST_GAIN
+
+
+def needed_gain(effect: ChosenEffect, gained: float) -> float:
+    """Fall of the objective that an effect has to bring after `gained` was gained by others."""
+    share = GAIN_EPISODE if EFFECTS[effect.effect].scope == "episode" else GAIN_LATER
+    return max(GAIN, share * gained)
+
+
+def verdict(fit: Fit) -> str:
+    """On a model to which nothing worth a name could be added."""
+    return "unknown" if excess(fit) > STRUCTURED else "nothing-missing"

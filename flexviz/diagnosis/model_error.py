@@ -1,0 +1,158 @@
+"""The search where no model reaches the noise, as on most real robots.
+
+There the model, not the noise, is what is wrong, and measuring its errors in units of the noise would weigh
+up what does not matter. A white model error as large as what is left is added to the noise; an effect counts
+if it lowers the error of groups it was not fitted to, clearly beyond what chance does between stretches of
+half a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.freely import free_curve
+from flexviz.diagnosis.judging import NAMED, credible
+from flexviz.diagnosis.search import Scores, Search, Tried
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.identification.refine import Point
+
+Array = NDArray[np.float64]
+
+FIRST = 0.05  # first guess of the model error, relative to the torque's rms
+ROUNDS = 6  # in which it is found
+STEPS = 14  # effects at most
+REFUSED = 9  # end the search
+BATCH = 3  # are refitted before the best of them is taken
+LEAST_SCORE = 10.0
+STRETCH = 0.5  # [s]
+CLEAR = 2.0  # standard errors of the held-out improvement
+LEAST = 0.02  # of one joint's held-out variance
+ITERATIONS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """One step: the fits without and with the effect, under the same model error."""
+
+    tried: Tried
+    before: Fit
+    after: Fit
+    scores: Scores
+    improvement: float
+
+
+class ModelErrorSearch:
+    """Adds effects one by one, each confirmed on held-out groups.
+
+    Args:
+        search: of the same workbench.
+        longest: most steps.
+    """
+
+    def __init__(self, search: Search, longest: int = STEPS) -> None:
+        self.search, self.longest = search, longest
+        signals = search.bench.refinement.narrow.signals
+        self.tolerance = FIRST**2 * np.mean(signals.tau[0] ** 2, axis=0)
+        self.bench = search.bench
+
+    def settled(self, layout: Layout, x: Array) -> Fit:
+        """A fit under a model error of its own size."""
+        fit = None
+        for _ in range(ROUNDS):
+            self.bench = self.search.bench.with_tolerance(self.tolerance)
+            fit = self.bench.fit(layout, x, iterations=ITERATIONS, check=self.search.check)
+            x = fit.x
+            if np.all(np.abs(np.log(fit.chi)) < 0.25):
+                break
+            self.tolerance = self.tolerance * fit.chi
+        assert fit is not None
+        return fit
+
+    def run(self, start: Fit) -> list[Added]:
+        """What is added to a model."""
+        fit = self.settled(start.layout, start.x)
+        steps: list[Added] = []
+        for _ in range(self.longest):
+            search = Search(self.bench, self.search.say)
+            scores = search.scores(fit, episodes=False)  # an episode cannot be confirmed on other groups
+            named = Named(self.search, fit)
+            added = self.next(search, fit, scores, named)
+            if added is None:
+                break
+            steps.append(added)
+            fit = self.settled(added.after.layout, added.after.x)
+        return steps
+
+    def next(self, search: Search, fit: Fit, scores: Scores, named: Named) -> Added | None:
+        """The first candidate, best scores first, that held-out groups confirm."""
+        left = [s for s in scores.ranked if s.gain > LEAST_SCORE and named(s.effect)][:REFUSED]
+        while left:
+            batch, left = left[:BATCH], left[BATCH:]
+            tried = []
+            for scored in batch:
+                search.say(f"trying {scored.effect.effect.replace('_', ' ')} beside a model error")
+                layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+                refit = self.bench.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
+                tried.append(Tried(scored, refit))
+            for t in sorted(tried, key=lambda t: t.fit.objective):
+                better = self.improvement(fit, t.fit)
+                if better is not None and credible(t.fit, t.effect, search.raw_step):
+                    return Added(t, fit, t.fit, scores, better)
+        return None
+
+    def improvement(self, before: Fit, after: Fit) -> float | None:
+        """Share by which the held-out variance falls (the fit groups' without any); None if not clearly."""
+        a, b = before.held_out or before.point, after.held_out or after.point
+        blocks = (self.bench.validation or self.bench.refinement).blocks
+        step = float(blocks[0].segment.step * blocks[0].stride)
+        length = max(1, round(STRETCH / step))
+        old, new = _stretches(a, length), _stretches(b, length)
+        falls = (old - new) / np.maximum(old.mean(axis=0), 1e-300)  # relative to each joint's own
+        each = falls.sum(axis=1)
+        error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else np.inf
+        mean = float(each.mean())
+        if mean < LEAST or mean < CLEAR * error:
+            return None
+        return mean
+
+
+class Named:
+    """Whether effects take a fair share of what free curves on their joints would, in units of the noise.
+
+    Args:
+        search: without a model error.
+        fit: the model so far.
+    """
+
+    def __init__(self, search: Search, fit: Fit) -> None:
+        self.search = search
+        self.fit = search.bench.fit(fit.layout, fit.x, iterations=0)
+        self.scores = search.scores(self.fit, episodes=False)
+        self._free: dict[int, float] = {}
+
+    def __call__(self, effect: ChosenEffect) -> bool:
+        joints = range(self.fit.layout.n) if effect.joint is None else [effect.joint]
+        most = max(self.free(joint) for joint in joints)
+        gain = next((s.gain for s in self.scores.ranked if s.effect == effect), 0.0)
+        return gain >= NAMED * most
+
+    def free(self, joint: int) -> float:
+        """What a free curve on a joint would explain."""
+        if joint not in self._free:
+            weigh = self.search.weigh(self.fit)
+            projection = self.scores.projection
+            self._free[joint] = free_curve(self.search.bench, self.fit, joint, weigh, projection).gain
+        return self._free[joint]
+
+
+def _stretches(point: Point, length: int) -> Array:
+    """Sums of squares over stretches, shape (S, n)."""
+    count = len(point.r) // length
+    squares = point.r[: count * length] ** 2
+    return squares.reshape(count, length, -1).sum(axis=1)

@@ -1,0 +1,196 @@
+"""One round of the search: score every candidate, refit the leading ones, drop what is superfluous."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.judging import GAIN, WORTH, credible, excess, needed_gain, removed
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.identification.interval import best_intervals
+from flexviz.identification.projection import Projection, Weigh
+from flexviz.identification.scoring import Scored, score
+
+Array = NDArray[np.float64]
+
+TRIED = 6  # refitted
+EPISODES = 2  # of them at most
+CLOSE = 0.03  # of the best score: what scores less is not refitted once the best one explains all
+EXPLAINED = 0.05  # of the excess left: the leading candidate explains all there is
+FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
+FAINT = 40.0  # largest score that noise alone is allowed
+LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
+SHORT, LONGER, FULL = 3, 6, 14  # iterations of a refit
+MOST = 0.3  # of what the objective holds above the noise
+RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
+
+
+@dataclass(frozen=True, eq=False)
+class Scores:
+    """Every candidate's score at a fit, best first, and what they were measured with."""
+
+    ranked: list[Scored]
+    projection: Projection
+
+    @property
+    def top(self) -> float:
+        return self.ranked[0].gain if self.ranked else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A candidate with its refit."""
+
+    scored: Scored
+    fit: Fit
+
+    @property
+    def effect(self) -> ChosenEffect:
+        return self.scored.effect
+
+
+class Search:
+    """Rounds of the search on one workbench.
+
+    Args:
+        bench: the data.
+        say: called with what is being tried; may raise to stop.
+    """
+
+    def __init__(self, bench: Workbench, say: Callable[[str], None]) -> None:
+        self.bench, self.say = bench, say
+        self.raw_step = max(s.step for g in bench.fit_groups for s in g.segments)
+
+    def check(self) -> None:
+        self.say("")
+
+    def scores(self, fit: Fit, episodes: bool = True) -> Scores:
+        """Every candidate's score at a fit."""
+        layout, point = fit.layout, fit.point
+        narrow = self.bench.refinement.with_layout(layout).narrow
+        narrow.prepare(fit.x)
+        prior, _ = self.bench.assumptions(layout)
+        flat = point.z.reshape(-1, layout.size)
+        hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
+        projection = Projection(point.r.ravel(), flat, hessian)
+        weigh = self.weigh(fit)
+        wanted = candidates(layout, self.bench.fit_groups)
+        scored = score(narrow, self.bench.chain(fit), wanted, weigh, projection)
+        if episodes:
+            have = set(layout.effects)
+            for joint in range(layout.n):
+                self.check()
+                found = best_intervals(narrow, joint, weigh, projection, longest=LONGEST)
+                scored += [s for s in found if s.effect not in have]
+        return Scores(sorted(scored, key=lambda s: -s.gain), projection)
+
+    def weigh(self, fit: Fit) -> Weigh:
+        """Columns of a stretch weighted as the fit's residual."""
+        point, blocks = fit.point, self.bench.refinement.blocks
+
+        def weigh(columns: Array, block: int) -> Array:
+            out = point.metrics[block].apply(columns)
+            out[~point.used[blocks[block].rows]] = 0.0
+            return out.reshape(-1, columns.shape[2])
+
+        return weigh
+
+    def refits(self, fit: Fit, scores: Scores) -> list[Tried]:
+        """The leading candidates refitted, best first."""
+        chosen = self.leading(scores)
+        if not chosen:
+            return []
+        first = self.refit(fit, chosen[0], FULL)
+        if excess(first.fit) < max(EXPLAINED * excess(fit), 0.05) and first.fit.objective < fit.objective:
+            tried = [first, *self.rivals(fit, first, chosen[1:])]
+        else:
+            tried = self.tournament(fit, first, chosen[1:])
+        return sorted(tried, key=lambda t: t.fit.objective)
+
+    def leading(self, scores: Scores) -> list[Scored]:
+        """The candidates worth a refit, best score first."""
+        chosen: list[Scored] = []
+        episodes = 0
+        for s in scores.ranked:
+            if EFFECTS[s.effect.effect].scope == "episode":
+                episodes += 1
+                if episodes > EPISODES:
+                    continue
+            chosen.append(s)
+            if len(chosen) == TRIED:
+                break
+        return chosen
+
+    def refit(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
+        """One candidate, refitted from where the data of a much simpler model lead."""
+        self.say(f"trying {EFFECTS[scored.effect.effect].title.lower()}")
+        layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        near = fit
+        if excess(fit) > FAR:
+            x, near = self.bench.roughly(layout, x, self.check), None
+        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check, near=near))
+
+    def rivals(self, fit: Fit, leader: Tried, others: list[Scored]) -> list[Tried]:
+        """The others, where the leader explains all: can one of them do the same from the same start?"""
+        gain = fit.objective - leader.fit.objective
+        out = []
+        for s in others:
+            if s.gain < CLOSE * leader.scored.gain:
+                continue
+            self.say(f"comparing with {EFFECTS[s.effect.effect].title.lower()}")
+            layout, x = with_effect(fit.layout, _shared(leader.fit, fit), s.effect, s.values)
+            here = self.bench.fit(layout, x, iterations=SHORT, check=self.check, near=leader.fit)
+            if not here.converged and here.objective < leader.fit.objective + RIVAL * max(gain, GAIN):
+                here = self.bench.fit(layout, here.x, iterations=FULL, check=self.check, near=here)
+            out.append(Tried(s, here))
+        return out
+
+    def tournament(self, fit: Fit, first: Tried, others: list[Scored]) -> list[Tried]:
+        """All of them by halving, where the leader leaves much."""
+        tried = [first, *(self.refit(fit, s, SHORT) for s in others)]
+        for keep, iterations in ((3, LONGER), (2, FULL)):
+            tried.sort(key=lambda t: t.fit.objective)
+            for k, t in enumerate(tried[:keep]):
+                if not t.fit.converged:
+                    more = self.bench.fit(
+                        t.fit.layout, t.fit.x, iterations=iterations, check=self.check, near=t.fit
+                    )
+                    tried[k] = replace(t, fit=more)
+        return tried
+
+    def acceptable(self, fit: Fit, tried: list[Tried], gained: float) -> Tried | None:
+        """The best refitted candidate, if it is worth adding after `gained` was gained before."""
+        possible = [t for t in tried if credible(t.fit, t.effect, self.raw_step)]
+        if not possible:
+            return None
+        best = possible[0]
+        gain = fit.objective - best.fit.objective
+        worth = removed(fit, best.fit) > WORTH or gain > MOST * fit.noise_objective
+        return best if gain >= needed_gain(best.effect, gained) and worth else None
+
+    def simplified(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> tuple[Fit, list[ChosenEffect]]:
+        """The model without those earlier effects that have become superfluous, and which those are."""
+        dropped: list[ChosenEffect] = []
+        for effect in earlier:
+            if len(earlier) - len(dropped) < 1 or effect not in best.layout.effects:
+                continue
+            layout, x = without_effect(best.layout, best.x, effect)
+            alone = self.bench.fit(layout, x, iterations=LONGER, check=self.check, near=best)
+            if alone.objective < best.objective + GAIN:
+                best = alone
+                dropped.append(effect)
+        return best, dropped
+
+
+def _shared(leader: Fit, before: Fit) -> Array:
+    """The leader's values of everything that the model before it has, or that model's own."""
+    x = before.layout.vector(leader.layout.model(leader.x))
+    for effect, where in before.layout.effect_slices():
+        if effect not in leader.layout.effects:
+            x[where] = before.x[where]
+    return x
