@@ -1,8 +1,12 @@
-"""Where the residual lives: joint by variable, with the share that each explains out of sample."""
+"""Where the residual lives: joint by variable, with the share that each explains out of sample.
+
+The residual's mean in bins of a variable is judged on blocks of time that had no part in it (`crossval`).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +15,15 @@ from flexviz.diagnosis.crossval import (
     Explained,
     Folds,
     Ints,
-    bin_count,
     carrying,
     explained,
     make_folds,
     mean_and_error,
-    quantile_bins,
 )
 from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
 from flexviz.diagnosis.result import Place
-from flexviz.diagnosis.spectrum import JointResiduals, Spectrum, joint_residuals, spectra
+from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,12 @@ UNITS = {
     "frequency": "Hz",
 }
 DIRECTIONS = ("forward", "backward")
+BINS = 24  # of the curves that are drawn
+SAMPLES_PER_BIN = 40  # at least, on average
+BAND = 1.0  # [Hz] width of the band that stands for "frequency"
+CLEARLY = 0.05  # more explained
+MOTION = 0.99  # share of the velocity's power that is in the motion's band
+HARMONICS = 3  # of it, which simple laws like friction or a cubic spring make
 
 
 @dataclass(frozen=True)
@@ -45,16 +54,18 @@ class ResidualMap:
     Attributes:
         joint, variable: whose, against what; "position × direction" has one curve a direction.
         unit: of the variable.
-        curves: names of the S curves: directions, groups (against time), "" where there is one.
+        curves: names of the S curves: directions, groups (against time), "" where there is one. For
+            "frequency" they are the residual and its noise floor.
         centres: shape (S, B), mean of the variable in each bin; NaN in empty ones.
         mean: shape (S, B), mean residual there [Nm]; for "frequency" the root of its density [Nm/√Hz].
-        std: shape (S, B), standard error of the mean, autocorrelation included [Nm]; half the width of a 68 %
-            noise band. For "frequency" the curves are the residual and its noise floor.
-        count: shape (S, B), samples.
-        explained: share of the residual's mean square that the variable predicts out of sample: zero on
-            average for noise, so that a little below zero is nothing to worry about.
+        std: shape (S, B), standard error of the mean, autocorrelation included [Nm].
+        count: shape (S, B), samples; for "frequency" lines of the spectra.
+        explained: share of the residual's mean square that its mean against the variable predicts out of
+            sample: zero on average for noise, so that it may also be a little below zero. For "frequency"
+            the share that the strongest band of one hertz has above the noise floor, beyond the motion's own
+            frequencies and their harmonics: what is slower is a matter of the other variables.
         explained_std: its standard error.
-        explained_by_group: the same within each group.
+        explained_by_group: group → the same among its samples.
         range: what carries most of it: the shortest range with half of what is explained.
     """
 
@@ -72,176 +83,189 @@ class ResidualMap:
     range: tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Samples:
-    """The slow residual of all groups of a bench, with what it is held against.
-
-    Attributes:
-        joints: names.
-        groups: names of the groups, in the set's order.
-        group: shape (N,), index into `groups`.
-        stretches: which samples are contiguous.
-        shown: shape (N,).
-        time: shape (N,) [s], each group's own.
-        residual: shape (N, n) [Nm].
-        theta: shape (3, N, n), motor angle, velocity, acceleration.
-        load: shape (N, n), transmission torque [Nm].
-    """
-
-    joints: tuple[str, ...]
-    groups: tuple[str, ...]
-    group: Ints
-    stretches: tuple[slice, ...]
-    shown: NDArray[np.bool_]
-    time: Array
-    residual: Array
-    theta: Array
-    load: Array
-
-    def variable(self, name: str, joint: int) -> Array:
-        """Position, velocity, acceleration, load or time of a joint, shape (N,)."""
-        if name == "load":
-            return self.load[:, joint]
-        if name == "time":
-            return self.time
-        return self.theta[("position", "velocity", "acceleration").index(name), :, joint]
-
-
-def samples(bench: Workbench, fit: Fit, parts: list[JointResiduals], group: str | None = None) -> Samples:
-    """Fit and validation groups, one after the other; only one group's are shown where it is named."""
-    names = tuple(g.name for g in bench.measurements.groups)
-    index, stretches, at = [], [], 0
-    for part in parts:
-        signals = part.refinement.narrow.signals
-        own = np.zeros(signals.count, int)
-        for block in signals.blocks:
-            own[block.rows] = names.index(signals.groups[block.group].name)
-            stretches.append(slice(at + block.rows.start, at + block.rows.stop))
-        index.append(own)
-        at += signals.count
-    of_group = np.concatenate(index)
-    shown = np.concatenate([p.shown for p in parts])
-    if group is not None:
-        shown = shown & (of_group == names.index(group))
-    return Samples(
-        fit.layout.joints,
-        names,
-        of_group,
-        tuple(stretches),
-        shown,
-        np.concatenate([p.refinement.narrow.signals.time for p in parts]),
-        np.concatenate([p.slow for p in parts]) * shown[:, None],
-        np.concatenate([p.refinement.narrow.signals.theta[:3] for p in parts], axis=1),
-        np.concatenate([p.narrow.torque[0] for p in parts]),
-    )
-
-
 def maps(bench: Workbench, fit: Fit, group: str | None = None) -> tuple[ResidualMap, ...]:
     """Every joint's residual against every variable; of all groups, or of one."""
     parts = joint_residuals(bench, fit)
     data = samples(bench, fit, parts, group)
     found = spectra(bench, fit, parts)
     return tuple(
-        one
-        for j in range(fit.layout.n)
-        for one in (*joint_maps(data, j), frequency_map(found[j]))
+        one for j in range(fit.layout.n) for one in (*joint_maps(data, j), frequency_map(data, j, found[j]))
     )
+
+
+@dataclass(frozen=True)
+class _Against:
+    """A variable's values and bins: index of each sample's bin, shape (N,), of S curves with B bins each."""
+
+    values: Array
+    index: Ints
+    curves: tuple[str, ...]
+    bins: int
 
 
 def joint_maps(data: Samples, joint: int) -> list[ResidualMap]:
     """A joint's residual against position, velocity, … and group."""
     residual = data.residual[:, joint]
     folds = make_folds(residual, data.shown, data.stretches)
-    count = bin_count(int(data.shown.sum()))
     out = []
     for name in UNITS:
         if name == "frequency":
             continue
-        if name == "group":
-            index, curves, values = data.group, ("",), data.group.astype(float)
-        elif name == "time":
-            index, curves, values = _windows(data, folds), data.groups, data.time
-        elif name == DIRECTED:
-            values = data.theta[0, :, joint]
-            index = quantile_bins(values, data.shown, count)[0]
-            index = index + (data.theta[1, :, joint] < 0) * (int(index.max()) + 1)
-            curves = DIRECTIONS
-        else:
-            values, curves = data.variable(name, joint), ("",)
-            index = quantile_bins(values, data.shown, count)[0]
-        found = explained(index, residual, folds)
-        out.append(_map(data, joint, name, curves, values, index, found, folds))
+        against = binned(data, folds, joint, name)
+        found = explained(against.index, residual, folds)
+        out.append(_map(data, joint, name, against, found, folds))
     return out
 
 
-def _windows(data: Samples, folds: Folds) -> Ints:
-    """Windows of time, as many for every group."""
-    window = folds.window.copy()
-    seen = np.zeros(len(data.groups), int)
-    for rows in folds.stretches:  # a group may have several stretches
-        group = int(data.group[rows.start])
-        window[rows] += seen[group]
-        seen[group] = int(window[rows].max()) + 1
-    return data.group * max(1, int(seen.max())) + window
+def binned(data: Samples, folds: Folds, joint: int, name: str) -> _Against:
+    """Bins of a variable."""
+    bins = int(np.clip(data.shown.sum() // SAMPLES_PER_BIN, 4, BINS))
+    if name == "group":
+        return _Against(data.group.astype(float), data.group, ("",), len(data.groups))
+    if name == "time":
+        window = folds.window.copy()
+        seen = np.zeros(len(data.groups), int)
+        for rows in folds.stretches:  # a group may have several stretches
+            group = int(data.group[rows.start])
+            window[rows] += seen[group]
+            seen[group] = int(window[rows].max()) + 1
+        bins = int(seen.max())
+        return _Against(data.time, data.group * bins + window, data.groups, bins)
+    values = data.variable("position" if name == DIRECTED else name, joint)
+    edges = _edges(values[data.shown], bins, name == "velocity")
+    index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, bins - 1)
+    if name != DIRECTED:
+        return _Against(values, index, ("",), bins)
+    return _Against(values, index + (data.theta[1, :, joint] < 0) * bins, DIRECTIONS, bins)
+
+
+def _edges(values: Array, bins: int, at_zero: bool) -> Array:
+    """Half way between equally spaced and equally filled bins; one edge at zero where friction may jump."""
+    if not len(values):
+        return np.linspace(0.0, 1.0, bins + 1)
+    share = np.linspace(0, 1, bins + 1)
+    low, high = float(values.min()), float(values.max())
+    edges = 0.5 * (np.quantile(values, share) + low + share * (high - low))
+    if at_zero and low < 0 < high:
+        edges[1 + int(np.argmin(np.abs(edges[1:-1])))] = 0.0
+    return np.sort(edges)
 
 
 def _map(
-    data: Samples, joint: int, name: str, curves: tuple[str, ...], values: Array, index: Ints,
-    found: Explained, folds: Folds,
-) -> ResidualMap:  # fmt: skip
-    residual = data.residual[:, joint]
-    if name == "group":
-        bins = len(data.groups)
-    else:
-        per_curve = -(-(int(index.max()) + 1) // len(curves))
-        bins = per_curve * len(curves)
-    shown = data.shown
-    count = np.bincount(index[shown], minlength=bins)
+    data: Samples, joint: int, name: str, against: _Against, found: Explained, folds: Folds
+) -> ResidualMap:
+    residual, shown = data.residual[:, joint], data.shown
+    shape = (len(against.curves), against.bins)
+    total = shape[0] * shape[1]
+    mean, std, count = mean_and_error(against.index, residual, total, folds)
     with np.errstate(invalid="ignore"):
-        centres = np.bincount(index[shown], values[shown], bins) / count
-    raw = np.bincount(index[shown], residual[shown], bins) / np.maximum(count, 1)
-    mean, std, count = mean_and_error(index, residual, raw[index], folds, bins)
-    strength = np.zeros(bins)
-    strength[: len(found.strength)] = found.strength
-    shape = (len(curves), bins // len(curves))
-    product = np.where(shown, found.prediction * residual, 0.0)
-    by_group = {}
-    for k, group in enumerate(data.groups):
-        here = shown & (data.group == k)
-        size = float(np.sum(residual[here] ** 2))
-        by_group[group] = float(product[here].sum()) / size if size > 0 else 0.0
-    best = int(np.argmax(np.maximum(strength, 0).reshape(shape).sum(axis=1))) if name == "time" else None
-    by_bin = strength.reshape(shape)
-    run = carrying(by_bin.sum(axis=0) if best is None else by_bin[best])
-    inside = shown & np.isin(index, [s * shape[1] + b for s in range(shape[0]) for b in range(run.start, run.stop)
-                                     if best is None or s == best])  # fmt: skip
-    span = (float(values[inside].min()), float(values[inside].max())) if inside.any() else (np.nan, np.nan)
+        centres = np.bincount(against.index[shown], against.values[shown], total) / count
+    strength = np.bincount(against.index, found.product, total).reshape(shape)
+    run = carrying(strength.sum(axis=0))
+    inside = (against.index % against.bins >= run.start) & (against.index % against.bins < run.stop) & shown
+    if name == "time":  # a time means something within one group only
+        best = int(np.argmax(np.maximum(strength, 0).sum(axis=1)))
+        run = carrying(strength[best])
+        inside = (against.index >= best * shape[1] + run.start) & (against.index < best * shape[1] + run.stop)
+        inside &= shown
+    values = against.values[inside]
     return ResidualMap(
-        data.joints[joint], name, UNITS[name], curves, centres.reshape(shape), mean.reshape(shape),
-        std.reshape(shape), count.reshape(shape), found.share, found.std, by_group, span,
-    )  # fmt: skip
+        joint=data.joints[joint],
+        variable=name,
+        unit=UNITS[name],
+        curves=against.curves,
+        centres=centres.reshape(shape),
+        mean=mean.reshape(shape),
+        std=std.reshape(shape),
+        count=count.reshape(shape),
+        explained=found.share,
+        explained_std=found.std,
+        explained_by_group={
+            g: found.of(residual, shown & (data.group == k)) for k, g in enumerate(data.groups)
+        },
+        range=(float(values.min()), float(values.max())) if len(values) else (0.0, 0.0),
+    )
 
 
-def frequency_map(spectrum: Spectrum) -> ResidualMap:
+def frequency_map(data: Samples, joint: int, spectrum: Spectrum) -> ResidualMap:
     """A joint's spectrum as a map: the residual's and its noise floor's."""
     density = np.array([spectrum.density, spectrum.floor])
     root = np.sqrt(density)
-    relative = np.array([spectrum.std, np.zeros_like(spectrum.std)]) / np.maximum(density, 1e-300)
+    std = np.array([spectrum.std, np.zeros_like(spectrum.std)])
+    share, scatter, band = band_share(data, joint, spectrum)
     return ResidualMap(
-        spectrum.joint, "frequency", "Hz", ("residual", "noise floor"),
-        np.broadcast_to(spectrum.frequency, density.shape), root, 0.5 * root * relative,
-        np.broadcast_to(spectrum.lines, density.shape), spectrum.above, spectrum.above_std, {}, spectrum.band,
-    )  # fmt: skip
+        joint=spectrum.joint,
+        variable="frequency",
+        unit="Hz",
+        curves=("residual", "noise floor"),
+        centres=np.broadcast_to(spectrum.frequency, density.shape),
+        mean=root,
+        std=0.5 * std / np.maximum(root, 1e-300),
+        count=np.broadcast_to(spectrum.lines, density.shape),
+        explained=share,
+        explained_std=scatter,
+        explained_by_group={},
+        range=band,
+    )
 
 
-def places(bench: Workbench, fit: Fit) -> tuple[Place, ...]:
-    """Joint × variable, the joint with the largest excess first, within it what explains most."""
+def band_share(data: Samples, joint: int, spectrum: Spectrum) -> tuple[float, float, tuple[float, float]]:
+    """Share of the strongest band beyond the motion's frequencies, its standard error, and the band [Hz].
+
+    The band is chosen on one half of every stretch and judged on the other, and the other way round.
+    """
+    width = float(spectrum.frequency[1] - spectrum.frequency[0])
+    bands = len(spectrum.frequency)
+    wide = max(1, round(BAND / width))
+    power, speed, lines = np.zeros((2, bands)), np.zeros(bands), np.zeros((2, bands))
+    for rows in data.stretches:
+        shown = rows.start + np.flatnonzero(data.shown[rows])
+        for half, part in enumerate(np.array_split(shown, 2)):
+            if len(part) < 8:
+                continue
+            both = np.stack((data.residual[part, joint], data.theta[1, part, joint]), axis=1)
+            hertz, found = periodogram(both, float(data.step[rows.start]))
+            band = (hertz / width).astype(int)
+            inside = band < bands
+            power[half] += np.bincount(band[inside], found[inside, 0], bands)
+            lines[half] += np.bincount(band[inside], minlength=bands)
+            speed += np.bincount(band[inside], found[inside, 1], bands)
+    power /= np.maximum(lines, 1)
+    floor = spectrum.floor * np.abs(SLOW.transfer(2 * np.pi * spectrum.frequency, 0)) ** 2
+    moving = HARMONICS * (int(np.searchsorted(np.cumsum(speed), MOTION * speed.sum())) + 1)
+    size = float(np.mean(data.residual[data.shown, joint] ** 2)) if data.shown.any() else 0.0
+    if size <= 0 or bands - moving < wide:
+        return 0.0, 0.0, (0.0, float(bands * width))
+    excess = (power - floor)[:, moving:] * width / size
+    runs = np.array([np.convolve(e, np.ones(wide), mode="valid") for e in excess])
+    chosen = np.argmax(runs, axis=1)
+    share = 0.5 * (runs[1, chosen[0]] + runs[0, chosen[1]])
+    at = moving + int(np.argmax(runs.sum(axis=0)))
+    scatter = HANN_LINES / np.maximum(lines.sum(axis=0), 1) * (floor * width / size) ** 2
+    return (
+        float(share),
+        float(np.sqrt(scatter[at : at + wide].sum())),
+        (float(at * width), float((at + wide) * width)),
+    )
+
+
+def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None) -> tuple[Place, ...]:
+    """Joint × variable, the joint with the largest excess first, within it what explains most.
+
+    "position" is also what a torque lives along that depends on position and on the direction of motion,
+    where this explains clearly more than position or velocity alone.
+    """
     parts = joint_residuals(bench, fit)
     data = samples(bench, fit, parts)
     found = spectra(bench, fit, parts)
     out: list[Place] = []
     for j in sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square):
-        rows = [Place(m.joint, m.variable, m.explained, m.range) for m in joint_maps(data, j)]
-        rows.append(Place(found[j].joint, "frequency", found[j].above, found[j].band))
-        out.extend(sorted(rows, key=lambda p: -p.explained))
+        check()
+        rows = {m.variable: m for m in (*joint_maps(data, j), frequency_map(data, j, found[j]))}
+        both, position = rows.pop(DIRECTED), rows["position"]
+        simpler = max(position, rows["velocity"], key=lambda m: m.explained)
+        if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
+            rows["position"] = replace(both, variable="position")
+        ranked = sorted(rows.values(), key=lambda m: -m.explained)
+        out.extend(Place(m.joint, m.variable, m.explained, m.range) for m in ranked)
     return tuple(out)

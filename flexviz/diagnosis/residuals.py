@@ -1,0 +1,257 @@
+"""The residual as the diagnosis looks at it: each joint by itself, and slow enough to be looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.crossval import Ints
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.equation import Evaluation
+from flexviz.equation.residual import Chain
+from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.undecided import pulses
+from flexviz.identification.metric import Metric
+from flexviz.identification.refine import CONSISTENT, Point
+from flexviz.identification.refinement import LONG_ORDER, ORDER, Refinement
+from flexviz.identification.solver import bounded_step
+from flexviz.identification.whitening import noise_kernel, whitener
+from flexviz.observers import FlatZeroPhase, Observer
+
+Array = NDArray[np.float64]
+
+SLOW_HERTZ = 6.0  # the residual is shown, and explained by other variables, up to here
+SLOW = FlatZeroPhase(2 * np.pi * SLOW_HERTZ)
+SLOW_EDGE = 1 / SLOW_HERTZ  # [s] at both ends, where the quick noise beyond them is not known
+
+
+@dataclass(frozen=True)
+class JointResiduals:
+    """The residual of the fit groups or of the validation groups at a fit.
+
+    Attributes:
+        refinement: its signals.
+        point: the fit's residual and instruments there.
+        residual: shape (N, n) [Nm], in the wide band.
+        slow: shape (N, n) [Nm], that, low-passed after it was formed; zero where not shown. A residual formed
+            from signals filtered as narrowly would also hold what the filter does to their products.
+        shown: shape (N,), samples of `slow` that are not next to an end of the stretch.
+        white: shape (N, n), every joint whitened by itself; zero where not used.
+        sensitivity: how noise moves the residual, shapes (5, N, n, n) and (3, N, n, n).
+    """
+
+    refinement: Refinement
+    point: Point
+    residual: Array
+    slow: Array
+    shown: NDArray[np.bool_]
+    white: Array
+    sensitivity: tuple[Array, Array]
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Samples outside the transients, shape (N,)."""
+        return self.point.used
+
+    def floor(self, rows: slice, step: float, hertz: Array) -> tuple[Array, Array]:
+        """Densities of the noise in `residual` and in `slow` over some rows, (F, n) each [Nm²/Hz].
+
+        `step` is that of the raw samples [s].
+        """
+        here = self.sensitivity[0][:, rows], self.sensitivity[1][:, rows]
+        observer = self.refinement.wide.signals.observer
+        wide = noise_density(here, self.refinement.noise, observer, step, hertz)
+        return wide, wide * np.abs(SLOW.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
+
+
+def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
+    """Of the fit groups, and of the validation groups where there are some."""
+    out = []
+    for source, point in ((bench.refinement, fit.point), (bench.validation, fit.held_out)):
+        if source is None or point is None:
+            continue
+        refinement = source.with_layout(fit.layout)
+        refinement.wide.prepare(fit.x)
+        residual = refinement.wide.evaluate(fit.x).residual
+        sensitivity = signal_sensitivity(fit.layout, fit.x, point.narrow.link)
+        metrics = joint_metrics(refinement, fit.x, point.narrow, sensitivity)
+        white, slow = np.zeros_like(residual), np.zeros_like(residual)
+        shown = np.zeros(len(residual), bool)
+        for block, row in zip(refinement.blocks, metrics, strict=True):
+            for j, metric in enumerate(row):
+                white[block.rows, j] = metric.apply(residual[block.rows, j : j + 1])[:, 0]
+            kept = block.rows.start + np.flatnonzero(point.used[block.rows])
+            step = block.segment.step * block.stride
+            edge = int(np.ceil(SLOW_EDGE / step))
+            inner = slice(edge, max(len(kept) - edge, edge))
+            slow[kept[inner]] = SLOW.derivatives(residual[kept], step, 1)[0, inner]
+            shown[kept[inner]] = True
+        white[~point.used] = 0.0
+        out.append(JointResiduals(refinement, point, residual, slow, shown, white, sensitivity))
+    return out
+
+
+def joint_metrics(
+    refinement: Refinement, x: Array, narrow: Evaluation, sensitivity: tuple[Array, Array]
+) -> list[list[Metric]]:
+    """For every block one metric a joint, of that joint's residual alone.
+
+    The fit's metric also predicts one joint's noise from the others', which is right for estimating; but with
+    it a torque that is missing on one joint shows on every joint that comes after it.
+    """
+    layout = refinement.layout
+    theta, tau = sensitivity
+    order = ORDER.get(layout.n, LONG_ORDER)
+    kernels: dict[tuple[float, float], Array] = {}
+    out: list[list[Metric]] = []
+    for block in refinement.blocks:
+        raw = block.segment.step
+        key = (raw * block.stride, raw)
+        if key not in kernels:
+            kernels[key] = noise_kernel(refinement.wide.signals.observer, *key, 5, order)
+        kernel, rows = kernels[key], block.rows
+        cov = _own_covariance(theta[:, rows], kernel, refinement.noise[0] ** 2)
+        cov += _own_covariance(tau[:, rows], kernel[:, :3, :3], refinement.noise[1] ** 2)
+        cov[0] *= 1 + 1e-9
+        cov[0] += refinement.tolerance
+        out.append([Metric(whitener(cov[:, :, j, None, None])) for j in range(layout.n)])
+    chain = Chain(x[layout.compliance], x[layout.link_viscous], narrow.link)
+    for unknown in pulses(refinement.wide, x, chain):
+        row = out[unknown.block]
+        out[unknown.block] = [m.with_unknown(unknown.columns[:, j : j + 1]) for j, m in enumerate(row)]
+    return out
+
+
+def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
+    """Cov(r_jt, r_j,t−k) of every joint with itself from one noise source, shape (p + 1, N, n)."""
+    count = sensitivity.shape[1]
+    out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
+    weighted = sensitivity * variance
+    for k, rho in enumerate(kernel[:count]):
+        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))
+        out[k, k:] = np.einsum("dtim,dtim->ti", weighted[:, k:], earlier)
+    return out
+
+
+def noise_density(
+    sensitivity: tuple[Array, Array],
+    noise: tuple[Array, Array],
+    observer: Observer,
+    step: float,
+    hertz: Array,
+) -> Array:
+    """One-sided spectral density that white measurement noise leaves in the residual.
+
+    The noise's way through the equation is known in closed form, so the floor is computed, not drawn from one
+    more noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
+    that their mean products weigh each frequency.
+
+    Args:
+        sensitivity: shapes (5, N, n, n) and (3, N, n, n).
+        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
+        observer: whose transfer functions the noise passes.
+        step: of the raw samples [s].
+        hertz: shape (F,).
+
+    Returns:
+        shape (F, n) [Nm²/Hz].
+    """
+    omega: Array = 2 * np.pi * hertz
+    total = np.zeros((len(hertz), sensitivity[0].shape[2]))
+    for matrices, sigma in zip(sensitivity, noise, strict=True):
+        depth, count = matrices.shape[:2]
+        products = np.einsum("jtim,ktim,m->jki", matrices, matrices, sigma**2) / count
+        gain = np.array([observer.transfer(omega, k) for k in range(depth)])
+        total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
+    return 2 * step * total
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The slow residual of all groups of a bench, with what it is held against.
+
+    Attributes:
+        joints: names.
+        groups: names of the groups, in the set's order.
+        group: shape (N,), index into `groups`.
+        stretches: which samples are contiguous.
+        shown: shape (N,).
+        time: shape (N,) [s], each group's own.
+        step: shape (N,) [s], of the samples in their stretch.
+        residual: shape (N, n) [Nm]; zero where not shown.
+        theta: shape (3, N, n), motor angle, velocity, acceleration.
+        load: shape (N, n), transmission torque [Nm].
+    """
+
+    joints: tuple[str, ...]
+    groups: tuple[str, ...]
+    group: Ints
+    stretches: tuple[slice, ...]
+    shown: NDArray[np.bool_]
+    time: Array
+    step: Array
+    residual: Array
+    theta: Array
+    load: Array
+
+    def variable(self, name: str, joint: int) -> Array:
+        """Position, velocity, acceleration, load or time of a joint, shape (N,)."""
+        if name == "load":
+            return self.load[:, joint]
+        if name == "time":
+            return self.time
+        return self.theta[("position", "velocity", "acceleration").index(name), :, joint]
+
+
+def samples(bench: Workbench, fit: Fit, parts: list[JointResiduals], group: str | None = None) -> Samples:
+    """Fit and validation groups, one after the other; only one group's are shown where it is named."""
+    names = tuple(g.name for g in bench.measurements.groups)
+    index, stretches, steps, at = [], [], [], 0
+    for part in parts:
+        signals = part.refinement.narrow.signals
+        own, step = np.zeros(signals.count, int), np.zeros(signals.count)
+        for block in signals.blocks:
+            own[block.rows] = names.index(signals.groups[block.group].name)
+            step[block.rows] = block.segment.step * block.stride
+            stretches.append(slice(at + block.rows.start, at + block.rows.stop))
+        index.append(own)
+        steps.append(step)
+        at += signals.count
+    of_group = np.concatenate(index)
+    shown = np.concatenate([p.shown for p in parts])
+    if group is not None:
+        shown = shown & (of_group == names.index(group))
+    return Samples(
+        fit.layout.joints, names, of_group, tuple(stretches), shown,
+        np.concatenate([p.refinement.narrow.signals.time for p in parts]),
+        np.concatenate(steps),
+        np.concatenate(absorbed(bench, fit, parts)) * shown[:, None],
+        np.concatenate([p.refinement.narrow.signals.theta[:3] for p in parts], axis=1),
+        np.concatenate([p.point.narrow.torque[0] for p in parts]),
+    )  # fmt: skip
+
+
+def absorbed(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
+    """The slow residuals, less what the model's parameters can still take off them, shape (N, n) each.
+
+    The fit weighs every frequency by how little noise there is. Where the model is wrong by far more than the
+    noise, that throws the parameters off to please a few frequencies, and what is missing is spread over all
+    the others. One step of least squares in Nm brings the residual back to what no parameter explains.
+    """
+    chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
+    slow = [p.slow for p in parts]
+    if float(chi.mean()) < CONSISTENT:
+        return slow
+    prior, bounds = bench.assumptions(fit.layout)
+    gradient, prior_hessian = prior.gradient_and_hessian(fit.x)
+    shown = parts[0].shown
+    jacobian, residual = parts[0].point.narrow.jacobian[shown], slow[0][shown]
+    step = np.zeros(fit.layout.size)
+    for _ in range(3):
+        weight = 1 / np.maximum(np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0)), 1e-300)
+        scaled = (jacobian * weight[:, None]).reshape(-1, fit.layout.size)
+        right = gradient + scaled.T @ (residual * weight).ravel()
+        step = bounded_step(right, scaled.T @ scaled + prior_hessian, fit.x, bounds)[0]
+    return [s + (p.point.narrow.jacobian @ step) * p.shown[:, None] for p, s in zip(parts, slow, strict=True)]
