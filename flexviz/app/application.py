@@ -18,6 +18,7 @@ from flexviz.app.keys import Keys
 from flexviz.app.show import Show
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.diagnose import DiagnoseStep
+from flexviz.app.steps.files import KEYS as FILE_JOBS
 from flexviz.app.steps.identify import IdentifyStep
 from flexviz.app.steps.observer import ObserverStep
 from flexviz.app.steps.view import ViewPanel
@@ -28,7 +29,7 @@ from flexviz.session import Analysis, Session
 from flexviz.view.status import error_text
 
 TICK = 0.1  # [s] playheads, the time slider and live plots follow this often
-NOT_CONTROLS = ("job", "command", "client", "resized", "gone")
+NOT_CONTROLS = ("job", "command", "client", "resized", "gone", "upload")
 
 
 class Application:
@@ -121,7 +122,7 @@ class Application:
             self.worker.stop(key)
         self.measurements = opened.measurements
         self.truth = opened.truth
-        self.session = Session.of(self.measurements)
+        self.session = opened.session or Session.of(self.measurements)
         self.show.opened(opened)
         self.dock.opened()
         for step in self.steps.values():
@@ -241,6 +242,8 @@ class Application:
             self.diagnose.heard(event)
         elif event.job.key == "replay":
             self.show.heard(event)
+        elif event.job.key in FILE_JOBS:
+            self.data.files.heard(event)
         elif event.job.key == "open":
             if event.kind == "done":
                 self.open(event.value)

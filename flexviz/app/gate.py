@@ -21,6 +21,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from flexviz.app.checks import Rule, check
+from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.errors import InputError
 
 log = logging.getLogger("flexviz.app")
@@ -89,9 +90,9 @@ UNWANTED = (
     messages.ShareUrlDisconnect,
     messages.GuiFormSubmitMessage,
     messages.GuiFormDirtyMessage,
-    messages.FileTransferStartUpload,  # nothing is uploaded yet; uploads are not limited by viser
-    messages.FileTransferPart,
 )
+MOST_UPLOADS = 4  # at the same time, of all browsers
+LONGEST_NAME = 400
 
 
 def guard_messages(server: viser.ViserServer) -> None:
@@ -118,6 +119,55 @@ def guard_messages(server: viser.ViserServer) -> None:
         await gui._handle_gui_updates(client_id, message)
 
     websocket.register_handler(messages.GuiUpdateMessage, checked)
+    guard_uploads(server)
+
+
+def guard_uploads(server: viser.ViserServer) -> None:
+    """Take uploads only for upload buttons, only so many, and only as large as they say and as is allowed."""
+    websocket, gui = server._websock_server, server.gui
+    states = gui._current_file_upload_states
+    websocket.unregister_handler(messages.FileTransferStartUpload, gui._handle_file_transfer_start)
+    websocket.unregister_handler(messages.FileTransferPart, gui._handle_file_transfer_part)
+
+    def start(client_id: Any, message: messages.FileTransferStartUpload) -> None:
+        uuid = message.source_component_uuid
+        handle = gui._gui_input_handle_from_uuid.get(uuid) if isinstance(uuid, str) else None
+        if refusal := upload_refusal(handle, message, len(states)):
+            log.warning("refused an upload from browser %s: %s", client_id, refusal)
+            return
+        gui._handle_file_transfer_start(client_id, message)
+
+    def part(client_id: Any, message: messages.FileTransferPart) -> None:
+        known = isinstance(message.transfer_uuid, str) and message.transfer_uuid in states
+        state = states[message.transfer_uuid] if known else None
+        if state is None or state["client_id"] != client_id:
+            return
+        index, content = message.part_index, message.content
+        fits = isinstance(content, bytes) and isinstance(index, int) and not isinstance(index, bool)
+        if not fits or state["transferred_bytes"] + len(content) > state["total_bytes"]:
+            log.warning("dropped an upload from browser %s: it is not what it said", client_id)
+            states.pop(message.transfer_uuid, None)
+            return
+        gui._handle_file_transfer_part(client_id, message)
+
+    websocket.register_handler(messages.FileTransferStartUpload, start)
+    websocket.register_handler(messages.FileTransferPart, part)
+
+
+def upload_refusal(handle: Any, message: Any, running: int) -> str:
+    """Why an upload is not taken, or ""."""
+    if not isinstance(handle, viser.GuiUploadButtonHandle) or handle.disabled:
+        return "nothing is uploaded here"
+    size, parts = message.size_bytes, message.part_count
+    if any(not isinstance(number, int) or isinstance(number, bool) for number in (size, parts)):
+        return "size or count of parts is not a whole number"
+    if not 0 <= size <= LARGEST_UPLOAD or not 0 <= parts <= size // 1024 + 1:
+        return f"{size} bytes in {parts} parts; at most {LARGEST_UPLOAD} bytes are taken"
+    if not isinstance(message.filename, str) or not 0 < len(message.filename) <= LONGEST_NAME:
+        return "no usable file name"
+    if not isinstance(message.transfer_uuid, str) or len(message.transfer_uuid) > 100:
+        return "no usable transfer"
+    return "" if running < MOST_UPLOADS else f"{running} uploads run already"
 
 
 def rule_of(handle: Any) -> Rule:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexviz.errors import Cancelled, InputError
-from flexviz.session import Analysis, with_roles
+from flexviz.session import SESSION_FILE, Analysis, Session, load_session, with_roles
 from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
 
@@ -32,14 +32,16 @@ class Opened:
     measurements: MeasurementSet
     shape: Shape
     truth: dict[tuple[str, str | None], float] | None
+    session: Session | None = None  # where one was saved beside the set
 
 
 def open_set(path: Path, *, progress: Progress = print, should_stop: Stop = bool) -> Opened:
     """Read a set and its robot's shape."""
     from flexviz.measurements import read_set
 
-    measurements = read_set(path)
-    return Opened(measurements, robot_shape(measurements.robot), read_truth(measurements.path))
+    measurements = read_set(path.parent if path.name == SESSION_FILE else path)
+    shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
+    return Opened(measurements, shape, truth, load_session(measurements))
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
@@ -172,7 +174,7 @@ def sets_beside(path: Path) -> dict[str, Path]:
     from flexviz.resources import sessions_dir
 
     found: dict[str, Path] = {}
-    for parent in (path.parent, sessions_dir()):
+    for parent in (path.parent, Path.cwd() / "sessions", sessions_dir()):
         for file in sorted(parent.glob("*/measurements.toml"))[:200]:
             if file.parent.resolve() not in found.values():
                 found.setdefault(file.parent.name, file.parent.resolve())

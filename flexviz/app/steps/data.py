@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
+from flexviz.app.steps.files import Files
 from flexviz.app.work import open_set, sets_beside
 from flexviz.session import ROLES
 from flexviz.view.tables import set_html
@@ -35,6 +36,7 @@ class DataStep:
             )
             self._rows_folder = gui.add_folder(None)
             self._hint = gui.add_html("")
+            self.files = Files(app)
             self._dark = gui.add_checkbox("Dark theme", False)
         watch(self._choice, app.queue, "set")
         watch(self._dark, app.queue, "dark")
@@ -44,10 +46,8 @@ class DataStep:
     def opened(self) -> None:
         """A new set is shown: its name, its facts, a row for each group."""
         measurements = self._app.measurements
-        self._sets = sets_beside(measurements.path)
-        name = next((n for n, p in self._sets.items() if p == measurements.path.resolve()), measurements.name)
-        self._choice.options = tuple(self._sets)
-        self._choice.value = name
+        self.list_sets()
+        self.files.opened()
         self._about.content = set_html(measurements)
         for row in self._rows:
             row.remove()
@@ -67,8 +67,17 @@ class DataStep:
             self._roles[group.name] = row
         self.refresh()
 
+    def list_sets(self) -> None:
+        """Offer the sets and sessions there are."""
+        measurements = self._app.measurements
+        self._sets = sets_beside(measurements.path)
+        name = next((n for n, p in self._sets.items() if p == measurements.path.resolve()), measurements.name)
+        self._choice.options = tuple(self._sets)
+        self._choice.value = name
+
     def refresh(self) -> None:
         """Show the session's roles."""
+        self.files.refresh()
         analysis = self._app.session.analysis
         for name, role in analysis.roles:
             if name in self._roles:

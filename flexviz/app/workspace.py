@@ -1,0 +1,122 @@
+"""What the app writes, all in ./sessions: sessions, uploaded and simulated sets, recordings. No viser."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexviz.app.uploads import new_folder, unpack
+from flexviz.errors import Cancelled, InputError
+from flexviz.session import Session, save_session, zipped
+
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+
+Progress = Callable[[Any], None]
+Stop = Callable[[], bool]
+PRESETS = ("planar-2r", "panda")
+SURPRISE = "surprise me"
+
+
+def output_dir() -> Path:
+    """The folder `sessions` of the folder that flexviz was started in; not inside the installed package."""
+    import flexviz
+
+    folder = Path.cwd() / "sessions"
+    if folder.resolve().is_relative_to(Path(flexviz.__file__).resolve().parent):
+        raise InputError("nothing is written into the installed package: start flexviz in another folder")
+    return folder
+
+
+def stamped(name: str) -> Path:
+    """A new folder for what is called `name`, with the time in its own name."""
+    return new_folder(output_dir(), f"{name[:36]}-{time.strftime('%Y%m%d-%H%M%S')}")
+
+
+def save(session: Session, measurements: MeasurementSet, *, progress: Progress, should_stop: Stop) -> Path:
+    """Save a session: over itself where it is one already that lies in the output folder, else anew."""
+    folder = measurements.path
+    if folder.resolve().parent != output_dir().resolve() or not (folder / "session.json").is_file():
+        folder = stamped(measurements.name)
+    return save_session(session, measurements, folder)
+
+
+def session_zip(
+    session: Session, measurements: MeasurementSet, *, progress: Progress, should_stop: Stop
+) -> tuple[str, bytes]:
+    """A session as a zip file: its name and content."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = save_session(session, measurements, Path(temporary) / f"{measurements.name}-session")
+        return f"{folder.name}.zip", zipped(folder)
+
+
+def unpack_upload(name: str, content: bytes, *, progress: Progress, should_stop: Stop) -> Path:
+    """Write an uploaded zip's set; returns its folder."""
+    return unpack(name, content, output_dir())
+
+
+def simulate_quiz(preset: str, effect: str, *, progress: Progress, should_stop: Stop) -> Path:
+    """Simulate a set with a hidden effect; which one, and where, is only in its truth.json."""
+    import numpy as np
+
+    from flexviz.simulation.sets import simulate_preset
+
+    if preset not in PRESETS:
+        raise InputError(f"{preset!r} cannot be simulated here")
+    rng = np.random.default_rng()
+    seed = int(rng.integers(1, 100_000))
+    name = str(rng.choice(hideable())) if effect == SURPRISE else effect
+    if name not in hideable():
+        raise InputError(f"{name!r} cannot be hidden")
+    folder = new_folder(output_dir(), f"quiz-{preset}-{seed}")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    joint = "" if _everywhere(name) else f":{rng.choice(_joints(preset))}"
+    simulate_preset(
+        preset, folder, [name + joint], seed,
+        progress=lambda _, share: progress(share), should_stop=should_stop,
+    )  # fmt: skip
+    return folder
+
+
+def hideable() -> tuple[str, ...]:
+    """Effects that can be hidden in a simulated set."""
+    from flexviz.effects import EFFECTS
+    from flexviz.simulation.laws import LAWS
+
+    return tuple(name for name, effect in EFFECTS.items() if name in LAWS and effect.scope != "episode")
+
+
+def _everywhere(name: str) -> bool:
+    from flexviz.effects import EFFECTS
+
+    return EFFECTS[name].scope != "joint"
+
+
+def _joints(preset: str) -> Sequence[str]:
+    from flexviz.simulation.presets import make_preset
+
+    return make_preset(preset).robot.joints
+
+
+def record(
+    path: Path, identification: Identification | None, file: Path, *, progress: Progress, should_stop: Stop
+) -> Path:
+    """Write a recording of a set and its identification over the one before."""
+    from flexviz.app.work import cached_set
+    from flexviz.recording import record_set
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    record_set(
+        cached_set(path),
+        identification,
+        file,
+        progress=lambda _, share: progress(share),
+        should_stop=should_stop,
+    )
+    if should_stop():
+        raise Cancelled
+    return file

@@ -1,0 +1,147 @@
+"""Results as JSON and arrays, and back; only the classes named here, nothing that could run.
+
+A dataclass becomes {"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; values met
+twice (an identification that belongs to several steps) are written once and referred to as {"@": number}.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, Place, Tie
+from flexviz.diagnosis.result import Step as DiagnosisStep
+from flexviz.errors import InputError
+from flexviz.identification import Identification, Iteration, ParameterEstimate, ResidualSummary
+from flexviz.identification.result import Combination, ResidualSeries
+from flexviz.model import EffectValue, FlexibleModel
+from flexviz.session.state import Analysis, Stair, Step
+
+KINDS: dict[str, type] = {
+    kind.__name__: kind
+    for kind in (
+        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel,
+        Identification, Iteration, ParameterEstimate, Place, ResidualSeries, ResidualSummary, Stair, Step,
+        Tie,
+    )
+} | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
+NAMES = {kind: name for name, kind in KINDS.items()}
+SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
+DEEPEST = 40  # of nested values
+
+
+class Packer:
+    """Collects arrays and shared values while it turns objects into JSON."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder  # stands for itself: a session may be moved
+        self.arrays: list[np.ndarray] = []
+        self.shared: list[Any] = []
+        self._numbers: dict[int, int] = {}
+        self._kept: list[Any] = []
+
+    def pack(self, value: Any) -> Any:
+        """The value as JSON."""
+        if value is None or isinstance(value, bool | str):
+            return value
+        if isinstance(value, Path):
+            return {"/": "." if value == self._folder else str(value)}
+        if isinstance(value, int | np.integer):
+            return int(value)
+        if isinstance(value, float | np.floating):
+            return float(value) if math.isfinite(value) else {"~": str(float(value))}
+        if isinstance(value, np.ndarray):
+            self.arrays.append(value)
+            return {"#": len(self.arrays) - 1}
+        if isinstance(value, Mapping):
+            return {"{": [[self.pack(k), self.pack(v)] for k, v in value.items()]}
+        if isinstance(value, tuple | list):
+            return [self.pack(item) for item in value]
+        if is_dataclass(value) and type(value) in NAMES:
+            return self._object(value)
+        raise InputError(f"a {type(value).__name__} cannot be kept in a session")
+
+    def _object(self, value: Any) -> Any:
+        if not isinstance(value, SHARED):
+            return self._fields(value)
+        if id(value) not in self._numbers:
+            packed = self._fields(value)
+            self._kept.append(value)  # its id stays its own
+            self._numbers[id(value)] = len(self.shared)
+            self.shared.append(packed)
+        return {"@": self._numbers[id(value)]}
+
+    def _fields(self, value: Any) -> Any:
+        entries = {field.name: self.pack(getattr(value, field.name)) for field in fields(value) if field.init}
+        return {"=": NAMES[type(value)], **entries}
+
+
+class Unpacker:
+    """Turns JSON back into objects; InputError for anything that `Packer` does not write."""
+
+    def __init__(self, folder: Path, arrays: Sequence[np.ndarray], shared: Sequence[Any]) -> None:
+        self._folder = folder
+        self._arrays = arrays
+        self._shared: list[Any] = []
+        for packed in shared:  # each refers to earlier ones only
+            self._shared.append(self.unpack(packed))
+
+    def unpack(self, value: Any, depth: int = 0) -> Any:
+        """The object that this JSON describes."""
+        if depth > DEEPEST:
+            raise InputError("values are nested too deeply")
+        if value is None or isinstance(value, bool | str | int | float):
+            return value
+        if isinstance(value, list):
+            return tuple(self.unpack(item, depth + 1) for item in value)
+        if not isinstance(value, dict):
+            raise InputError(f"{type(value).__name__} does not belong into a session")
+        if "=" in value:
+            return self._object(value, depth)
+        if len(value) != 1:
+            raise InputError("an entry without a name")
+        (mark, inner), *_ = value.items()
+        if mark == "#":
+            return self._arrays[_index(inner, self._arrays)]
+        if mark == "@":
+            return self._shared[_index(inner, self._shared)]
+        if mark == "~" and inner in ("nan", "inf", "-inf"):
+            return float(inner)
+        if mark == "/" and isinstance(inner, str):
+            return self._folder if inner == "." else Path(inner)
+        if (
+            mark == "{"
+            and isinstance(inner, list)
+            and all(isinstance(p, list) and len(p) == 2 for p in inner)
+        ):
+            return {self.unpack(k, depth + 1): self.unpack(v, depth + 1) for k, v in inner}
+        raise InputError(f"an entry of an unknown kind {mark!r}")
+
+    def _object(self, value: dict[str, Any], depth: int) -> Any:
+        kind = KINDS.get(value["="]) if isinstance(value["="], str) else None
+        if kind is None:
+            raise InputError(f"{value['=']!r} does not belong into a session")
+        known = {field.name: field for field in fields(kind) if field.init}
+        given = {name: self.unpack(v, depth + 1) for name, v in value.items() if name in known}
+        missing = [
+            name
+            for name, field in known.items()
+            if name not in given and field.default is MISSING and field.default_factory is MISSING
+        ]
+        if missing:
+            raise InputError(f"{value['=']} lacks {', '.join(missing)}: written by another version")
+        try:
+            return kind(**given)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{value['=']} cannot be read: {error}") from None
+
+
+def _index(number: Any, of: Sequence[Any]) -> int:
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(of):
+        raise InputError("a reference to something that is not there")
+    return number

@@ -1,0 +1,107 @@
+"""Files from a browser: what comes in, and what does not."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from flexviz.app import uploads
+from flexviz.app.uploads import Inbox, new_folder, safe_name, unpack
+from flexviz.errors import InputError
+from flexviz.measurements import read_set
+from tests.small_set import write_small_set
+
+
+def zip_of(files: dict[str, bytes]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return buffer.getvalue()
+
+
+def set_files(folder: Path) -> dict[str, bytes]:
+    return {str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*") if f.is_file()}
+
+
+def test_a_zip_becomes_a_set(tmp_path: Path) -> None:
+    files = set_files(write_small_set(tmp_path / "small"))
+    for prefix in ("", "outer/"):
+        content = zip_of({prefix + name: data for name, data in files.items()} | {prefix + ".DS_Store": b"x"})
+        folder = unpack("../../mine.zip", content, tmp_path / "in")
+        assert folder.parent == tmp_path / "in" and folder.name.startswith("mine")
+        assert len(read_set(folder).groups) == 3 and not (folder / ".DS_Store").exists()
+    assert sorted(p.name for p in (tmp_path / "in").iterdir()) == ["mine", "mine-2"]
+
+
+@pytest.mark.parametrize(
+    "name, why",
+    [
+        ("../out.csv", "leads out"),
+        ("/etc/x.csv", "leads out"),
+        ("a/../../out.csv", "leads out"),
+        ("..\\out.csv", "leads out"),
+        ("C:\\out.csv", "leads out"),
+        ("run.sh", "can be uploaded"),
+        ("bad.py", "can be uploaded"),
+        ("A.CSV", "same name"),
+    ],
+)
+def test_a_zip_cannot_leave_its_folder(tmp_path: Path, name: str, why: str) -> None:
+    content = zip_of({"measurements.toml": b"", "a.csv": b"", name: b"x"})
+    with pytest.raises(InputError, match=why):
+        unpack("s.zip", content, tmp_path / "in")
+    assert not list(tmp_path.rglob("*.csv")) and not list((tmp_path).glob("in/*"))
+
+
+def test_links_bombs_and_rubbish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link = zipfile.ZipInfo("a.csv")
+    link.external_attr = 0o120777 << 16
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        archive.writestr("measurements.toml", "")
+        archive.writestr(link, "/etc/passwd")
+    with pytest.raises(InputError, match="plain file"):
+        unpack("s.zip", buffer.getvalue(), tmp_path)
+    with pytest.raises(InputError, match="usable zip"):
+        unpack("s.zip", b"PK rubbish", tmp_path)
+    with pytest.raises(InputError, match=r"no measurements\.toml"):
+        unpack("s.zip", zip_of({"a.csv": b""}), tmp_path)
+    monkeypatch.setattr(uploads, "LARGEST_SET", 1000)
+    with pytest.raises(InputError, match="MB unpacked"):
+        unpack("s.zip", zip_of({"measurements.toml": b"x" * 2000}), tmp_path)
+    monkeypatch.setattr(uploads, "MOST_FILES", 1)
+    with pytest.raises(InputError, match="files; at most"):
+        unpack("s.zip", zip_of({"measurements.toml": b"", "a.csv": b""}), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["", "..", "/", "a/", ".hidden.csv", "x.exe", "noend"])
+def test_bad_names(name: str) -> None:
+    with pytest.raises(InputError):
+        safe_name(name)
+
+
+def test_good_names(tmp_path: Path) -> None:
+    assert safe_name("../../etc/ä b.csv") == "ä b.csv" and safe_name("C:\\x\\y.TOML") == "y.TOML"
+    (tmp_path / "x").mkdir()
+    assert new_folder(tmp_path, "x").name == "x-2" and new_folder(tmp_path, "../..").parent == tmp_path
+
+
+def test_files_one_by_one(tmp_path: Path) -> None:
+    folder = write_small_set(tmp_path / "small")
+    inbox = Inbox()
+    assert inbox.missing() == ["measurements.toml"]
+    text = (folder / "measurements.toml").read_text().replace("sub/c.csv", "c.csv")
+    inbox.put("measurements.toml", text.encode())
+    assert set(inbox.missing()) == {"a.csv", "b.parquet", "c.csv", "robot.urdf"}
+    for name in ("a.csv", "b.parquet", "sub/c.csv", "robot.urdf"):
+        inbox.put(name, (folder / name).read_bytes())
+    assert not inbox.missing()
+    assert len(read_set(inbox.write(tmp_path / "in")).groups) == 3 and not inbox.files
+    inbox.put("measurements.toml", b"[[")
+    with pytest.raises(InputError, match=r"measurements\.toml"):
+        inbox.missing()

@@ -1,0 +1,133 @@
+"""A session in a folder: everything comes back, and nothing but what was saved."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.errors import InputError
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.session import SESSION_FILE, Session, load_session, save_session, zipped
+from tests.small_set import write_small_set
+from tests.test_view_diagnosis import DIAGNOSIS
+
+
+@pytest.fixture(scope="module")
+def measurements(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return read_set(write_small_set(tmp_path_factory.mktemp("session") / "small"))
+
+
+@pytest.fixture(scope="module")
+def session(measurements: MeasurementSet) -> Session:
+    session = Session.of(measurements)
+    result = identify(measurements, max_iterations=2)
+    analysis = session.analysis.with_identification(result, session.analysis.settings)
+    session = session.then("identified", analysis)
+    session = session.then("looked", analysis.with_diagnosis(DIAGNOSIS))
+    session = session.then("offset", session.analysis.with_effect("torque_offset:joint1", True))
+    return session.then("width", replace(session.analysis, bandwidth=(30.0, 40.0))).undo()
+
+
+def test_everything_comes_back(session: Session, measurements: MeasurementSet, tmp_path: Path) -> None:
+    folder = save_session(session, measurements, tmp_path / "kept")
+    opened = read_set(folder)
+    again = load_session(opened)
+    assert again is not None and again.analysis.effects == ("torque_offset:joint1",)
+    assert [s.label for s in again.past] == [s.label for s in session.past] and again.redoes == "width"
+    assert again.redo().analysis.bandwidth == (30.0, 40.0)
+    before, after = session.analysis.identification, again.analysis.identification
+    assert before is not None and after is not None
+    assert after is again.past[-1].analysis.identification  # one result, not one a step
+    assert after.to_json() == before.to_json()
+    for name, series in before.residuals.items():
+        assert np.array_equal(series.residual, after.residuals[name].residual)
+    assert again.analysis.diagnosis is not None and again.analysis.diagnosis.to_json() == DIAGNOSIS.to_json()
+    assert again.past[-1].analysis.diagnosis_up_to_date and again.past[-1].analysis.up_to_date
+    assert again.analysis.stairs[0].step.groups == DIAGNOSIS.steps[0].groups
+    assert again.analysis.path == opened.path
+
+
+def test_a_set_without_session_has_none(measurements: MeasurementSet) -> None:
+    assert load_session(measurements) is None
+
+
+def test_it_is_saved_again_over_itself_but_over_nothing_else(
+    session: Session, measurements: MeasurementSet, tmp_path: Path
+) -> None:
+    folder = save_session(session, measurements, tmp_path / "kept")
+    opened = read_set(folder)
+    again = load_session(opened)
+    assert again is not None
+    save_session(again.undo(), opened, folder)
+    assert (load_session(opened) or again).redoes == "offset"
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine").write_text("x")
+    with pytest.raises(InputError, match="not empty"):
+        save_session(session, measurements, tmp_path / "full")
+    with zipfile.ZipFile(io.BytesIO(zipped(folder))) as archive:
+        assert f"kept/{SESSION_FILE}" in archive.namelist() and "kept/measurements.toml" in archive.namelist()
+
+
+def spoil(document: Any, what: str) -> Any:
+    present = document["present"]
+    if what == "kind":
+        present["="] = "Popen"
+    elif what == "roles":
+        present["analysis"]["roles"] = [["g1", "fit"]]
+    elif what == "effect":
+        present["analysis"]["effects"] = ["no_such"]
+    elif what == "observer":
+        present["analysis"]["observer"] = "no_such"
+    elif what == "reference":
+        present["analysis"]["identification"] = {"@": 99}
+    elif what == "path":
+        present["analysis"]["path"] = {"/": "/etc"}
+    elif what == "format":
+        document["format"] = 2
+    elif what == "lacks":
+        del present["label"]
+    elif what == "deep":
+        present["label"] = json.loads("[" * 60 + "]" * 60)
+    elif what == "list":
+        return []
+    return document
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "kind",
+        "roles",
+        "effect",
+        "observer",
+        "reference",
+        "path",
+        "format",
+        "lacks",
+        "deep",
+        "list",
+        "text",
+        "arrays",
+    ],
+)
+def test_a_spoiled_one_says_so(
+    session: Session, measurements: MeasurementSet, tmp_path: Path, what: str
+) -> None:
+    folder = save_session(session, measurements, tmp_path / "kept")
+    file = folder / SESSION_FILE
+    if what == "text":
+        file.write_text("{")
+    elif what == "arrays":
+        (folder / "session.npz").write_bytes(b"PK nonsense")
+    else:
+        file.write_text(json.dumps(spoil(json.loads(file.read_text()), what)))
+    with pytest.raises(InputError, match=SESSION_FILE.replace(".", r"\.")):
+        load_session(read_set(folder))
