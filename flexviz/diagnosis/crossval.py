@@ -137,10 +137,11 @@ def explained(index: Ints, residual: Array, folds: Folds) -> Explained:
         count = np.bincount(index[train], minlength=bins)
         mean = np.bincount(index[train], residual[train], bins) / np.maximum(count, 1)
         prediction[test] = mean[index[test]]
-    return _judged(prediction, residual, folds)
+    return judged(prediction, residual, folds)
 
 
-def _judged(prediction: Array, residual: Array, folds: Folds) -> Explained:
+def judged(prediction: Array, residual: Array, folds: Folds) -> Explained:
+    """A prediction, each sample's from other folds, held against the residual; shape (N,) each."""
     used = folds.used
     size = max(float(np.sum(residual[used] ** 2)), 1e-300)
     product = np.where(used, prediction * residual, 0.0) / size
@@ -181,30 +182,39 @@ def mean_and_error(index: Ints, residual: Array, bins: int, folds: Folds) -> tup
     used = folds.used
     count = np.bincount(index[used], minlength=bins)
     mean = np.bincount(index[used], residual[used], bins) / np.maximum(count, 1)
-    rest = np.where(used, residual - mean[index], 0.0)
-    longest = max(r.stop - r.start for r in folds.stretches)
-    length = fft.next_fast_len(2 * longest, real=True)
-    power = np.zeros(length // 2 + 1)
-    for rows in folds.stretches:
-        power += np.abs(fft.rfft(rest[rows], length)) ** 2
-    power /= max(int(used.sum()), 1)
-    half = max(1, len(power) // 64)
-    kernel = np.hanning(2 * half + 3)[1:-1]
-    kernel /= kernel.sum()
-    power = np.convolve(
-        np.concatenate((power[half:0:-1], power, power[-2 : -half - 2 : -1])), kernel, "valid"
-    )
-    weight = np.full(len(power), 2.0 / length)  # a real signal's spectrum is counted twice but for its ends
-    weight[0] /= 2
-    if length % 2 == 0:
-        weight[-1] /= 2
+    length, power = remainder_spectrum(residual - mean[index], folds)
     variance = np.zeros(bins)
     for rows in folds.stretches:
         inside = np.zeros((rows.stop - rows.start, bins))
         inside[np.arange(len(inside)), index[rows]] = used[rows]
         seen = np.flatnonzero(inside.any(axis=0))
         spectrum = np.abs(fft.rfft(inside[:, seen], length, axis=0)) ** 2
-        variance[seen] += (weight * power) @ spectrum
+        variance[seen] += power @ spectrum
     std = np.sqrt(variance) / np.maximum(count, 1)
     mean[count == 0] = std[count == 0] = np.nan
     return mean, std, count
+
+
+def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
+    """Smoothed spectrum of what is left, such that Σ power · |rfft(y, length)|² = Σ_tu γ(t − u) y_t y_u.
+
+    Returns:
+        the transform's length and the power, shape (length // 2 + 1,).
+    """
+    rest = np.where(folds.used, rest, 0.0)
+    length = fft.next_fast_len(2 * max(r.stop - r.start for r in folds.stretches), real=True)
+    power = np.zeros(length // 2 + 1)
+    for rows in folds.stretches:
+        power += np.abs(fft.rfft(rest[rows], length)) ** 2
+    power /= max(int(folds.used.sum()), 1)
+    half = max(1, len(power) // 64)
+    kernel = np.hanning(2 * half + 3)[1:-1]
+    kernel /= kernel.sum()
+    power = np.convolve(
+        np.concatenate((power[half:0:-1], power, power[-2 : -half - 2 : -1])), kernel, "valid"
+    )
+    power *= 2.0 / length  # a real signal's spectrum is counted twice but for its ends
+    power[0] /= 2
+    if length % 2 == 0:
+        power[-1] /= 2
+    return length, power

@@ -233,25 +233,54 @@ def samples(bench: Workbench, fit: Fit, parts: list[JointResiduals], group: str 
     )  # fmt: skip
 
 
-def absorbed(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
-    """The slow residuals, less what the model's parameters can still take off them, shape (N, n) each.
+@dataclass(frozen=True)
+class Absorption:
+    """What the model's parameters still take off a residual, by least squares in Nm.
 
     The fit weighs every frequency by how little noise there is. Where the model is wrong by far more than the
     noise, that throws the parameters off to please a few frequencies, and what is missing is spread over all
     the others. One step of least squares in Nm brings the residual back to what no parameter explains.
+
+    Attributes:
+        weight: shape (n,), of each joint's residual [1/Nm].
+        hessian: shape (P, P), of the weighted residual and the prior.
+        step: shape (P,), of the parameters; zero where the fit is at the noise.
+        jacobians: shape (N, n, P), one a part.
     """
-    chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
-    slow = [p.slow for p in parts]
-    if float(chi.mean()) < CONSISTENT:
-        return slow
+
+    weight: Array
+    hessian: Array
+    step: Array
+    jacobians: tuple[Array, ...]
+
+
+def absorption(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> Absorption:
+    """From the fit groups' slow residual."""
     prior, bounds = bench.assumptions(fit.layout)
     gradient, prior_hessian = prior.gradient_and_hessian(fit.x)
     shown = parts[0].shown
-    jacobian, residual = parts[0].point.narrow.jacobian[shown], slow[0][shown]
+    jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]
     step = np.zeros(fit.layout.size)
-    for _ in range(3):
-        weight = 1 / np.maximum(np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0)), 1e-300)
+    chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
+    rounds = 3 if float(chi.mean()) > CONSISTENT else 0
+    for done in range(rounds + 1):
+        size = np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0))
+        weight: Array = 1 / np.maximum(size, 1e-12 + 1e-9 * float(size.max()))
         scaled = (jacobian * weight[:, None]).reshape(-1, fit.layout.size)
+        hessian = scaled.T @ scaled + prior_hessian
+        if done == rounds:
+            break
         right = gradient + scaled.T @ (residual * weight).ravel()
-        step = bounded_step(right, scaled.T @ scaled + prior_hessian, fit.x, bounds)[0]
-    return [s + (p.point.narrow.jacobian @ step) * p.shown[:, None] for p, s in zip(parts, slow, strict=True)]
+        step = bounded_step(right, hessian, fit.x, bounds)[0]
+    return Absorption(weight, hessian, step, tuple(p.point.narrow.jacobian for p in parts))
+
+
+def absorbed(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
+    """The slow residuals, less what the model's parameters can still take off them, shape (N, n) each."""
+    found = absorption(bench, fit, parts)
+    if not found.step.any():
+        return [p.slow for p in parts]
+    return [
+        p.slow + (jacobian @ found.step) * p.shown[:, None]
+        for p, jacobian in zip(parts, found.jacobians, strict=True)
+    ]

@@ -1,0 +1,225 @@
+"""A free-form curve for what no effect of the library explains: a stopgap, not a model.
+
+The residual of one joint as a smooth torque u of one variable: cubic B-splines with a penalty on the
+coefficients' second differences (Eilers and Marx, Statist. Sci. 11, 1996), the penalty's weight chosen by
+cross-validation over blocks of time. The splines pass the same low-pass as the residual, so that a bump which
+is passed quickly is not smeared, and what the model's own parameters would take off them is taken off first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, CubicSpline
+
+from flexviz._scipy import fft
+from flexviz.diagnosis.crossval import Folds, judged, make_folds, remainder_spectrum
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.residuals import SLOW, Absorption, Samples, absorption, joint_residuals, samples
+from flexviz.diagnosis.result import Place
+from flexviz.diagnosis.where import CLEARLY, DIRECTED, DIRECTIONS, UNITS, joint_maps
+
+Array = NDArray[np.float64]
+
+PIECES = 24
+SAMPLES_PER_PIECE = 40  # at least, on average
+FINER = 3  # the curve is evaluated this many times as often as the equation
+TURNING = 0.005  # [rad/s] within which a direction passes into the other
+WEIGHTS = np.logspace(-4, 4, 17)  # of the penalty, relative to the splines' own size
+RIDGE = 1e-3  # relative too: holds what neither data nor the penalty determine
+POINTS = 81
+NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
+
+
+@dataclass(frozen=True)
+class FreeForm:
+    """A curve of residual torque against one variable of one joint.
+
+    Attributes:
+        joint, variable: where; "position" and "velocity" may have one curve a direction of motion.
+        unit: of the variable.
+        directions: names of the S curves: forward and backward, or "" where there is one.
+        centres: shape (M,), of the variable.
+        value: shape (S, M), the torque that the model lacks [Nm]; positive like friction at positive speed.
+            NaN where the joint never was.
+        std: shape (S, M), its standard error [Nm].
+        explained: share of the joint's residual that the curve predicts out of sample.
+        explained_std: its standard error.
+        smoothing: weight of the penalty that cross-validation chose.
+        note: what it is.
+    """
+
+    joint: str
+    variable: str
+    unit: str
+    directions: tuple[str, ...]
+    centres: Array
+    value: Array
+    std: Array
+    explained: float
+    explained_std: float
+    smoothing: float
+    note: str = NOTE
+
+
+@dataclass(frozen=True)
+class _Splines:
+    """Cubic B-splines over the range of a variable, once for each direction of motion."""
+
+    knots: Array
+    sides: int
+
+    @property
+    def size(self) -> int:
+        return self.sides * (len(self.knots) - 4)
+
+    def design(self, value: Array, velocity: Array) -> Array:
+        """All splines at M instants, shape (M, size)."""
+        inside = np.clip(value, self.knots[3], self.knots[-4])
+        out: Array = BSpline.design_matrix(inside, self.knots, 3).toarray()
+        if self.sides == 1:
+            return out
+        forward = 0.5 * (1 + np.tanh(velocity / TURNING))[:, None]
+        return np.concatenate((out * forward, out * (1 - forward)), axis=1)
+
+    def penalty(self) -> Array:
+        """Squared second differences of the coefficients, shape (size, size)."""
+        bend = np.diff(np.eye(len(self.knots) - 4), 2, axis=0)
+        return np.kron(np.eye(self.sides), bend.T @ bend)
+
+
+def freeform(bench: Workbench, fit: Fit, place: Place) -> FreeForm:
+    """The curve of a joint's residual against the variable of a place.
+
+    Where the place is a group or a frequency, against which no torque can be drawn, the joint's best other
+    variable is taken; for position, one curve a direction where that explains clearly more.
+    """
+    parts = joint_residuals(bench, fit)
+    data = samples(bench, fit, parts)
+    joint = fit.layout.joints.index(place.joint)
+    variable, sides = _variable(data, joint, place.variable)
+    taken = absorption(bench, fit, parts)
+    values = data.variable(variable, joint)
+    splines = _splines(values[data.shown], sides)
+    residual = data.residual[:, joint]
+    folds = make_folds(residual, data.shown, data.stretches)
+    columns = _columns(data, joint, values, splines)
+    _take_off(columns, data, joint, taken, len(parts[0].shown))
+    size = float(np.sum(columns**2)) / splines.size
+    penalty = splines.penalty()
+    ridge = RIDGE * size * np.eye(splines.size)
+    weight, prediction = _chosen(columns, penalty * size, ridge, residual, folds)
+    found = judged(prediction, residual, folds)
+    matrix = weight * size * penalty + ridge
+    hessian = columns.T @ columns + matrix
+    coefficients = np.linalg.solve(hessian, columns.T @ residual)
+    cov = _covariance(columns, hessian, matrix, residual - columns @ coefficients, folds)
+    centres: Array = np.linspace(splines.knots[3], splines.knots[-4], POINTS)
+    value, std = np.empty((sides, POINTS)), np.empty((sides, POINTS))
+    for side in range(sides):
+        here = splines.design(centres, np.full(POINTS, 1.0 - 2.0 * side))
+        value[side] = here @ coefficients
+        std[side] = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", here, cov, here), 0.0))
+        seen = data.shown
+        if sides == 2:
+            seen = seen & ((data.theta[1, :, joint] > 0) == (side == 0))
+        if variable == "velocity" and sides == 2:
+            seen = data.shown
+            wrong = centres < 0 if side == 0 else centres > 0
+            value[side, wrong] = std[side, wrong] = np.nan
+        low, high = (values[seen].min(), values[seen].max()) if seen.any() else (np.inf, -np.inf)
+        never = (centres < low) | (centres > high)
+        value[side, never] = std[side, never] = np.nan
+    return FreeForm(
+        joint=place.joint,
+        variable=variable,
+        unit=UNITS[variable],
+        directions=DIRECTIONS if sides == 2 else ("",),
+        centres=centres,
+        value=value,
+        std=std,
+        explained=found.share,
+        explained_std=found.std,
+        smoothing=weight,
+    )
+
+
+def _variable(data: Samples, joint: int, wanted: str) -> tuple[str, int]:
+    """The variable to draw against, and how many curves."""
+    if wanted in ("velocity",):
+        return wanted, 2  # what depends on speed may jump where it turns
+    if wanted in ("acceleration", "load", "time"):
+        return wanted, 1
+    found = {m.variable: m for m in joint_maps(data, joint)}
+    if wanted not in ("position", DIRECTED):
+        best = max(found.values(), key=lambda m: -np.inf if m.variable == "group" else m.explained)
+        if best.variable not in ("position", DIRECTED):
+            return _variable(data, joint, best.variable)
+    directed = found[DIRECTED].explained > found["position"].explained + CLEARLY
+    return "position", 2 if directed or wanted == DIRECTED else 1
+
+
+def _splines(values: Array, sides: int) -> _Splines:
+    pieces = int(np.clip(len(values) // (SAMPLES_PER_PIECE * sides), 4, PIECES))
+    low, high = float(values.min()), float(values.max())
+    width = max(high - low, 1e-9) / pieces
+    knots: Array = low + width * np.arange(-3.0, pieces + 4.0)
+    return _Splines(knots, sides)
+
+
+def _columns(data: Samples, joint: int, values: Array, splines: _Splines) -> Array:
+    """The splines along the motion, low-passed like the residual, shape (N, size); zero where not shown."""
+    velocity = data.theta[1, :, joint]
+    out = np.zeros((len(values), splines.size))
+    for rows in data.stretches:
+        count = rows.stop - rows.start
+        fine = np.arange((count - 1) * FINER + 1) / FINER
+        both = CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(fine)
+        design = splines.design(both[:, 0], both[:, 1])
+        out[rows] = SLOW.derivatives(design, float(data.step[rows.start]) / FINER, 1, stride=FINER)[0]
+    out[~data.shown] = 0.0
+    return out
+
+
+def _take_off(columns: Array, data: Samples, joint: int, taken: Absorption, fitted: int) -> None:
+    """Take off the columns, in place, what the model's parameters would take off them."""
+    own = np.concatenate([j[:, joint] for j in taken.jacobians])
+    weight = taken.weight[joint] ** 2
+    right = weight * own[:fitted].T @ columns[:fitted]
+    scale = 1 / np.sqrt(np.maximum(np.diag(taken.hessian), 1e-300))
+    scaled = taken.hessian * scale[:, None] * scale
+    columns -= (own * scale) @ np.linalg.solve(scaled, right * scale[:, None])
+    columns[~data.shown] = 0.0
+
+
+def _chosen(
+    columns: Array, penalty: Array, ridge: Array, residual: Array, folds: Folds
+) -> tuple[float, Array]:
+    """The penalty's weight with the least error out of sample, and the prediction with it, shape (N,)."""
+    whole = max(int(folds.used.sum()), 1)
+    predictions = np.zeros((len(WEIGHTS), len(residual)))
+    for k, train in enumerate(folds.train):
+        test = folds.fold == k
+        here = columns[train]
+        information, right = here.T @ here, here.T @ residual[train]
+        share = len(here) / whole
+        for m, weight in enumerate(WEIGHTS):
+            matrix = information + share * (weight * penalty + ridge)
+            predictions[m, test] = columns[test] @ np.linalg.solve(matrix, right)
+    error = np.sum((residual - predictions)[:, folds.used] ** 2, axis=1)
+    best = int(np.argmin(error))
+    return float(WEIGHTS[best]), predictions[best]
+
+
+def _covariance(columns: Array, hessian: Array, prior: Array, rest: Array, folds: Folds) -> Array:
+    """Of the coefficients: from the remainder's own autocovariance, and from what the penalty assumes."""
+    length, power = remainder_spectrum(rest, folds)
+    colour = np.zeros_like(hessian)
+    for rows in folds.stretches:
+        f = fft.rfft(columns[rows], length, axis=0) * np.sqrt(power)[:, None]
+        colour += f.real.T @ f.real + f.imag.T @ f.imag
+    size = float(np.trace(colour)) / max(float(np.sum(columns**2)), 1e-300)
+    inverse = np.linalg.inv(hessian)
+    return inverse @ (colour + size * prior) @ inverse
