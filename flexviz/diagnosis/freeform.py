@@ -78,10 +78,10 @@ class _Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """All splines at M instants, shape (M, size)."""
         inside = np.clip(value, self.knots[3], self.knots[-4])
-        out: Array = BSpline.design_matrix(inside, self.knots, 3).toarray()
+        out: Array = np.array(BSpline.design_matrix(inside, self.knots, 3).toarray(), float)
         if self.sides == 1:
             return out
-        forward = 0.5 * (1 + np.tanh(velocity / TURNING))[:, None]
+        forward: Array = np.asarray(0.5 * (1 + np.tanh(velocity / TURNING)), float)[:, None]
         return np.concatenate((out * forward, out * (1 - forward)), axis=1)
 
     def penalty(self) -> Array:

@@ -15,7 +15,7 @@ from flexviz.equation.sensitivity import signal_sensitivity
 from flexviz.equation.undecided import pulses
 from flexviz.identification.metric import Metric
 from flexviz.identification.refine import CONSISTENT, Point
-from flexviz.identification.refinement import LONG_ORDER, ORDER, Refinement
+from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import bounded_step
 from flexviz.identification.whitening import noise_kernel, whitener
 from flexviz.observers import FlatZeroPhase, Observer
@@ -103,20 +103,18 @@ def joint_metrics(
     """
     layout = refinement.layout
     theta, tau = sensitivity
-    order = ORDER.get(layout.n, LONG_ORDER)
     kernels: dict[tuple[float, float], Array] = {}
     out: list[list[Metric]] = []
     for block in refinement.blocks:
         raw = block.segment.step
         key = (raw * block.stride, raw)
         if key not in kernels:
-            kernels[key] = noise_kernel(refinement.wide.signals.observer, *key, 5, order)
+            kernels[key] = noise_kernel(refinement.wide.signals.observer, *key, 5, refinement.order)
         kernel, rows = kernels[key], block.rows
         cov = _own_covariance(theta[:, rows], kernel, refinement.noise[0] ** 2)
         cov += _own_covariance(tau[:, rows], kernel[:, :3, :3], refinement.noise[1] ** 2)
         cov[0] *= 1 + 1e-9
-        cov[0] += refinement.tolerance
-        out.append([Metric(whitener(cov[:, :, j, None, None])) for j in range(layout.n)])
+        out.append([Metric(whitener(cov[:, :, j, None, None], refinement.every)) for j in range(layout.n)])
     chain = Chain(x[layout.compliance], x[layout.link_viscous], narrow.link)
     for unknown in pulses(refinement.wide, x, chain):
         row = out[unknown.block]
