@@ -45,7 +45,7 @@ def truth(*effects: dict[str, Any], kind: str = "single", base: tuple[str, ...] 
 
 def known(gain: float = 1e4, **parameters: float) -> dict[str, Any]:
     effects = [{"effect": "coulomb_friction", "joint": "joint1", "payload": None, "parameters": parameters}]
-    return {"gain": gain, "gains": [gain], "effects": effects, "errors": [0.003, 0.004]}
+    return {"gain": gain, "gains": [gain], "effects": effects, "errors": [0.003, 0.004], "chi": [1.0, 0.9]}
 
 
 def found(effect: str, joint: str | None = "joint1", *ties: str, confidence: float = 0.97) -> dict[str, Any]:

@@ -83,9 +83,11 @@ def generator(seed: int, text: str) -> np.random.Generator:
 
 
 def cases(seed: int = 1, numbers: dict[tuple[str, str], int] | None = None) -> list[Case]:
-    """All cases of a study; the first ones of every kind are the same whatever their number."""
+    """All cases of a study, the kinds mixed; the first ones of each are the same whatever their number."""
     wanted = NUMBERS if numbers is None else numbers
-    return [_case(kind, robot, k, seed) for (kind, robot), count in wanted.items() for k in range(count)]
+    order = [((k + 0.5) / count, where, k) for where, count in wanted.items() for k in range(count)]
+    order.sort(key=lambda row: row[0])
+    return [_case(*where, k, seed) for _, where, k in order]
 
 
 def selected(seed: int, only: str = "", of_each: int | None = None) -> list[Case]:

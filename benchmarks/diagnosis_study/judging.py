@@ -33,6 +33,7 @@ class Judged:
     ----------
     case, kind, robot, noise: of the case.
     truth: the hidden effects as the truth file has them.
+    chi: largest mean square of the whitened residual of a fit that knows the truth, over joints.
     gain, gains: of a fit that knows the truth, in all and for each effect, in χ².
     verdict: for the model the set starts with; "error" when there was no answer.
     named: the first named effect and its joint; NOTHING or UNKNOWN when none was named.
@@ -52,6 +53,7 @@ class Judged:
     robot: str
     noise: float
     truth: tuple[Json, ...]
+    chi: float
     gain: float
     gains: tuple[float, ...]
     verdict: str
@@ -140,6 +142,7 @@ def _judged(
         robot=truth["robot"],
         noise=truth["noise_scale"],
         truth=tuple(truth["effects"]),
+        chi=max(known["chi"]),
         gain=known["gain"],
         gains=tuple(known["gains"]),
         verdict=verdict,

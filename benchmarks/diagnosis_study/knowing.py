@@ -150,9 +150,16 @@ def _better(one: Fit, other: Fit) -> Fit:
 
 
 def _chi_square(fit: Fit) -> float:
-    """−2 log likelihood of fit and validation groups, up to a constant."""
-    points = [p for p in (fit.point, fit.held_out) if p is not None]
-    return sum(float(np.sum(p.r**2)) + sum(m.log_determinant for m in p.metrics) for p in points)
+    """χ² over fit and validation groups, with the metric's determinant.
+
+    A joint below its noise counts as at its noise: a model must not win by taking the noise for larger.
+    """
+    total = 0.0
+    for point in (p for p in (fit.point, fit.held_out) if p is not None):
+        samples = np.count_nonzero(point.used)
+        total += float(np.maximum(np.sum(point.r**2, axis=0), samples).sum())
+        total += sum(m.log_determinant for m in point.metrics)
+    return total
 
 
 def _samples(fit: Fit) -> int:

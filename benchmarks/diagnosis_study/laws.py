@@ -14,7 +14,7 @@ from flexviz.simulation.hiding import Scale
 from flexviz.simulation.plant import Array
 
 WIDTH = 0.005  # [rad/s] of the sign of velocity, as everywhere in the simulator
-LARGE = (0.3, 1.0)  # sizes in rms torques of the joint, or the like
+LARGE = (0.05, 1.0)  # sizes in rms torques of the joint, or the like
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import time
 import traceback
@@ -39,8 +40,9 @@ def result_file(work: Path, name: str, label: str) -> Path:
 def make_all(work: Path, cases: list[Case], jobs: int) -> None:
     """Simulate what is not there yet."""
     missing = [case for case in cases if not is_made(work, case)]
-    for case, _ in _spread(_make, [(work, case) for case in missing], missing, jobs):
-        say(f"made {case.name}")
+    given = [(work, case) for case in missing]
+    for done, (case, failed) in enumerate(_spread(make, given, missing, jobs), 1):
+        say(f"{done}/{len(missing)} {case.name}{f': {failed}' if failed else ''}")
 
 
 def run_all(work: Path, names: list[str], jobs: int, label: str) -> None:
@@ -174,28 +176,25 @@ def final_model(document: Json, joints: tuple[str, ...]) -> Any:
     )
 
 
-def _make(work: Path, case: Case) -> None:
-    make(work, case)
-
-
 def _spread(
     work: Callable[..., Any], arguments: list[tuple[Any, ...]], labels: list[Any], jobs: int
 ) -> Iterator[tuple[Any, Any]]:
-    """Call `work` on each, here or in several processes; (label, what it gave) as they are done."""
-    if jobs <= 1:
-        for label, given in zip(labels, arguments, strict=True):
-            yield label, work(*given)
-        return
+    """Call `work` on each in worker processes; (label, what it gave or why it failed) as they are done."""
     with _pool(jobs) as pool:
         waiting = {pool.submit(work, *given): label for label, given in zip(labels, arguments, strict=True)}
         for future in as_completed(waiting):
-            yield waiting[future], future.result()
+            error = future.exception()
+            yield waiting[future], future.result() if error is None else f"failed, {error!r}"
 
 
 @contextmanager
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    pool = ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=40)
+    # spawned, so that they see one thread a process; Ctrl+C ends what waits, not what is being done
+    pool = ProcessPoolExecutor(
+        jobs, mp_context=get_context("spawn"), initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN), max_tasks_per_child=40,
+    )  # fmt: skip
     try:
         yield pool
     finally:

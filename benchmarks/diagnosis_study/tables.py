@@ -114,11 +114,13 @@ def sizes(outcomes: Sequence[Outcome], robots: Sequence[str]) -> Table:
     """Smallest size found at 90 %, by effect and noise, beside what the truth-knowing fit could decide."""
     head = ["effect", "size", *(f"noise {noise:g}" for noise in NOISES), "relative to", "limit at noise 1"]
     rows = [head]
-    for name, (parameter, _, _) in SIZES.items():
+    for name, (parameter, _, _) in SIZES.items():  # an effect without cases is left out
         here = [
             (c, t) for c, t in outcomes
             if c.kind in ("single", "limit") and c.robot in robots and c.truth[0]["effect"] == name
         ]  # fmt: skip
+        if not here:
+            continue
         unit = LAWS[name].units[parameter]
         cells, pairs = [], []
         for noise in NOISES:
@@ -157,6 +159,20 @@ def errors(outcomes: Sequence[Outcome]) -> Table:
         best = [c.knowing_errors[name] for c in chosen if name in c.knowing_errors]
         cells = [percent(st.quantile(v, q)) for v in (found, best) for q in (0.5, 0.9)]
         rows.append([name, str(len(found)), *cells])
+    return rows
+
+
+def knowing(outcomes: Sequence[Outcome]) -> Table:
+    """Whether the fit that knows the truth reaches the noise: χ² a sample of its worst joint."""
+    rows = [["effect", "2-DOF: cases", "median", "worst", "Panda and UR5: cases", "median", "worst"]]
+    for name in (*SIZES, NOTHING):
+        row = [name]
+        for robots in (("2r",), st.ARMS):
+            here = [c for c, _ in outcomes if c.robot in robots and c.kind in ("single", "limit", "clean")]
+            chosen = [c.chi for c in here if (c.truth[0]["effect"] if c.truth else NOTHING) == name]
+            cells = [f"{st.quantile(chosen, q):.3g}" if chosen else "–" for q in (0.5, 1.0)]
+            row += [str(len(chosen)), *cells]
+        rows.append(row)
     return rows
 
 
