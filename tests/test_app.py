@@ -257,3 +257,55 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
 def test_a_real_set_opens(app: Application) -> None:
     app.open(open_set(KUKA))
     assert "no model yet" in status(app)
+
+
+def test_the_check_names_weak_parameters_and_renews_itself(app: Application, folder: Path) -> None:
+    app.open(open_set(folder))
+    check = app.identify.check
+    act(app, "check")
+    until(app, lambda: "Checked with" in check._texts[0].content)
+    assert check._texts[1].content == check._texts[0].content  # in step Data too
+    assert app.session.analysis.identification is None and app.dock._undo.disabled
+    act(app, "role1", "Ignore")
+    until(app, lambda: check._of == app.session.analysis.settings)
+    app.undo()
+
+
+def test_a_bandwidth_for_one_joint(app: Application, folder: Path) -> None:
+    app.open(open_set(folder))
+    app.observer._single.value = True
+    act(app, "joint", "joint2")
+    act(app, "bandwidth", 70.0)
+    width = app.session.analysis.bandwidth
+    assert isinstance(width, tuple) and width[1] == 70.0 and width[0] != 70.0
+    assert "One a joint" in app.observer._numbers.content
+    app.observer._single.value = False
+    act(app, "bandwidth", 80.0)
+    assert app.session.analysis.bandwidth == 80.0
+
+
+def test_torque_arrows_and_sides(app: Application) -> None:
+    app.view._torque.value = True
+    act(app, "torque", True)
+    until(app, lambda: len(app.show.scene.measured._arrows) == 2, timeout=5.0)  # type: ignore[union-attr]
+    app.view._torque.value = False
+    act(app, "torque", False)
+    app.show.clock.step(0.1)
+    until(app, lambda: not app.show.scene.measured._arrows, timeout=5.0)  # type: ignore[union-attr]
+    act(app, "loop", False)
+    assert not app.show.clock.loop
+    act(app, "loop", True)
+
+
+def test_a_range_marks_time_and_path(app: Application) -> None:
+    app.open(open_set(sessions_dir() / DEMO))
+    act(app, "run")
+    until(app, lambda: not app.running)
+    where = app.show.plots.where
+    where._variable.value = "velocity"
+    act(app, "highlight", "velocity")
+    assert where._range.visible and app.show.scene.measured._marked is not None  # type: ignore[union-attr]
+    assert set(where._charts._charts["time"]._handle.data[4]) == {0.0, 1.0}
+    where._variable.value = "nothing"
+    act(app, "highlight", "nothing")
+    assert app.show.scene.measured._marked is None and not where._range.visible  # type: ignore[union-attr]

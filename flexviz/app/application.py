@@ -49,6 +49,8 @@ class Application:
         self.data = DataStep(self)
         self.observer = ObserverStep(self)
         self.identify = IdentifyStep(self)
+        with self.data.checked:
+            self.identify.check.add_text()
         self.diagnose = DiagnoseStep(self)
         self.steps = {
             "Data": self.data,
@@ -118,7 +120,7 @@ class Application:
 
     def open(self, opened: Opened) -> None:
         """Show a set from its beginning."""
-        for key in ("identify", "sweep", "diagnose", "replay"):
+        for key in ("identify", "sweep", "diagnose", "replay", "check"):
             self.worker.stop(key)
         self.measurements = opened.measurements
         self.truth = opened.truth
@@ -242,6 +244,8 @@ class Application:
             self.diagnose.heard(event)
         elif event.job.key == "replay":
             self.show.heard(event)
+        elif event.job.key == "check":
+            self.identify.check.heard(event)
         elif event.job.key in FILE_JOBS:
             self.data.files.heard(event)
         elif event.job.key == "open":

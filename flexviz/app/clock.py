@@ -18,6 +18,7 @@ class Clock:
         self._start, self._end = 0.0, 1.0
         self._time = 0.0
         self._speed = 1.0
+        self.loop = True  # begin again at the end, or stand there
         self._since: float | None = None  # wall time when it was set going, None while it stands
 
     def span(self, start: float, end: float) -> None:
@@ -29,6 +30,8 @@ class Clock:
     def play(self) -> None:
         """Go on from where it stands."""
         with self._lock:
+            if not self.loop and self._at() >= self._end:
+                self._set(self._start)
             if self._since is None:
                 self._since = self._now()
 
@@ -70,7 +73,8 @@ class Clock:
         if self._since is None:
             return self._time
         run = self._time + self._speed * (self._now() - self._since) - self._start
-        return self._start + run % (self._end - self._start)
+        span = self._end - self._start
+        return self._start + (run % span if self.loop else min(run, span))
 
     def _set(self, time: float) -> None:
         self._time = time

@@ -21,6 +21,8 @@ class Showing:
     motion: Motion
     deflection: float
     error: float
+    link_side: bool = False
+    torque: bool = False
 
 
 class Playback:
@@ -68,6 +70,9 @@ class Playback:
         showing, now = self._showing, self._clock.time
         if showing is None or (showing, now) == self._drawn:
             return
-        self._scene.pose(*showing.motion.pose(now, showing.deflection, showing.error))
+        shares = showing.motion.torque_shares(now) if showing.torque else None
+        self._scene.pose(
+            *showing.motion.pose(now, showing.deflection, showing.error, showing.link_side), shares
+        )
         self._drawn = (showing, now)
         self.frames += 1

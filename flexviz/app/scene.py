@@ -10,9 +10,10 @@ import viser
 import viser.transforms as tf
 
 from flexviz.robot import PayloadBody, Robot
-from flexviz.view.colours import BODY, MEASURED, MODEL, PLAYHEAD, rgb
+from flexviz.view.colours import BODY, MEASURED, MODEL, PLAYHEAD, TORQUE, rgb
 from flexviz.view.geometry import Shape
 from flexviz.view.stage import FIELD_OF_VIEW, Stage
+from flexviz.view.torque_arrows import RADIUS, arrow, axes
 
 GHOST_OPACITY = 0.45
 
@@ -40,6 +41,8 @@ class RobotNodes:
             if body.joint is not None:
                 _on_click(mesh, body.joint, on_click)
             self._bodies.append(mesh)
+        self._axes = axes(robot)
+        self._arrows: list[Any] = []
         self._trail: Any = None
         self._marked: Any = None
 
@@ -79,6 +82,35 @@ class RobotNodes:
                 subdivisions=2, cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
             self._payload.append(ball)
+
+    def torque(self, shares: np.ndarray | None, q: np.ndarray) -> None:
+        """Bend an arrow around every joint by shares (n,) of its largest torque, at q (n,) [rad]."""
+        if shares is None:
+            for handle in self._arrows:
+                handle.remove()
+            self._arrows = []
+            return
+        poses = self._robot.link_poses(q)
+        there = [
+            (axis, float(share)) for axis, share in zip(self._axes, shares, strict=True) if axis is not None
+        ]
+        radius = RADIUS * self._shape.reach
+        for index, (axis, share) in enumerate(there):
+            points = arrow(axis, share, radius)
+            if index == len(self._arrows):
+                self._arrows.append(
+                    self._server.scene.add_line_segments(
+                        f"/{self.name}/torque{index}",
+                        points,
+                        colors=rgb(TORQUE),
+                        thickness=3.0,
+                        thickness_units="screen",
+                    )
+                )
+            else:
+                self._arrows[index].points = points
+            self._arrows[index].wxyz = tf.SO3.from_matrix(poses[axis.link][:3, :3]).wxyz
+            self._arrows[index].position = poses[axis.link][:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
         """Where the tip is at M joint positions (n,) [rad]: (M, 3) [m]."""
@@ -212,13 +244,14 @@ class Scene:
         if self.measured is not None:
             self.measured.mark(pieces)
 
-    def pose(self, measured: np.ndarray, identified: np.ndarray) -> None:
-        """Both robots' joint positions (n,) [rad], applied together."""
+    def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
+        """Both robots' joint positions (n,) [rad] and the torque's shares (n,), applied together."""
         if self.measured is None or self.identified is None:
             return
         with self._server.atomic():
             self.measured.pose(measured)
             self.identified.pose(identified)
+            self.measured.torque(torque, measured)
 
     def clear(self) -> None:
         """Empty the stage."""

@@ -109,17 +109,22 @@ class Show:
         deflection, error = self._app.view.factors
         every = self.motion.time[:: max(len(self.motion.time) // MARKS, 1)]
         chosen = inside[np.clip(np.searchsorted(time, every), 0, len(time) - 1)] if len(time) else []
-        positions = [self.motion.pose(float(t), deflection, error)[0] for t in every]
+        link_side = self._app.view.link_side
+        positions = [self.motion.pose(float(t), deflection, error, link_side)[0] for t in every]
         return self.scene.path_pieces(positions, np.asarray(chosen, dtype=bool))
 
     def show_motion(self) -> None:
         """Draw the present motion with the present factors, labels and trails."""
-        deflection, error = self._app.view.factors
-        self.playback.show(Showing(self.motion, deflection, error))
+        view = self._app.view
+        deflection, error = view.factors
+        link_side = view.link_side
+        self.playback.show(Showing(self.motion, deflection, error, link_side, view.torque))
         simulated = self._app.measurements.simulated
-        self.scene.labels(*scene_labels(self.motion, deflection, error, self._why_no_model(), simulated))
+        self.scene.labels(
+            *scene_labels(self.motion, deflection, error, self._why_no_model(), simulated, link_side)
+        )
         every = self.motion.time[:: max(len(self.motion.time) // TRAIL, 1)]
-        drawn = [self.motion.pose(float(t), deflection, error) for t in every]
+        drawn = [self.motion.pose(float(t), deflection, error, link_side) for t in every]
         for nodes, index, colour in (
             (self.scene.measured, 0, MEASURED),
             (self.scene.identified, 1, MODEL),

@@ -121,6 +121,20 @@ def diagnose_set(
     return Looked(diagnosis, identification, tuple(added))
 
 
+def check_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -> Identification:
+    """A trial fit, to see what the data can identify."""
+    from flexviz.identification import identify
+
+    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
+    return identify(
+        measurements,
+        effects=analysis.effects,
+        observer=analysis.observer,
+        bandwidth=analysis.bandwidth,
+        should_stop=should_stop,
+    )
+
+
 def sweep_set(
     analysis: Analysis, bandwidths: tuple[float, ...], *, progress: Progress, should_stop: Stop
 ) -> SweepResult:

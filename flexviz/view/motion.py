@@ -31,6 +31,8 @@ class Motion:
     deflection_source: where that comes from, for the label.
     model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None before a simulation.
     model_note: how the model was simulated, for the label.
+    link: (M, n) measured link positions q [rad], or None without link encoders.
+    torque: (M, n) measured torque [Nm].
     """
 
     group: str
@@ -41,17 +43,24 @@ class Motion:
     model_theta: Array | None = None
     model_deflection: Array | None = None
     model_note: str = ""
+    link: Array | None = None
+    torque: Array | None = None
 
     @property
     def duration(self) -> float:
         """[s]"""
         return float(self.time[-1] - self.time[0])
 
-    def pose(self, time: float, deflection: float = 0.0, error: float = 1.0) -> tuple[Array, Array]:
+    def pose(
+        self, time: float, deflection: float = 0.0, error: float = 1.0, link_side: bool = False
+    ) -> tuple[Array, Array]:
         """Joint positions (n,) to draw for the measured and the identified robot at one instant.
 
-        `deflection` multiplies θ − q, `error` multiplies the difference simulated − measured θ.
+        `deflection` multiplies θ − q, `error` multiplies the difference simulated − measured θ. On the link
+        side q is compared with q, where it is measured.
         """
+        if link_side and self.link is not None:
+            return self._link_pose(time, error)
         measured = sample(self.time, self.theta, time)
         drawn = measured
         if self.deflection is not None:
@@ -63,6 +72,21 @@ class Motion:
             model = model - deflection * sample(self.time, self.model_deflection, time)
         return drawn, model
 
+    def _link_pose(self, time: float, error: float) -> tuple[Array, Array]:
+        assert self.link is not None
+        measured = sample(self.time, self.link, time)
+        if self.model_theta is None or self.model_deflection is None:
+            return measured, measured
+        theta, bent = (sample(self.time, v, time) for v in (self.model_theta, self.model_deflection))
+        return measured, measured + error * (theta - bent - measured)
+
+    def torque_shares(self, time: float) -> Array:
+        """(n,) the torque at one instant as a share of each joint's largest, −1 … 1."""
+        if self.torque is None:
+            return np.zeros(self.theta.shape[1])
+        largest = np.abs(self.torque).max(axis=0)
+        return sample(self.time, self.torque, time) / np.where(largest > 0, largest, 1.0)
+
 
 def scene_labels(
     motion: Motion,
@@ -70,12 +94,18 @@ def scene_labels(
     error: float,
     why: str = "not identified yet",
     simulated_data: bool = False,
+    link_side: bool = False,
 ) -> tuple[str, str]:
     """What stands above the measured and the identified robot; the factors are always written there.
 
     `why` says why there is no simulated motion of the identified model, where there is none.
     """
     first = "measured (simulated data)" if simulated_data else "measured"
+    if link_side and motion.link is not None:
+        measured = f"{first}\nlink side q, encoders"
+        if motion.model_theta is None:
+            return measured, f"{why}:\nshows the measured link side"
+        return measured, f"identified, error ×{error:g}\nlink side q (simulated)"
     if motion.deflection is None:
         measured = f"{first}\ndeflection unknown before Run"
     else:
@@ -104,7 +134,11 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     all_time = joined(group, "time")
     theta = _columns(time, all_time, joined(group, "theta"))
     deflection, source = _deflection(measurements, group, result, time, all_time, theta)
-    return Motion(group.name, time, theta, deflection, source)
+    link = None
+    if group.q is not None and np.isfinite(group.q).all():
+        link = _columns(time, group.time, group.q)
+    torque = _columns(time, all_time, joined(group, "tau"))
+    return Motion(group.name, time, theta, deflection, source, link=link, torque=torque)
 
 
 def joined(group: Group, name: str) -> Array:

@@ -36,6 +36,7 @@ class DataStep:
             )
             self._rows_folder = gui.add_folder(None)
             self._hint = gui.add_html("")
+            self.checked = gui.add_folder(None)
             self.files = Files(app)
             self._dark = gui.add_checkbox("Dark theme", False)
         watch(self._choice, app.queue, "set")
@@ -101,3 +102,4 @@ class DataStep:
     def _role(self, group: str, role: str) -> None:
         analysis = self._app.session.analysis.with_role(group, role.lower())  # type: ignore[arg-type]
         self._app.change(f"{group}: {role}", analysis)
+        self._app.identify.check.changed()

@@ -129,6 +129,7 @@ class DiagnoseStep:
             return
         before = self._app.session.analysis
         self._running, self._before, self._label = analysis, before, label
+        self._app.worker.stop("check")
         self._app.worker.stop("replay")
         self._app.identify.begin()
         self._app.dock.progress(0.0)

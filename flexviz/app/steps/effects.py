@@ -64,3 +64,4 @@ class EffectList:
     def _set(self, name: str, on: bool) -> None:
         analysis = self._app.session.analysis.with_effect(name, on)
         self._app.change(f"{'with' if on else 'without'} {name}", analysis)
+        self._app.identify.check.changed()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.style import in_row
+from flexviz.app.style import half, in_row
 from flexviz.app.uploads import Inbox
 from flexviz.app.work import open_set
 from flexviz.app.workspace import (
@@ -67,6 +67,7 @@ class Files:
                 "Quiz me", color="gray",
                 hint="simulates a set with a hidden effect; the truth stays hidden until you ask for it",
             )  # fmt: skip
+        app.add_style(half(self._record._impl.uuid))
         app.add_style(in_row(self._save._impl.uuid, self._download._impl.uuid))
         app.press(self._save, "save", lambda: self._start("save", save, in_process=False))
         app.press(self._quiz, "quiz", self._simulate)

@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
+from flexviz.app.steps.check import Check
 from flexviz.app.steps.effects import EffectList
+from flexviz.app.style import in_row
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.view.convergence import progress_text
@@ -32,8 +34,11 @@ class IdentifyStep:
             self._refine = gui.add_checkbox(
                 "Refine", False, hint="a second stage that removes the observer's bias; takes longer"
             )
+            self.check = Check(app)
             self._run = gui.add_button("Run", color="blue")
+            app.add_style(in_row(self.check.button._impl.uuid, self._run._impl.uuid))
             self._why = gui.add_html("")
+            self.check.add_text()
             self._truth = gui.add_checkbox(
                 "Show truth", False, visible=False, hint="the values the set was made with"
             )
@@ -52,6 +57,7 @@ class IdentifyStep:
     def opened(self) -> None:
         """A new set is shown."""
         self.effects.opened()
+        self.check.opened()
         self.iterations = []
         self._draw_convergence()
         self._truth.visible = self._app.truth is not None
@@ -62,6 +68,7 @@ class IdentifyStep:
         """Show the session's effects and result, and what may be pressed."""
         analysis = self._app.session.analysis
         self.effects.refresh()
+        self.check.refresh()
         self._refine.value = analysis.refine
         nothing = not analysis.groups_with("fit")
         self._run.disabled = self._app.running or nothing
@@ -88,6 +95,7 @@ class IdentifyStep:
         if self._app.running or not analysis.groups_with("fit"):
             return
         self._running = analysis.settings
+        self._app.worker.stop("check")
         self._app.worker.stop("replay")  # it is simulated anew afterwards
         self.begin()
         self._app.dock.progress(1.0)  # how many iterations it takes is not known
@@ -113,7 +121,8 @@ class IdentifyStep:
         self._new_iterations = True
 
     def tick(self) -> None:
-        """Let the convergence plots follow a running identification."""
+        """Let the convergence plots follow a running identification, and the check the settings."""
+        self.check.tick()
         if self._new_iterations:
             self._draw_convergence()
 

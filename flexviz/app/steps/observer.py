@@ -12,7 +12,7 @@ from flexviz.app.style import no_number_box
 from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.view.states import numbers_html, observer_for, observer_numbers
 from flexviz.view.sweep import sweep_bandwidths
-from flexviz.view.text import number
+from flexviz.view.text import escape, number
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -39,6 +39,9 @@ class ObserverStep:
             self._exact = gui.add_number(
                 "exactly", 50.0, min=LOWEST, max=HIGHEST, step=0.1, hint="the same bandwidth [rad/s], typed"
             )
+            self._single = gui.add_checkbox(
+                "Only this joint", False, hint="the bandwidth is the selected joint's alone; else all joints'"
+            )
             self._default = gui.add_button("Use the observer's own bandwidth", color="gray")
             self._numbers = gui.add_html("")
             self.sweep = Sweep(app, self._around, self._set)
@@ -46,6 +49,8 @@ class ObserverStep:
         watch(self._type, app.queue, "observer")
         watch(self._bandwidth, app.queue, "bandwidth-log")
         watch(self._exact, app.queue, "bandwidth")
+        watch(self._single, app.queue, "bandwidth-single")
+        app.on("bandwidth-single", lambda _: None)
         app.press(self._default, "bandwidth-default", self._own)
         app.on("observer", self._observer)
         app.on("bandwidth-log", lambda value: self._set(10.0**value))
@@ -68,9 +73,14 @@ class ObserverStep:
         self._exact.value = float(f"{shown:.4g}")
         own = " (its own)" if analysis.bandwidth is None else ""
         numbers = observer_numbers(observer, self._app.show.group.segments[0].step)
+        each = ""
+        if isinstance(analysis.bandwidth, tuple):
+            names = zip(self._app.measurements.joints, analysis.bandwidth, strict=False)
+            listed = ", ".join(f"{escape(joint)} {number(w, 3)}" for joint, w in names)
+            own, each = " on this joint", f'<div class="fv fv-dim">One a joint [rad/s]: {listed}.</div>'
         self._numbers.content = (
             f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
-            f"bandwidth {number(width, 4)} rad/s{own}</div>" + numbers_html(numbers)
+            f"bandwidth {number(width, 4)} rad/s{own}</div>" + each + numbers_html(numbers)
         )
         self.sweep.refresh()
 
@@ -87,7 +97,15 @@ class ObserverStep:
 
     def _set(self, bandwidth: float) -> None:
         width = float(f"{min(max(bandwidth, LOWEST), HIGHEST):.4g}")
-        self._app.change("bandwidth", replace(self._app.session.analysis, bandwidth=width))
+        analysis, app = self._app.session.analysis, self._app
+        if not self._single.value or app.measurements.n == 1:
+            app.change("bandwidth", replace(analysis, bandwidth=width))
+            return
+        present = [observer_for(analysis.observer, analysis.bandwidth, j) for j in range(app.measurements.n)]
+        each = [float(observer.bandwidth) for observer in present]  # type: ignore[arg-type]
+        each[app.show.joint] = width
+        joint = app.measurements.joints[app.show.joint]
+        app.change(f"bandwidth of {joint}", replace(analysis, bandwidth=tuple(each)))
 
     def _own(self) -> None:
         self._app.change("the observer's own bandwidth", replace(self._app.session.analysis, bandwidth=None))

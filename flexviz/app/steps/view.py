@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 BUTTONS = ("Play", "Pause", "◀ Step", "Step ▶")
 FRAME = 1.0 / 30.0  # [s] one press of a step button at speed 1
 REST = 0.8  # [s] after a person has moved the time slider, the program leaves it alone
+SIDES = ("motor side θ", "link side q")
 SPEED_NAMES = tuple(f"{speed:g}×" for speed in SPEEDS)
 
 
@@ -51,6 +52,17 @@ class ViewPanel:
                 hint="exaggerates simulated − measured motor angle of the identified robot",
             )
             self._legend = gui.add_html("")
+        with panel.add_tab("View"):
+            self._side = gui.add_dropdown(
+                "Side", SIDES, initial_value=SIDES[0],
+                hint="compares motor angles, or, where there are link encoders, link sides",
+            )  # fmt: skip
+            self._torque = gui.add_checkbox(
+                "Torque arrows",
+                False,
+                hint="turn the way the measured torque does; full turn: its largest value",
+            )
+            self._loop = gui.add_checkbox("Loop", True, hint="begin again at the group's end")
         panel.float(x=12, y=-12, width=488)
         app.add_style(no_label(self._buttons._impl.uuid))
         for handle in (self._speed, self._layout):
@@ -61,6 +73,11 @@ class ViewPanel:
             (self._error, "error"), (self._layout, "layout"),
         ):  # fmt: skip
             watch(handle, app.queue, key)
+        for handle, key in ((self._side, "side"), (self._torque, "torque"), (self._loop, "loop")):
+            watch(handle, app.queue, key)
+        app.on("side", lambda _: app.show.show_motion())
+        app.on("torque", lambda _: app.show.show_motion())
+        app.on("loop", self._set_loop)
         app.on("playback", self.playback)
         app.on("time", self._scrub)
         app.on("speed", lambda name: app.show.clock.set_speed(SPEEDS[SPEED_NAMES.index(name)]))
@@ -71,6 +88,22 @@ class ViewPanel:
     def factors(self) -> tuple[float, float]:
         """Deflection and error factor."""
         return float(self._deflection.value), float(self._error.value)
+
+    @property
+    def link_side(self) -> bool:
+        """Whether the link sides are compared."""
+        return self._side.value == SIDES[1]
+
+    @property
+    def torque(self) -> bool:
+        """Whether torque arrows are drawn."""
+        return bool(self._torque.value)
+
+    def _set_loop(self, on: bool) -> None:
+        clock = self._app.show.clock
+        now = clock.time
+        clock.loop = on
+        clock.seek(now)
 
     @property
     def layout(self) -> str:
@@ -112,6 +145,9 @@ class ViewPanel:
     def refresh(self) -> None:
         """Show the legend of the present result and group."""
         app = self._app
+        self._side.disabled = app.show.motion.link is None
+        if self._side.disabled:
+            self._side.value = SIDES[0]
         rms = joint_rms(app.session.analysis.identification, app.show.group.name)
         self._legend.content = legend_html(
             app.measurements.joints, rms, app.show.group.name, app.show.motion.model_note

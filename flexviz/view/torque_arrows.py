@@ -1,0 +1,76 @@
+"""Torque as a bent arrow around each joint's axis: it turns as the torque does, and far where it is large."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.robot import Robot
+
+Array = NDArray[np.float64]
+PIECES = 16  # of an arc
+WIDEST = 1.6 * np.pi  # angle of the largest torque
+RADIUS = 0.16  # of the robot's reach
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """Where a joint turns, seen from the link that it moves.
+
+    Attributes
+    ----------
+    link: whose pose carries the arrow.
+    across, along: (3,) unit vectors across the axis; the joint turns from `across` to `along`.
+    """
+
+    link: str
+    across: Array
+    along: Array
+
+
+def axes(robot: Robot) -> tuple[Axis | None, ...]:
+    """One axis a joint of the set; None where a joint moves no link."""
+    neutral = np.zeros(robot.n)
+    poses = robot.link_poses(neutral)
+    found: list[Axis | None] = []
+    for joint in range(robot.n):
+        link = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
+        if link is None:
+            found.append(None)
+            continue
+        turned = neutral.copy()
+        turned[joint] = 1e-4
+        rotation = poses[link][:3, :3].T @ robot.link_poses(turned)[link][:3, :3]
+        axis = np.array(
+            [
+                rotation[2, 1] - rotation[1, 2],
+                rotation[0, 2] - rotation[2, 0],
+                rotation[1, 0] - rotation[0, 1],
+            ]
+        )
+        size = float(np.linalg.norm(axis))
+        if size < 1e-8:  # a prismatic joint has no axis to bend an arrow around
+            found.append(None)
+            continue
+        axis /= size
+        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        across /= np.linalg.norm(across)
+        found.append(Axis(link, across, np.cross(axis, across)))
+    return tuple(found)
+
+
+def arrow(axis: Axis, share: float, radius: float) -> NDArray[np.float32]:
+    """Segments (PIECES + 2, 2, 3) [m] of an arrow that turns by `share` (−1 … 1) of the widest angle."""
+    share = float(np.clip(share, -1.0, 1.0))
+    angle = np.linspace(0.0, share * WIDEST, PIECES + 1)
+    points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))
+    tip, direction = points[-1], points[-1] - points[-2]
+    size = float(np.linalg.norm(direction))
+    direction = direction / size if size > 0 else np.zeros(3)
+    outward = points[-1] / radius
+    head = min(0.35, 0.05 + abs(share)) * radius
+    barbs = [tip - head * direction + 0.6 * side * head * outward for side in (-1.0, 1.0)]
+    segments = [*np.stack([points[:-1], points[1:]], axis=1), *(np.stack([tip, barb]) for barb in barbs)]
+    return np.asarray(segments, dtype=np.float32)

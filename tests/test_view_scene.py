@@ -1,0 +1,76 @@
+"""Torque arrows, link side, the clock's end, and what a check says."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.app.clock import Clock
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+from flexviz.robot import Robot
+from flexviz.view.identifiability import NAMED, check_html
+from flexviz.view.motion import measured_motion, scene_labels, with_replay
+from flexviz.view.torque_arrows import PIECES, WIDEST, arrow, axes
+
+
+def test_an_arrow_turns_as_its_joint_does() -> None:
+    robot = Robot.load("robots:planar_2r")
+    for joint, axis in enumerate(axes(robot)):
+        assert axis is not None and robot.joint_of_link(axis.link) == joint
+        q = np.zeros(robot.n)
+        before = robot.link_poses(q)[axis.link]
+        q[joint] = 0.3
+        turned = robot.link_poses(q)[axis.link][:3, :3].T @ before[:3, :3]  # the old frame seen from the new
+        assert np.allclose(
+            turned @ (np.cos(0.3) * axis.across + np.sin(0.3) * axis.along), axis.across, atol=1e-6
+        )
+        points = arrow(axis, 0.5, 0.2)
+        assert points.shape == (PIECES + 2, 2, 3) and np.isfinite(points).all()
+        assert np.allclose(np.linalg.norm(points[:PIECES], axis=2), 0.2, atol=1e-6)
+        end = points[PIECES - 1, 1] / 0.2
+        assert np.arctan2(end @ axis.along, end @ axis.across) == pytest.approx(0.5 * WIDEST, abs=1e-5)
+        assert np.isfinite(arrow(axis, 0.0, 0.2)).all()
+
+
+def test_the_link_side_is_compared_with_the_link_side() -> None:
+    measurements = read_set(sessions_dir() / "planar-2r-demo")
+    motion = measured_motion(measurements, measurements.groups[0], None)
+    assert motion.link is not None and np.abs(motion.torque_shares(1.0)).max() <= 1.0
+    measured, shown = motion.pose(1.0, 5.0, 2.0, link_side=True)
+    assert np.allclose(measured, shown)
+    run: Any = SimpleNamespace(time=motion.time, theta=motion.theta + 0.01, q=motion.link + 0.004, note="")
+    measured, shown = with_replay(motion, run).pose(1.0, 5.0, 10.0, link_side=True)
+    assert np.allclose(shown - measured, 0.04)
+    first, second = scene_labels(with_replay(motion, run), 5, 10, link_side=True)
+    assert "link side q" in first and "error ×10" in second
+
+
+def test_the_clock_stands_at_the_end_without_loop() -> None:
+    now = [0.0]
+    clock = Clock(lambda: now[0])
+    clock.span(0.0, 10.0)
+    clock.loop = False
+    clock.play()
+    now[0] = 25.0
+    assert clock.time == 10.0
+    clock.play()
+    assert clock.time == 0.0
+
+
+def parameter(name: str, grade: str) -> Any:
+    return SimpleNamespace(name=name, joint="joint1", identifiable=grade)
+
+
+def test_a_check_names_what_is_weak() -> None:
+    assert check_html(None) == ""
+    good: Any = SimpleNamespace(
+        parameters=[parameter("stiffness", "yes"), parameter("mass", "no")], combinations=()
+    )
+    assert "All 1 parameters" in check_html(good)
+    many = [parameter("stiffness", "weak"), *[parameter("backlash.half_width", "no")] * (NAMED + 3)]
+    text = check_html(SimpleNamespace(parameters=many, combinations=[parameter("x", "yes")]))  # type: ignore[arg-type]
+    assert "Weak: K joint1" in text and "and 3 others" in text and "1 of 1 combinations" in text
