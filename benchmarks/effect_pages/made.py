@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -78,6 +78,9 @@ class Made:
                 torque_scale=scale,
             )
         ]
+
+    def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
+        return make()
 
     def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
         """The columns themselves; their derivatives by differences."""

@@ -16,7 +16,7 @@ from flexviz.diagnosis.freely import free_curve
 from flexviz.diagnosis.judging import NAMED, verdict
 from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
-from flexviz.diagnosis.search import FAINT, Scores, Search, Tried
+from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.diagnosis.where import places
 from flexviz.effects import EFFECTS, choose_effects
 from flexviz.equation import Layout
@@ -91,6 +91,7 @@ class _Diagnosing:
         self.band = ErrorBand(measurements)
         self.share, self.stopped = 0.0, False
         self.chain: list[Link] = []
+        self.beside_model_error = False
         self.first: list[Tried] = []  # what was tried for the model the set starts with
 
     def say(self, text: str) -> None:
@@ -129,12 +130,11 @@ class _Diagnosing:
         for number in range(ROUNDS):
             self.say("looking at what is left")
             scores = self.search.scores(fit)
-            if scores.top < FAINT:
-                break
-            tried = self.search.refits(fit, scores)
+            gained = base.objective - fit.objective
+            tried = self.search.refits(fit, scores, gained)
             if number == 0:
                 self.first = tried
-            best = self.search.acceptable(fit, tried, base.objective - fit.objective)
+            best = self.search.acceptable(fit, tried, gained)
             if best is None:
                 break
             link = Link(fit, best, tried, scores)
@@ -174,6 +174,7 @@ class _Diagnosing:
         if not apply and self.chain:
             return final
         steps = ModelErrorSearch(self.search, longest=14 if apply else 1).run(final)
+        self.beside_model_error = bool(steps)
         for added in steps:
             self.chain.append(Link(added.before, added.tried, [added.tried], added.scores))
         return steps[-1].after if steps else final
@@ -196,8 +197,9 @@ class _Diagnosing:
             explain(self.bench, link.before, link.chosen, link.tried, link.scores, (self.band, old, new))
             for link, old, new in zip(self.chain, errors, errors[1:], strict=False)
         ]
-        # in units of the noise, also where a model error was allowed for
-        last = verdict(self.bench.fit(final.layout, final.x, iterations=0))
+        if self.beside_model_error:  # judged in units of the noise all the same
+            final = self.bench.fit(final.layout, final.x, iterations=0)
+        last = verdict(final)
         steps = [
             self.step(added, fit, error, "missing" if k + 1 < len(fits) else last)
             for k, (added, fit, error) in enumerate(zip([None, *found], fits, errors, strict=True))

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PLAIN_HERTZ = 7.0
 STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
-NOISE_MOVED = 0.02  # relative change of a stiffness or motor inertia after which the noise is whitened anew
+NOISE_MOVED = 0.005  # relative change of a stiffness or motor inertia after which the noise is whitened anew
 EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
 # samples before each that predict it, and how often the prediction is solved for: enough for a judgement
 ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
@@ -44,6 +44,7 @@ class Fit:
         objective: Σ_j N log max(χ_j, 1) + the cost of unknown pulses + k log N, over all groups.
         noise_objective: its first part alone.
         converged: the last step was negligible.
+        noise_at: log c and log B for which the whiteners of point and held_out were made, shape (2n,) each.
     """
 
     layout: Layout
@@ -55,6 +56,7 @@ class Fit:
     objective: float
     noise_objective: float
     converged: bool
+    noise_at: tuple[Array, Array]
 
 
 class Workbench:
@@ -141,21 +143,28 @@ class Workbench:
         assert best is not None and point is not None
         if not converged:
             x, point = best[1], best[2]
-        return self._judged(layout, x, point, converged)
+        return self._judged(layout, x, point, converged, near, whitened.noise_at)
 
-    def _judged(self, layout: Layout, x: Array, point: Point, converged: bool) -> Fit:
+    def _judged(
+        self, layout: Layout, x: Array, point: Point, converged: bool, near: Fit | None, noise_at: Array
+    ) -> Fit:
         total, noise = _objective(point), _noise_objective(point)
-        held_out, chi_held_out = None, np.full(layout.n, np.nan)
+        held_out, chi_held_out, noise_there = None, np.full(layout.n, np.nan), noise_at
         samples = np.count_nonzero(point.used)
         if self.validation is not None:
-            held_out = whitened_point(self.validation.with_layout(layout), x)
+            whitened = _Whitened(layout, near, held_out=True)
+            held_out = whitened.point(self.validation.with_layout(layout), x)
+            noise_there = whitened.noise_at
             chi_held_out = _chi(held_out)
             total += _objective(held_out)
             noise += _noise_objective(held_out)
             samples += np.count_nonzero(held_out.used)
         freedom = layout.size - layout.effect_start
         total += freedom * float(np.log(samples * layout.n))
-        return Fit(layout, x, point, held_out, _chi(point), chi_held_out, total, noise, converged)
+        return Fit(
+            layout, x, point, held_out, _chi(point), chi_held_out, total, noise, converged,
+            (noise_at, noise_there),
+        )  # fmt: skip
 
     def roughly(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
         """A plain fit of a layout: weighted by its own residual, it finds its way from far off.
@@ -203,22 +212,20 @@ def _objective(point: Point) -> float:
 class _Whitened:
     """Whitened points along a fit; the noise's way is followed anew only where it has changed."""
 
-    def __init__(self, layout: Layout, near: Fit | None) -> None:
+    def __init__(self, layout: Layout, near: Fit | None, held_out: bool = False) -> None:
         self._layout = layout
-        self._whiteners, self._noise_at = None, np.zeros(0)
-        if near is not None:
-            self._whiteners, self._noise_at = near.point.whiteners, self._noise(near.x, near.layout)
+        self._whiteners, self.noise_at = None, np.zeros(0)
+        point = None if near is None else near.held_out if held_out else near.point
+        if near is not None and point is not None:
+            self._whiteners, self.noise_at = point.whiteners, near.noise_at[held_out]
         self._metrics, self._effects_at = None, np.zeros(0)
 
-    @staticmethod
-    def _noise(x: Array, layout: Layout) -> Array:
-        """What the noise's way depends on most."""
-        return np.log(np.concatenate((x[layout.compliance], x[layout.motor_inertia])))
-
     def point(self, refinement: Refinement, x: Array) -> Point:
-        noise, effects = self._noise(x, self._layout), x[self._layout.effect_start :]
-        if self._whiteners is None or np.max(np.abs(noise - self._noise_at)) > NOISE_MOVED:
-            self._whiteners, self._metrics, self._noise_at = None, None, noise
+        lay = self._layout
+        noise = np.log(np.concatenate((x[lay.compliance], x[lay.motor_inertia])))
+        effects = x[lay.effect_start :]
+        if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > NOISE_MOVED:
+            self._whiteners, self._metrics, self.noise_at = None, None, noise
         if self._metrics is not None:
             scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
             if effects.size and np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:

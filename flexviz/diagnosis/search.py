@@ -23,7 +23,7 @@ EPISODES = 2  # of them at most
 CLOSE = 0.03  # of the best score: what scores less is not refitted once the best one explains all
 EXPLAINED = 0.05  # of the excess left: the leading candidate explains all there is
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
-FAINT = 40.0  # largest score that noise alone is allowed
+HOPE = 3.0  # times its score is the most that a refit is expected to gain
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
 SHORT, LONGER, FULL = 3, 6, 14  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
@@ -100,9 +100,9 @@ class Search:
 
         return weigh
 
-    def refits(self, fit: Fit, scores: Scores) -> list[Tried]:
-        """The leading candidates refitted, best first."""
-        chosen = self.leading(scores)
+    def refits(self, fit: Fit, scores: Scores, gained: float) -> list[Tried]:
+        """The leading candidates refitted, best first; `gained` was gained before by others."""
+        chosen = [s for s in self.leading(scores) if HOPE * s.gain > needed_gain(s.effect, gained)]
         if not chosen:
             return []
         first = self.refit(fit, chosen[0], FULL)

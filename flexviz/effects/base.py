@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal, Protocol
 
@@ -127,6 +127,10 @@ class Context(Protocol):
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         """Wide-band motion of a joint, one a stretch."""
+        ...
+
+    def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
+        """What `make` gives, made once for all models: for columns that no parameter changes."""
         ...
 
     def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:

@@ -59,11 +59,7 @@ class Ripple(LawEffect):
     def guesses(self, context: Context, place: Place) -> list[Guess]:
         joint = place.joint
         assert joint is not None
-        parts = [
-            np.concatenate([(np.sin(n * m.position), np.cos(n * m.position)) for n in self.orders])
-            for m in context.motions(joint)
-        ]
-        columns = context.filtered(parts, joint, 3)[..., None]
+        columns = context.once(("waves", joint, self.orders), lambda: self.waves(context, joint))
         out = []
         for k, order in enumerate(self.orders):
 
@@ -72,6 +68,14 @@ class Ripple(LawEffect):
 
             out.append(Guess(self.entry, (joint,), columns[2 * k : 2 * k + 2], to_values, f"order {order}"))
         return out
+
+    def waves(self, context: Context, joint: int) -> Array:
+        """Sine and cosine of every order, filtered: shape (2 · orders, 3, N, 1); the same for every model."""
+        parts = [
+            np.concatenate([(np.sin(n * m.position), np.cos(n * m.position)) for n in self.orders])
+            for m in context.motions(joint)
+        ]
+        return context.filtered(parts, joint, 3)[..., None]
 
 
 class TorqueRipple(Ripple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -140,6 +140,13 @@ class EffectContext:
             self._cache[key] = self._robot.from_pin(out)
         return self._cache[key]
 
+    def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
+        observer = self._signals.observer
+        full = (*key, observer.name, float(np.max(observer.bandwidth)), self.count())
+        if full not in self._shared:
+            self._shared[full] = make()
+        return self._shared[full]
+
     def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
         observer = self._signals.observer_of(joint)
         out = np.empty((len(parts[0]), depth, self.count()))
@@ -155,6 +162,45 @@ class EffectContext:
         stride = block.stride // self._fine_stride(block)
         values = self._signals.observer_of(joint).derivatives(part.T, fine.step, depth, stride=stride)
         return values[:, self._signals.kept(block)].transpose(2, 0, 1)
+
+    def pulses_block(self, index: int, at: NDArray[np.intp], joint: int, depth: int) -> Array:
+        """Unit samples at fine instants `at` (M,) of one stretch, filtered: shape (M, depth, N_block).
+
+        A pulse's way through the filter is the same wherever it is, so it is looked up, not filtered.
+        """
+        kernel, reach = self._impulse(joint, self.fine()[index].step)
+        lag = np.clip(self._sampled(index)[None, :] - at[:, None], -reach - 1, reach + 1)
+        return kernel[:depth, lag + reach + 1].transpose(1, 0, 2)
+
+    def steps_block(self, index: int, instants: Array, joint: int) -> Array:
+        """Unit steps at `instants` (M,) [s] of one stretch, filtered: shape (M, N_block)."""
+        fine = self.fine()[index]
+        kernel, reach = self._impulse(joint, fine.step)
+        rise = np.cumsum(kernel[0])
+        place = (np.asarray(instants) - fine.time[0]) / fine.step
+        first = np.ceil(place - 0.5).astype(int)
+        share = (first - place + 0.5)[:, None]  # of the first sample
+        lag = self._sampled(index)[None, :] - first[:, None]
+        lag = np.clip(lag, -reach, reach + 1)
+        return share * kernel[0, lag + reach + 1] + rise[lag + reach]
+
+    def _sampled(self, index: int) -> NDArray[np.intp]:
+        """Fine instants of a stretch's samples."""
+        fine = self.fine()[index]
+        time = self._signals.time[self._signals.blocks[index].rows]
+        return np.round((time - fine.time[0]) / fine.step).astype(int)
+
+    def _impulse(self, joint: int, step: float) -> tuple[Array, int]:
+        """Three derivatives of the filter's impulse response on the fine grid, and its reach."""
+        observer = self._signals.observer_of(joint)
+        key = ("impulse", observer.name, float(np.max(observer.bandwidth)), round(step, 9))
+        if key not in self._shared:
+            reach = int(np.ceil(max(observer.settling()) / step))
+            unit = np.zeros((4 * reach + 1, 1))
+            unit[2 * reach] = 1.0
+            kernel = observer.derivatives(unit, step, 3)[:, reach : 3 * reach + 1, 0]
+            self._shared[key] = np.pad(kernel, ((0, 0), (1, 1))), reach
+        return self._shared[key]
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         if joint not in self._motions:
@@ -231,7 +277,8 @@ class EffectContext:
                 self._shared[key] = [
                     self._make_fine(block, a, b) for block, a, b in zip(sig.blocks, wide, narrow, strict=True)
                 ]
-            self._fine = self._shared[key]
+            made: list[_Fine] = self._shared[key]
+            self._fine = made
         return self._fine
 
     def _band_limit(self, block: Block) -> float:

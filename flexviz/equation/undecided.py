@@ -60,12 +60,12 @@ def pulses(equation: Equation, x: Array, chain: Chain) -> list[Pulses]:
             times, sizes = undecided(law, motion, values)
             step = motion.time[1] - motion.time[0]
             at = np.searchsorted(motion.time, times)
-            part = np.zeros((len(times), len(motion.time)))
-            part[np.arange(len(times)), at] = sizes / step
-            part = np.concatenate((part, law.unknown(motion, values)))
-            if not len(part):
+            filtered = context.pulses_block(index, at, joint, depth) * (sizes / step)[:, None, None]
+            begun = law.unknown(motion, values)
+            if len(begun):
+                filtered = np.concatenate((filtered, context.filtered_block(index, begun, joint, depth)))
+            if not len(filtered):
                 continue
-            filtered = context.filtered_block(index, part, joint, depth)  # (M, depth, N_block)
             rows = sig.blocks[index].rows
             columns = [chain.rows(rows).column(law.entry, (joint,), one[:, :, None]) for one in filtered]
             found.setdefault(index, []).append(np.stack(columns, axis=2))

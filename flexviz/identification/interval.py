@@ -42,7 +42,6 @@ def best_intervals(
         longest: share of the stretch that an episode may fill.
     """
     sig, n = equation.signals, equation.layout.n
-    motions = equation.context.motions(joint)
     out = []
     for index, block in enumerate(sig.blocks):
         name = sig.groups[block.group].name
@@ -51,11 +50,9 @@ def best_intervals(
         time = sig.time[block.rows]
         length = float(np.ptp(time))
         instants = np.arange(time.min(), time.max(), max(CLOSEST, length / INSTANTS))
-        fine = motions[index].time
-        steps = np.clip((fine - instants[:, None]) / (fine[1] - fine[0]) + 0.5, 0.0, 1.0)
         # T on the link side: r gains the filtered step
         columns = np.zeros((len(time), n, len(instants)))
-        columns[:, joint] = equation.context.filtered_block(index, steps, joint, 1)[:, 0].T
+        columns[:, joint] = equation.context.steps_block(index, instants, joint).T
         weighed = weigh(columns, index)
         rows = slice(block.rows.start * n, block.rows.stop * n)
         gram, along = projection.normal(weighed, rows)
