@@ -20,6 +20,7 @@ from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
 from flexviz.effects.base import LawEffect, Scope, Where
 from flexviz.effects.load import tilted_gravity
+from flexviz.equation.undecided import undecided
 from flexviz.simulation import building
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl
@@ -269,6 +270,15 @@ def test_state_says_whether_u_depends_on_what_is_identified(name: str) -> None:
     )
     values = np.array(VALUES[name])
     assert effect.state != np.array_equal(effect.law(motion, values)[0], effect.law(other, values)[0])
+
+
+@pytest.mark.parametrize("name", LAW_EFFECTS)
+def test_smooth_ones_leave_nothing_undecided(name: str) -> None:
+    effect = EFFECTS[name]
+    assert isinstance(effect, LawEffect)
+    times, _ = undecided(effect, MOTION.motions(0)[0], np.array(VALUES[name]))
+    assert not (effect.smooth and len(times))
+    assert effect.smooth or len(times) or effect.memory
 
 
 @pytest.mark.parametrize("name", [name for name in EFFECTS if EFFECTS[name].scope != "episode"])

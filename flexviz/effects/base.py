@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+<<<<<<< flexviz/effects/base.py
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+=======
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+>>>>>>> /tmp/w/m_new
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -59,6 +64,8 @@ class JointMotion:
         stiffness: present K [Nm/rad].
         motor_viscous: present f_mv [Nm s/rad].
         torque_scale: rms of s over all stretches [Nm].
+        present: effect → its present parameters, of the joint's effects.
+        notes: what a law keeps for its next call with this very motion.
     """
 
     time: Array
@@ -70,6 +77,13 @@ class JointMotion:
     stiffness: float
     motor_viscous: float
     torque_scale: float
+    present: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    notes: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @property
+    def step(self) -> float:
+        """Between samples [s]."""
+        return float(self.time[1] - self.time[0])
 
 
 @dataclass(frozen=True)
@@ -229,9 +243,11 @@ class LawEffect(Effect):
 
     Attributes:
         memory: u depends on what was before the record (`unknown` says how).
+        smooth: u never jumps where a velocity or torque passes zero, so that nothing is undecided there.
     """
 
     memory: ClassVar[bool] = False
+    smooth: ClassVar[bool] = False
 
     @abstractmethod
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:

@@ -112,6 +112,7 @@ class QuadraticFriction(LinearEffect):
     parameters = (
         ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
     )
+    smooth = True
 
     def columns(self, motion: JointMotion) -> Array:
         return (motion.velocity * np.abs(motion.velocity))[np.newaxis]
@@ -161,6 +162,7 @@ class FrictionDrift(LawEffect):
         ParameterSpec("time_constant", "s", 0.2, 2000.0, "time over which it fades to 37 %", "T"),
     )
     state = True
+    smooth = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         rise, constant = values[0], max(values[1], 1e-3)

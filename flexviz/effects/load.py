@@ -150,6 +150,7 @@ class ExternalContact(LawEffect):
         ParameterSpec("end", "s", explanation="when it ends, not before it begins", symbol="t₂"),
     )
     scope = "episode"
+    smooth = True
 
     def possible(self, values: Array) -> bool:
         return bool(values[1] <= values[2])
@@ -162,7 +163,7 @@ class ExternalContact(LawEffect):
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         torque, start, end = values
-        step = motion.time[1] - motion.time[0]
+        step = motion.step
 
         def edge(instant: float) -> tuple[Array, Array]:
             """0 before `instant`, 1 after it, and how fast that falls when the instant moves on [1/s]."""

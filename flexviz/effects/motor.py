@@ -35,6 +35,7 @@ class TorqueOffset(LinearEffect):
         "IEEE Control Systems Magazine 27(5), 2007"
     )
     parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
+    smooth = True
 
     def columns(self, motion: JointMotion) -> Array:
         return np.ones((1, len(motion.time)))
@@ -48,6 +49,7 @@ class Ripple(LawEffect):
     """Shared by torque ripple and transmission error: a sin(nθ + φ)."""
 
     flexible = True
+    smooth = True
     orders = tuple(range(1, 41))
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:

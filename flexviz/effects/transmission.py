@@ -1,18 +1,53 @@
-"""Effects of the elastic transmission: what the deflection θ − q is at a given torque."""
+"""Effects of the elastic transmission: what the deflection θ − q is at a given torque.
+
+With every effect on, x = deadzone(θ + a sin(nθ + φ) − q, b) and s = K x + k₃ x³ + D ẋ. Backlash and
+transmission error only shift x, so what q gains by each of them simply adds up. Hardening and damping do not:
+what they do together beyond the sum of what each does alone is given half to each, at the present values of
+both.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.base import (
-    Array,
-    JointMotion,
-    LawEffect,
-    ParameterSpec,
-)
+from flexviz.effects.base import Array, JointMotion, LawEffect, ParameterSpec
+from flexviz.effects.elastic import ElasticJoint
 from flexviz.effects.motor import ORDER, PHASE, Ripple
 
 _SPONG = "Spong: Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109(4), 1987"
+
+
+def _joint(motion: JointMotion, cubic: float, damping: float) -> ElasticJoint:
+    return ElasticJoint(
+        motion.torque, motion.step, motion.stiffness, max(float(cubic), 0.0), max(float(damping), 0.0)
+    )
+
+
+def _gain(motion: JointMotion, joint: ElasticJoint) -> Array:
+    """What q gains against the linear spring [rad]."""
+    return motion.torque / motion.stiffness - joint.deflection
+
+
+def _present(motion: JointMotion, effect: str) -> float:
+    """The size of an effect that the joint has at present."""
+    return max(motion.present.get(effect, (0.0,))[0], 0.0)
+
+
+def _others(motion: JointMotion, effect: str) -> Array | float:
+    """What of the gain of hardening and damping together belongs to the other one, `effect`, [rad].
+
+    That is its own alone and half of what both do beyond the sum.
+    """
+    if not _present(motion, effect):
+        return 0.0
+    if effect not in motion.notes:
+        cubic, damping = _present(motion, "stiffness_hardening"), _present(motion, "joint_damping")
+        together, hardened, damped = (
+            _gain(motion, _joint(motion, *both)) for both in ((cubic, damping), (cubic, 0.0), (0.0, damping))
+        )
+        motion.notes["joint_damping"] = 0.5 * (together + damped - hardened)
+        motion.notes["stiffness_hardening"] = 0.5 * (together + hardened - damped)
+    return motion.notes[effect]
 
 
 class StiffnessHardening(LawEffect):
@@ -35,17 +70,11 @@ class StiffnessHardening(LawEffect):
         ParameterSpec("cubic_stiffness", "Nm/rad³", 0.0, explanation="how much stiffer", symbol="k₃"),
     )
     state = True
+    smooth = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
-        stiffness, cubic = motion.stiffness, max(float(values[0]), 0.0)
-        linear = motion.torque / stiffness
-        x = linear.copy()
-        for _ in range(30):  # Newton from the outside of a convex function: monotone
-            change = (stiffness * x + cubic * x**3 - motion.torque) / (stiffness + 3 * cubic * x**2)
-            x -= change
-            if np.max(np.abs(change)) < 1e-14:
-                break
-        return linear - x, (x**3 / (stiffness + 3 * cubic * x**2))[None]
+        joint = _joint(motion, values[0], _present(motion, "joint_damping"))
+        return _gain(motion, joint) - _others(motion, "joint_damping"), -joint.slope_by_cubic()[None]
 
 
 class Backlash(LawEffect):
@@ -74,7 +103,7 @@ class Backlash(LawEffect):
 class JointDamping(LawEffect):
     """Damping of the transmission, beside its spring.
 
-    τ_j = K x + D ẋ gives x = s/K − D ṡ/K² + …; u = s/K − x to second order in D.
+    K x + D ẋ = s is solved for the deflection x; u = s/K − x is what q gains against the spring alone.
     """
 
     name = "joint_damping"
@@ -87,17 +116,11 @@ class JointDamping(LawEffect):
     reference = _SPONG
     parameters = (ParameterSpec("damping", "Nm s/rad", 0.0, explanation="of the deflection", symbol="D"),)
     state = True
+    smooth = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
-        step = motion.time[1] - motion.time[0]
-        count = len(motion.torque)
-        mirrored = np.concatenate((motion.torque, motion.torque[::-1]))
-        spectrum = np.fft.rfft(mirrored)
-        iw = 2j * np.pi * np.fft.rfftfreq(2 * count, step)
-        impedance = motion.stiffness + values[0] * iw
-        u = np.fft.irfft(spectrum * (1 / motion.stiffness - 1 / impedance), 2 * count)[:count]
-        slope = np.fft.irfft(spectrum * iw / impedance**2, 2 * count)[:count]
-        return u, slope[None]
+        joint = _joint(motion, _present(motion, "stiffness_hardening"), values[0])
+        return _gain(motion, joint) - _others(motion, "stiffness_hardening"), -joint.slope_by_damping()[None]
 
 
 class TransmissionError(Ripple):

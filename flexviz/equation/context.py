@@ -230,6 +230,11 @@ class EffectContext:
                 rate[inside] = known(fine.time[inside], 1)
             rows.append((fine, torque, rate))
         scale = float(np.sqrt(np.mean(np.concatenate([t for _, t, _ in rows]) ** 2))) + 1e-12
+        present = {
+            effect.effect: tuple(x[where].tolist())
+            for effect, where in lay.effect_slices()
+            if effect.joint == joint
+        }
         return [
             JointMotion(
                 fine.time,
@@ -241,6 +246,7 @@ class EffectContext:
                 1 / compliance,
                 float(max(viscous, 0.2 * both, 1e-6)),  # a scale, also where the split is not right yet
                 scale,
+                present,
             )
             for fine, torque, rate in rows
         ]

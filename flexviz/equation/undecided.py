@@ -57,7 +57,7 @@ def pulses(equation: Equation, x: Array, chain: Chain) -> list[Pulses]:
         depth = law.depth
         motions = context.motions(joint)
         for index, motion in enumerate(motions):
-            times, sizes = undecided(law, motion, values)
+            times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
             step = motion.time[1] - motion.time[0]
             at = np.searchsorted(motion.time, times)
             filtered = context.pulses_block(index, at, joint, depth) * (sizes / step)[:, None, None]

@@ -36,6 +36,7 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     start = start_values(measurements, inner)
     solution = gauss_newton(inner, start.prior, start.bounds, start.x, reweightings=2, max_iterations=25)
     x, evaluation = solution.x, solution.evaluation
+    inner = Equation(measurements.robot, equation.signals, simple)  # the laws are to see x, not the start
     inner.prepare(x)
     weights = solution.weights[:, :, None]
     instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)

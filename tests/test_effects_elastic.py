@@ -1,0 +1,103 @@
+"""Hardening and damping on one joint: the exact law, not the sum of two small corrections."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS
+from flexviz.effects.base import JointMotion, LawEffect
+from flexviz.effects.elastic import ElasticJoint, hardened
+from flexviz.identification import identify
+from flexviz.measurements import read_set
+from flexviz.simulation.elastic import ElasticJoint as SimulatedJoint
+from flexviz.simulation.sets import simulate_preset
+
+STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3
+TIME = np.linspace(STEP / 2, (COUNT - 0.5) * STEP, COUNT)  # whole half-waves: even about both ends
+
+
+def deflection_of(size: float) -> tuple[np.ndarray, np.ndarray]:
+    """A deflection and its rate whose law mirrors at both ends."""
+    x, rate = np.zeros(COUNT), np.zeros(COUNT)
+    for share, waves in ((0.6, 10), (0.3, 37), (0.1, 80)):
+        omega = np.pi * waves / (COUNT * STEP)
+        x += size * share * np.cos(omega * TIME)
+        rate -= size * share * omega * np.sin(omega * TIME)
+    return x, rate
+
+
+def motion(torque: np.ndarray, **present: tuple[float, ...]) -> JointMotion:
+    blank = np.zeros(COUNT)
+    scale = float(np.sqrt(np.mean(torque**2)))
+    return JointMotion(TIME, blank, blank, torque, blank, blank, STIFFNESS, 1.0, scale, present)
+
+
+def law(name: str) -> LawEffect:
+    effect = EFFECTS[name]
+    assert isinstance(effect, LawEffect)
+    return effect
+
+
+@pytest.mark.parametrize("hardening", [0.05, 0.3, 2.0])  # of the torque at the largest deflection
+@pytest.mark.parametrize("seconds", [0.002, 0.01])  # D/K
+def test_both_together_are_the_simulators_law(hardening: float, seconds: float) -> None:
+    cubic, damping = hardening * STIFFNESS / 0.02**2, seconds * STIFFNESS
+    x, rate = deflection_of(0.02)
+    joint = SimulatedJoint(STIFFNESS, cubic=cubic, damping=damping)
+    torque = np.array([joint.torque(a, 0.0, b, 0.0) for a, b in zip(x, rate, strict=True)])
+    present = {"stiffness_hardening": (cubic,), "joint_damping": (damping,)}
+    seen = motion(torque, **present)
+    u = law("stiffness_hardening").law(seen, np.array([cubic]))[0]
+    u = u + law("joint_damping").law(seen, np.array([damping]))[0]
+    inner = slice(200, -200)  # the law is causal, so its own past at the first sample is not the mirrored one
+    np.testing.assert_allclose((torque / STIFFNESS - u)[inner], x[inner], atol=1e-6 * 0.02)
+    # what each does alone does not add up to that
+    alone = sum(law(n).law(motion(torque), np.array(v))[0] for n, v in present.items())
+    assert np.abs((u - alone)[inner]).max() > 1e-3 * np.abs(u).max()
+
+
+def test_slopes_beside_each_other() -> None:
+    torque = 40.0 * np.cos(2.0 * TIME) + 15.0 * np.sin(9.0 * TIME)
+    present = {"stiffness_hardening": (9e5,), "joint_damping": (12.0,)}
+    for name, (size,) in present.items():
+        seen = motion(torque, **present)
+        slope = law(name).law(seen, np.array([size]))[1][0]
+        up, down = (law(name).law(seen, np.array([size * s]))[0] for s in (1 + 1e-4, 1 - 1e-4))
+        np.testing.assert_allclose(
+            slope, (up - down) / (2e-4 * size), rtol=1e-5, atol=1e-6 * np.abs(slope).max()
+        )
+
+
+def test_notes_do_not_outlive_their_motion() -> None:
+    torque = 40.0 * np.cos(2.0 * TIME)
+    present = {"stiffness_hardening": (9e5,), "joint_damping": (12.0,)}
+    seen = motion(torque, **present)
+    first = law("stiffness_hardening").law(seen, np.array([9e5]))[0]
+    assert seen.notes and not replace(seen, torque=2 * torque).notes
+    again = law("stiffness_hardening").law(replace(seen, torque=torque), np.array([9e5]))[0]
+    np.testing.assert_array_equal(first, again)
+
+
+@pytest.mark.parametrize("cubic", [0.0, 1e-20, 1.0, 1e6, 1e12])
+def test_hardened_spring_in_closed_form(cubic: float) -> None:
+    torque = np.array([-300.0, -1e-3, 0.0, 1e-9, 2.0, 500.0])
+    x = hardened(torque, STIFFNESS, cubic)
+    np.testing.assert_allclose(STIFFNESS * x + cubic * x**3, torque, rtol=1e-11, atol=1e-300)
+    joint = ElasticJoint(torque, STEP, STIFFNESS, cubic, 0.0)
+    np.testing.assert_array_equal(joint.deflection, x)
+
+
+def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
+    hidden = ["stiffness_hardening:joint1:cubic_stiffness=256000", "joint_damping:joint1:damping=8"]
+    simulate_preset("planar-2r", tmp_path / "set", hidden, seed=3, start="moving")
+    wanted = ["stiffness_hardening:joint1", "joint_damping:joint1"]
+    measurements = read_set(tmp_path / "set")
+    two = [group.name for group in measurements.fit_groups[:2]]
+    result = identify(measurements, groups=two, effects=wanted, bandwidth=2 * np.pi * 5, refine=True)
+    assert result.value("stiffness_hardening.cubic_stiffness", "joint1") == pytest.approx(256e3, rel=3e-3)
+    assert result.value("joint_damping.damping", "joint1") == pytest.approx(8.0, rel=3e-3)
+    assert result.value("stiffness", "joint1") == pytest.approx(1000.0, rel=1e-3)
