@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-<<<<<<< flexviz/effects/base.py
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-=======
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
->>>>>>> /tmp/w/m_new
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
