@@ -16,6 +16,7 @@ from flexviz.view.stage import FIELD_OF_VIEW, Stage
 from flexviz.view.torque_arrows import RADIUS, arrow, axes
 
 GHOST_OPACITY = 0.45
+LOOKED_AROUND = 0.02  # of the stage: a camera moved by less was not moved by a person
 
 
 class RobotNodes:
@@ -212,8 +213,13 @@ class Scene:
         if self.measured is None or self._aimed.get(client.client_id, now) == now:
             return
         moved = client.camera.position - self._views[client.client_id]
-        if np.linalg.norm(moved) < 1e-3 * self._stage.width:
+        if np.linalg.norm(moved) < LOOKED_AROUND * self._stage.width:
             self.aim(client)
+
+    def tick(self) -> None:
+        """Aim where a canvas has changed without a word."""
+        for client in self._server.get_clients().values():
+            self.resized(client)
 
     def labels(self, measured: str, identified: str) -> None:
         """Write what each robot shows, and by how much it is exaggerated, above it."""

@@ -163,3 +163,4 @@ class Show:
         if self.clock.playing:
             self._app.view.tick()
         self.plots.tick(self.clock.time)
+        self.scene.tick()

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.controls import watch
+from flexviz.view.verdict import finding_name
 from flexviz.view.where import (
     VARIABLES,
     Samples,
@@ -64,8 +65,11 @@ class WhereTab:
             self._samples, self._of = samples(result, joint), (result, joint)
         name = app.measurements.joints[joint]
         diagnosis = app.session.analysis.diagnosis
-        places = diagnosis.where if diagnosis is not None else ()
-        self._map.content = map_html(places, app.measurements.joints, joint)
+        if diagnosis is None:
+            self._map.content = ""
+        else:
+            extra = [finding_name(step.added) for step in diagnosis.steps if step.added is not None]
+            self._map.content = map_html(diagnosis.where, app.measurements.joints, joint, ", ".join(extra))
         self._groups.content = groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
         plots = where_plots(self._samples, name, app.show.group.name)

@@ -89,7 +89,7 @@ class Looked:
 
 def diagnose_set(
     analysis: Analysis,
-    fit_first: bool,
+    known: FlexibleModel | None,
     apply: bool,
     *,
     progress: Progress,
@@ -97,19 +97,22 @@ def diagnose_set(
 ) -> Looked:
     """Identify where that is needed, then look for what is missing; with `apply` add all that is found.
 
-    `progress` gets the identification's iterations and the
-    diagnosis's sentences.
+    `known` is the identified model where there is one already. `progress` gets the identification's
+    iterations and the diagnosis's sentences.
     """
     from flexviz.diagnosis import diagnose
 
     identification = None
-    if fit_first:
+    if known is None:
         identification = identify_set(analysis, progress=progress, should_stop=should_stop)
         if should_stop():
             raise Cancelled
+        known = identification.model if identification.converged else None
+    if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
+        known = None  # another observer's values may lie far from what the diagnosis would start with
     measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
     measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
-    diagnosis = diagnose(measurements, apply=apply, progress=progress, should_stop=should_stop)
+    diagnosis = diagnose(measurements, apply=apply, start=known, progress=progress, should_stop=should_stop)
     added: list[tuple[tuple[str, ...], Identification]] = []
     effects = analysis.effects
     for step in diagnosis.steps[1:] if apply else ():

@@ -21,6 +21,9 @@ ALONG = {
     "group": "the groups",
     "frequency": "frequency",
 }
+INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
+    name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+}
 LIKELY = 0.5  # confidence from which a finding is put forward
 SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
 ABSORBED = 3  # parameters named at most
@@ -123,7 +126,8 @@ def absorbed_text(absorbed: Absorbed) -> str:
     """A parameter that had taken the effect up."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     unit = "" if absorbed.unit == "-" else f" {absorbed.unit}"
-    return f"{title(absorbed.name)}{place}: {number(absorbed.before)} → {number(absorbed.after)}{unit}"
+    name = INERTIA.get(absorbed.name, title(absorbed.name))
+    return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)}{unit}"
 
 
 def finding_html(finding: Finding, rank: int, full: bool) -> str:

@@ -205,10 +205,11 @@ def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]
     )
 
 
-def map_html(places: Sequence[Place], joints: Sequence[str], chosen: int = 0) -> str:
+def map_html(places: Sequence[Place], joints: Sequence[str], chosen: int = 0, added: str = "") -> str:
     """Joint by variable: the share of the residual's variance that each explains out of sample."""
     if not places:
         return ""
+    after = f", {added} added" if added else ""
     share = {(place.joint, place.variable): max(place.explained, 0.0) for place in places}
     columns = [key for key in COLUMNS if any(variable == key for _, variable in share)]
     head = "".join(
@@ -220,9 +221,9 @@ def map_html(places: Sequence[Place], joints: Sequence[str], chosen: int = 0) ->
         bold = "<b>{}</b>" if index == chosen else "{}"
         rows.append(f"<tr><td>{bold.format(escape(short))}</td>{cells}</tr>")
     return (
-        '<div class="fv"><b>Share of the final residual that each variable explains</b>'
+        f'<div class="fv"><b>Share of the residual that each variable explains{escape(after)}</b>'
         f'<table class="fv-table fv-heat"><tr><th></th>{head}</tr>{"".join(rows)}</table>'
-        '<div class="fv-dim">Out of sample: noise scores 0. From the last diagnosis.</div></div>'
+        '<div class="fv-dim">Out of sample: noise scores 0.</div></div>'
     )
 
 

@@ -134,7 +134,9 @@ class DiagnoseStep:
         self._app.identify.begin()
         self._app.dock.progress(0.0)
         self._app.say("looking", "busy")
-        self._app.submit("diagnose", diagnose_set, analysis.without_result(), not analysis.up_to_date, apply)
+        result = analysis.identification if analysis.up_to_date else None
+        model = None if result is None else result.model
+        self._app.submit("diagnose", diagnose_set, analysis.without_result(), model, apply)
         self._app.refresh_running()
 
     def _take(self, analysis: Analysis, looked: Looked) -> None:
