@@ -82,7 +82,7 @@ def know(measurements: MeasurementSet, truth: dict[str, Any]) -> Knowing:
     plain = identify(measurements)
     without = bench.fit(base, base.vector(plain.model), iterations=QUICK)
     if not hidden:
-        gain = _chi_square(without) - _samples(without) * base.n
+        gain = _misfit(without) - _samples(without) * base.n
         chi = tuple(map(float, without.chi))
         held_out = tuple(map(float, without.chi_held_out))
         return Knowing(gain, (), gain, chi, chi, held_out, base.model(without.x), without.converged)
@@ -150,7 +150,13 @@ def _better(one: Fit, other: Fit) -> Fit:
 
 
 def _chi_square(fit: Fit) -> float:
-    """χ² over fit and validation groups, with the metric's determinant.
+    """χ² over fit and validation groups, with the determinant of the metrics."""
+    points = [p for p in (fit.point, fit.held_out) if p is not None]
+    return _misfit(fit) + sum(m.log_determinant for p in points for m in p.metrics)
+
+
+def _misfit(fit: Fit) -> float:
+    """χ² over fit and validation groups.
 
     A joint below its noise counts as at its noise: a model must not win by taking the noise for larger.
     """
@@ -158,7 +164,6 @@ def _chi_square(fit: Fit) -> float:
     for point in (p for p in (fit.point, fit.held_out) if p is not None):
         samples = np.count_nonzero(point.used)
         total += float(np.maximum(np.sum(point.r**2, axis=0), samples).sum())
-        total += sum(m.log_determinant for m in point.metrics)
     return total
 
 
