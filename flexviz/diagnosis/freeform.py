@@ -78,11 +78,13 @@ class _Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """All splines at M instants, shape (M, size)."""
         inside = np.clip(value, self.knots[3], self.knots[-4])
-        out: Array = np.array(BSpline.design_matrix(inside, self.knots, 3).toarray(), float)
-        if self.sides == 1:
-            return out
-        forward: Array = np.asarray(0.5 * (1 + np.tanh(velocity / TURNING)), float)[:, None]
-        return np.concatenate((out * forward, out * (1 - forward)), axis=1)
+        one = BSpline.design_matrix(inside, self.knots, 3).toarray()
+        out = np.empty((len(value), self.size))
+        forward = 0.5 * (1 + np.tanh(velocity / TURNING)) if self.sides == 2 else np.ones(len(value))
+        out[:, : one.shape[1]] = one * forward[:, None]
+        if self.sides == 2:
+            out[:, one.shape[1] :] = one * (1 - forward)[:, None]
+        return out
 
     def penalty(self) -> Array:
         """Squared second differences of the coefficients, shape (size, size)."""

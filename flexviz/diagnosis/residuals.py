@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from flexviz.identification.refine import CONSISTENT, Point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import bounded_step
 from flexviz.identification.whitening import noise_kernel, whitener
-from flexviz.observers import FlatZeroPhase, Observer
+from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ class JointResiduals:
         """
         here = self.sensitivity[0][:, rows], self.sensitivity[1][:, rows]
         observer = self.refinement.wide.signals.observer
-        wide = noise_density(here, self.refinement.noise, observer, step, hertz)
+        wide = noise_density(here, self.refinement.noise, observer.transfer, step, hertz)
         return wide, wide * np.abs(SLOW.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
 
 
@@ -136,7 +137,7 @@ def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array
 def noise_density(
     sensitivity: tuple[Array, Array],
     noise: tuple[Array, Array],
-    observer: Observer,
+    transfer: Callable[[Array, int], Array],
     step: float,
     hertz: Array,
 ) -> Array:
@@ -149,7 +150,7 @@ def noise_density(
     Args:
         sensitivity: shapes (5, N, n, n) and (3, N, n, n).
         noise: standard deviations of θ and τ a raw sample, shape (n,) each.
-        observer: whose transfer functions the noise passes.
+        transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
         step: of the raw samples [s].
         hertz: shape (F,).
 
@@ -161,7 +162,7 @@ def noise_density(
     for matrices, sigma in zip(sensitivity, noise, strict=True):
         depth, count = matrices.shape[:2]
         products = np.einsum("jtim,ktim,m->jki", matrices, matrices, sigma**2) / count
-        gain = np.array([observer.transfer(omega, k) for k in range(depth)])
+        gain = np.array([transfer(omega, k) for k in range(depth)])
         total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
     return 2 * step * total
 

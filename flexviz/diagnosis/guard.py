@@ -1,0 +1,227 @@
+"""Observer guard: what moves with the observer's bandwidth is not physics.
+
+The same model is held against the same samples at several bandwidths.
+
+- The residual at fixed parameters, low-passed far inside every band, must not change. Where it does, and by
+  more than the noise, the observer (its lag, its droop, or motion beyond its band) makes part of it.
+- The parameters, fitted anew at every bandwidth, must stay within their standard errors. One that does not
+  is not to be trusted, however small its interval: it owes its value to frequencies at which the model is
+  wrong.
+
+Two kinds of observer: the diagnosis' own two bands (`identification.refine`), which are free of bias by
+noise, or any single one, fitted plainly.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.bands import (
+    Fitted,
+    compared,
+    difference,
+    fit_plain,
+    fit_refined,
+    loose,
+    plain_bands,
+    refined_bands,
+    slow_noise,
+    spans,
+    window,
+)
+from flexviz.equation import Layout
+from flexviz.identification.prior import Prior
+from flexviz.identification.start import start_values
+from flexviz.identification.summary import parameter_estimates
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.observers import FlatZeroPhase, Observer
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+FACTORS = (0.65, 0.8, 1.0, 1.25)  # of the bandwidth
+# of the narrowest bandwidth: up to there the residuals are compared; the two bands are flat up to their end
+COMMON, COMMON_FLAT = 0.5, 1.0
+MOVED = 3.0  # standard errors of a difference by which a parameter has moved
+CHANGED = 1.0  # times the noise by which a residual has to change
+WORTH = 0.2  # of the residual, and by that much of it
+
+
+@dataclass(frozen=True)
+class ParameterCurve:
+    """One parameter over the bandwidth.
+
+    Attributes:
+        name, joint, unit: as in the JSON contract.
+        place: payload or group of an effect that concerns one.
+        values, std: shape (M,); NaN where the fit put it onto a bound.
+        moved: largest distance from its value at the bandwidth in use, in standard errors of the two.
+        trusted: that is less than MOVED.
+    """
+
+    name: str
+    joint: str | None
+    unit: str
+    place: str | None
+    values: Array
+    std: Array
+    moved: float
+    trusted: bool
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What moves with the bandwidth.
+
+    Attributes:
+        observer: its name; "two bands" for the diagnosis' own.
+        bandwidths: shape (M,), rising [rad/s].
+        in_use: index of the one that is in use.
+        joints: names.
+        rms: shape (M, n), residual after fitting at that bandwidth, compared below `band` [Nm].
+        noise_floor: shape (n,), what the measurement noise leaves of it [Nm].
+        change: shape (M, n), rms of the residual's change against the bandwidth in use, at the parameters
+            found there [Nm].
+        change_noise: shape (M, n), what the noise explains of that [Nm].
+        band: the residuals are compared up to here [rad/s].
+        observer_error: shape (n,), the residual changes by more than noise and by a fair share of itself.
+        parameters: those that the data determine.
+        seconds: it took.
+    """
+
+    observer: str
+    bandwidths: Array
+    in_use: int
+    joints: tuple[str, ...]
+    rms: Array
+    noise_floor: Array
+    change: Array
+    change_noise: Array
+    band: float
+    observer_error: Bools
+    parameters: tuple[ParameterCurve, ...]
+    seconds: float
+
+    @property
+    def untrusted(self) -> tuple[ParameterCurve, ...]:
+        """Parameters that move by more than their interval, the one that moves most first."""
+        return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
+
+    def texts(self) -> tuple[str, ...]:
+        """One sentence for each thing that moves; empty where nothing does."""
+        low, high = self.bandwidths[0], self.bandwidths[-1]
+        out = [
+            f"{joint}: the residual changes by up to {self.change[:, j].max():.3g} Nm when the bandwidth "
+            f"goes from {low:.3g} to {high:.3g} rad/s: part of it is observer error, not physics"
+            for j, joint in enumerate(self.joints)
+            if self.observer_error[j]
+        ]
+        for p in self.untrusted:
+            place = ", ".join(part for part in (p.joint, p.place) if part)
+            out.append(
+                f"{p.name}{f' ({place})' if place else ''} moves with the bandwidth from "
+                f"{np.nanmin(p.values):.4g} to {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
+                "errors: not to be trusted"
+            )
+        return tuple(out)
+
+
+def guard(
+    measurements: MeasurementSet,
+    layout: Layout,
+    x: Array,
+    *,
+    observer: Observer | None = None,
+    factors: Sequence[float] = FACTORS,
+    groups: Sequence[Group] | None = None,
+    check: Callable[[], None] = lambda: None,
+) -> Guard:
+    """Fit a model at several bandwidths.
+
+    Args:
+        measurements: the set.
+        layout, x: the model, fitted at the bandwidth in use; x has shape (P,).
+        observer: the one in use, with its bandwidth; the diagnosis' own two bands where None.
+        factors: of its bandwidth; 1 is always among them.
+        groups: to fit; all but the validation groups where None.
+        check: called between fits; may raise to stop.
+    """
+    began = time.perf_counter()
+    chosen = [g for g in measurements.groups if not g.validation] if groups is None else list(groups)
+    tried = sorted({1.0, *factors})
+    in_use = tried.index(1.0)
+    bands = refined_bands(measurements, chosen, layout, tried) if observer is None else plain_bands(
+        measurements, chosen, layout, observer, tried
+    )  # fmt: skip
+    start = start_values(measurements, bands[in_use].equation)
+    prior, bounds = start.prior, loose(start.bounds, layout)
+    common_spans = spans(bands)
+    windows = [window(band, common_spans) for band in bands]
+    fitted: dict[int, Fitted] = {}
+    for index in sorted(range(len(bands)), key=lambda k: abs(np.log(tried[k]))):
+        check()
+        near = fitted.get(in_use)
+        fit = fit_refined if observer is None else fit_plain
+        fitted[index] = fit(bands[index], prior, bounds, x, windows[index], near)
+    common = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
+    low = FlatZeroPhase(common / FlatZeroPhase.ratio)
+    reference = fitted[in_use].x
+    base = compared(bands[in_use], reference, bands[in_use], common_spans, low)
+    floor = slow_noise(bands[in_use], bands[in_use].signals.observer.transfer, reference, low)
+    rms, change, explained = [], [], []
+    for index, band in enumerate(bands):
+        check()
+        here = base if index == in_use else compared(band, reference, bands[in_use], common_spans, low)
+        change.append(np.sqrt(np.mean((here - base) ** 2, axis=0)))
+        own = here if index == in_use else compared(band, fitted[index].x, bands[in_use], common_spans, low)
+        rms.append(np.sqrt(np.mean(own**2, axis=0)))
+        explained.append(slow_noise(bands[in_use], difference(band, bands[in_use]), reference, low))
+    change, rms, explained = np.array(change), np.array(rms), np.array(explained)
+    size = np.sqrt(np.mean(base**2, axis=0))
+    beyond = (change > CHANGED * np.maximum(explained, floor)) & (change > WORTH * size)
+    return Guard(
+        "two bands" if observer is None else observer.name,
+        np.array([b.bandwidth for b in bands]),
+        in_use,
+        layout.joints,
+        rms,
+        floor,
+        change,
+        explained,
+        common,
+        beyond.any(axis=0),
+        _curves(layout, [fitted[k] for k in range(len(bands))], in_use, prior),
+        time.perf_counter() - began,
+    )
+
+
+def _curves(layout: Layout, fitted: list[Fitted], in_use: int, prior: Prior) -> tuple[ParameterCurve, ...]:
+    """Parameters that the data determine, over the bandwidth."""
+    rows = [parameter_estimates(layout, f.x, f.x, f.cov, f.share, f.at_bound, prior) for f in fitted]
+    out = []
+    for column in zip(*rows, strict=True):
+        reference = column[in_use]
+        if reference.identifiable == "no" or reference.at_bound:
+            continue
+        values = np.array([np.nan if p.at_bound else p.value for p in column])
+        std = np.array([np.nan if p.at_bound else p.std for p in column])
+        distance = np.abs(values - reference.value) / np.maximum(np.hypot(std, reference.std), 1e-300)
+        moved = float(np.nanmax(distance))
+        out.append(
+            ParameterCurve(
+                reference.name,
+                reference.joint,
+                reference.unit,
+                reference.payload or reference.group,
+                values,
+                std,
+                moved,
+                moved < MOVED,
+            )
+        )
+    return tuple(out)
