@@ -102,7 +102,8 @@ def write(pieces: Sequence[str | Table], page: Path = PAGE) -> None:
     """Renew the part between the markers."""
     blocks = [markdown(p) if isinstance(p, list) else p if p.startswith("#") else _wrapped(p) for p in pieces]
     body = "\n\n".join(blocks)
-    page.write_text(FRAME.replace(f"{HEAD}\n{TAIL}", f"{HEAD}\n\n{body}\n\n{TAIL}"), encoding="utf-8")
+    filled = f"{HEAD}\n\n{body}\n\n{TAIL}" if body else f"{HEAD}\n{TAIL}"
+    page.write_text(FRAME.replace(f"{HEAD}\n{TAIL}", filled), encoding="utf-8")
 
 
 def _wrapped(words: str) -> str:
