@@ -35,13 +35,19 @@ def chromium() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="module")
-def serve() -> Iterator[Callable[..., str]]:
+def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder that the servers are started in and write into."""
+    return tmp_path_factory.mktemp("workplace")
+
+
+@pytest.fixture(scope="module")
+def serve(workplace: Path) -> Iterator[Callable[..., str]]:
     """serve(SET) -> the page's address."""
     running: list[subprocess.Popen[str]] = []
 
     def start(*arguments: str) -> str:
         command = [sys.executable, "-m", "flexviz", "serve", *arguments, "--no-browser", "--port", "0"]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=workplace)
         running.append(process)
         assert process.stdout is not None
         found = re.search(r"http://\S+", process.stdout.readline())

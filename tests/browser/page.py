@@ -63,6 +63,17 @@ def until(condition: Callable[[], Any], timeout: float = 30.0, what: str = "it")
     return value
 
 
+WIDER = """() => [...document.querySelectorAll('.fv, .fv-table, .uplot, button')]
+    .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
+    .filter(e => e.scrollWidth > e.clientWidth + 2)
+    .map(e => e.className + ': ' + e.textContent.slice(0, 60))"""
+
+
+def wider_than_its_place(page: Any) -> list[str]:
+    """What is cut off at its side."""
+    return page.evaluate(WIDER)
+
+
 def status(page: Any) -> str:
     """The status line."""
     return page.locator(".fv-status").inner_text()

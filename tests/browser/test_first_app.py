@@ -12,7 +12,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.browser.page import button, chart, charts, node, place, row, status, tab, until
+from tests.browser.page import (
+    button,
+    chart,
+    charts,
+    node,
+    place,
+    row,
+    status,
+    tab,
+    until,
+    wider_than_its_place,
+)
 
 KUKA = Path(__file__).resolve().parents[3] / "shared" / "real" / "kuka_kr300"
 pytestmark = pytest.mark.browser
@@ -21,12 +32,6 @@ pytestmark = pytest.mark.browser
 @pytest.fixture(scope="module")
 def address(serve: Callable[..., str]) -> str:
     return serve()
-
-
-WIDER = """() => [...document.querySelectorAll('.fv, .fv-table, .uplot, button')]
-    .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
-    .filter(e => e.scrollWidth > e.clientWidth + 2)
-    .map(e => e.className + ': ' + e.textContent.slice(0, 60))"""
 
 
 def canvas_colours(picture: bytes, width: int) -> int:
@@ -54,7 +59,9 @@ def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> N
     button(page, "Play").click()
 
 
-def test_the_bandwidth_slider_redraws_the_states(address: str, open_page: Any, shot: Any) -> None:
+def test_the_bandwidth_slider_redraws_the_states_and_is_swept(
+    address: str, open_page: Any, shot: Any
+) -> None:
     page = open_page(address)
     button(page, "Observer").click()
     tab(page, "States").click()
@@ -76,13 +83,10 @@ def test_the_bandwidth_slider_redraws_the_states(address: str, open_page: Any, s
     row(page, "Observer type").get_by_role("combobox").click()
     page.get_by_role("option", name="butterworth-zero-phase", exact=True).click()
     until(lambda: "Butterworth" in page.inner_text("body"), what="the first observer again")
+    the_sweep_shows_residual_and_stiffness_against_bandwidth(page, shot)
 
 
-def test_the_sweep_shows_residual_and_stiffness_against_bandwidth(
-    address: str, open_page: Any, shot: Any
-) -> None:
-    page = open_page(address)
-    button(page, "Observer").click()
+def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: Any) -> None:
     button(page, "Sweep bandwidth").click()
     until(lambda: "swept 11 bandwidths" in status(page), 60, "the sweep")
     residual = until(
@@ -97,12 +101,11 @@ def test_the_sweep_shows_residual_and_stiffness_against_bandwidth(
     button(page, "Pause").click()
     page.locator(".uplot").filter(has_text="Stiffness of").scroll_into_view_if_needed()
     shot(page, "2-sweep")
-    assert not page.evaluate(WIDER), "wider than its place"
+    assert not wider_than_its_place(page)
     button(page, "Data").click()
 
 
-def test_more_effects_open_and_are_added(address: str, open_page: Any, shot: Any) -> None:
-    page = open_page(address)
+def more_effects_open_and_are_added(page: Any, shot: Any) -> None:
     button(page, "Identify").click()
     until(lambda: "torque_offset" in page.inner_text("body"), what="the common effects")
     page.get_by_text("More effects", exact=True).click()
@@ -111,7 +114,7 @@ def test_more_effects_open_and_are_added(address: str, open_page: Any, shot: Any
     until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), what="the note")
     page.wait_for_timeout(500)
     shot(page, "3-effects")
-    assert not page.evaluate(WIDER), "wider than its place"
+    assert not wider_than_its_place(page)
     box.click()
     until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
 
@@ -120,7 +123,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     address: str, open_page: Any, shot: Any
 ) -> None:
     page = open_page(address)
-    button(page, "Identify").click()
+    more_effects_open_and_are_added(page, shot)
     tab(page, "Convergence").click()
     button(page, "Run").click()
     until(lambda: "validation error" in status(page) and "converge" in status(page), 60, "a result")
@@ -131,7 +134,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
     button(page, "Pause").click()
     shot(page, "3-identify")
-    assert not page.evaluate(WIDER), "wider than its place"
+    assert not wider_than_its_place(page)
     tab(page, "Signals").click()
     until(lambda: any(title.startswith("Residual") for title in charts(page)), what="the residual")
     torque = chart(page, "Torque")
@@ -172,8 +175,7 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
     raise AssertionError(f"only {chosen} could be chosen")
 
 
-def test_keys_play_and_undo(address: str, open_page: Any) -> None:
-    page = open_page(address)
+def keys_play_and_undo(page: Any) -> None:
     button(page, "Pause").click()
     page.mouse.click(600, 120)  # the empty sky: no control has the focus
     page.wait_for_timeout(600)
@@ -186,8 +188,9 @@ def test_keys_play_and_undo(address: str, open_page: Any) -> None:
     until(lambda: "redone" in status(page), what="the redo")
 
 
-def test_two_pages_show_the_same(address: str, open_page: Any) -> None:
+def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
     one, two = open_page(address), open_page(address)
+    keys_play_and_undo(one)
     button(one, "Data").click()
     until(lambda: "Step Data" in status(two), what="the other page")
     role = row(one, "t1p1: t1, p1").get_by_role("combobox")
@@ -204,29 +207,26 @@ def test_two_pages_show_the_same(address: str, open_page: Any) -> None:
     )
 
 
-def test_a_reload_loses_nothing(address: str, open_page: Any) -> None:
-    page = open_page(address)
-    before = status(page)
-    page.reload()
-    page.wait_for_selector(".fv-status", timeout=30_000)
-    until(lambda: status(page) == before, what="the same status")
-
-
-@pytest.mark.parametrize("size", [(1280, 800), (1920, 1080)])
 @pytest.mark.parametrize("dark", [False, True])
-def test_nothing_overlaps_or_is_cut(
-    address: str, open_page: Any, shot: Any, size: tuple[int, int], dark: bool
-) -> None:
-    page = open_page(address + ("/?darkMode" if dark else ""), *size)
+def test_nothing_overlaps_or_is_cut(address: str, open_page: Any, shot: Any, dark: bool) -> None:
+    page = open_page(address + ("/?darkMode" if dark else ""))
     button(page, "Pause").click()
-    page.wait_for_timeout(1500)
-    for step, plots in (("Data", "Signals"), ("Observer", "States"), ("Identify", "Convergence")):
-        button(page, step).click()
-        tab(page, plots).click()
-        page.wait_for_timeout(700)
-        picture = shot(page, f"{step.lower()}-{size[0]}-{'dark' if dark else 'light'}")
-        assert canvas_colours(picture, size[0]) > 50
-        assert not page.evaluate(WIDER), "wider than its place"
+    steps = (
+        ("Data", "Signals"),
+        ("Observer", "States"),
+        ("Identify", "Convergence"),
+        ("Diagnose", "Compare"),
+    )
+    for width, height in ((1280, 800), (1920, 1080)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.wait_for_timeout(800)
+        for step, plots in steps:
+            button(page, step).click()
+            tab(page, plots).click()
+            page.wait_for_timeout(500)
+            picture = shot(page, f"{step.lower()}-{width}-{'dark' if dark else 'light'}")
+            assert canvas_colours(picture, width) > 50
+            assert not wider_than_its_place(page)
 
 
 @pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
@@ -237,4 +237,4 @@ def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, sh
     button(page, "Run").click()
     until(lambda: "validation error" in status(page), 120, "a result")
     shot(page, "6-real")
-    assert not page.evaluate(WIDER), "wider than its place"
+    assert not wider_than_its_place(page)

@@ -1,0 +1,200 @@
+"""The whole story in real Chromium: load, find, add, the error falls, undo, save, reload, reopen.
+
+What the page says is held against what the command line says about the same set.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.app import DEMO
+from flexviz.resources import sessions_dir
+from tests.browser.page import button, chart, charts, row, status, tab, until, wider_than_its_place
+
+pytestmark = pytest.mark.browser
+EFFECT = "coulomb_friction:joint2"
+
+
+class CommandLine:
+    """flexviz's commands on the demonstration set, begun early and read late."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, *arguments: str) -> None:
+        command = [sys.executable, "-m", "flexviz", *arguments, "--json", str(self._folder / f"{name}.json")]
+        self._running[name] = subprocess.Popen(
+            command,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        )
+
+    def result(self, name: str) -> dict[str, Any]:
+        assert self._running[name].wait(timeout=240) == 0
+        return json.loads((self._folder / f"{name}.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine]:
+    one = CommandLine(tmp_path_factory.mktemp("json"))
+    demo = str(sessions_dir() / DEMO)
+    one.start("before", "identify", demo)
+    one.start("after", "identify", demo, "--effect", EFFECT)
+    one.start("diagnosis", "diagnose", demo, "--apply")
+    yield one
+    for process in one._running.values():
+        process.kill()
+
+
+def error(page: Any) -> float:
+    """The error that the status line names [Nm]."""
+    found = re.search(r"validation error ([\d.]+) Nm", status(page))
+    return float(found[1]) if found else float("nan")
+
+
+def total(per_joint: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(per_joint))))
+
+
+def test_the_missing_effect_is_found_added_saved_and_reopened(
+    serve: Callable[..., str], workplace: Path, open_page: Any, shot: Any, command_line: CommandLine
+) -> None:
+    page = open_page(serve())
+    clicks = 0
+
+    def click(where: Any) -> None:
+        nonlocal clicks
+        clicks += 1
+        where.click()
+
+    # from the start to the falling error: each click counted, as docs/app.md lists them
+    assert (
+        "no model yet" in status(page) and "Find the missing effect" in page.locator(".fv-next").inner_text()
+    )
+    assert button(page, "Undo").is_disabled() and button(page, "Redo").is_disabled()
+    click(button(page, "Diagnose"))
+    click(page.get_by_role("button", name="Find the missing effect"))
+    verdict = page.locator(".fv-verdict")
+    until(
+        lambda: verdict.count() and not page.get_by_role("button", name="Stop").is_enabled(), 180, "a verdict"
+    )
+    assert verdict.inner_text().startswith("Missing: Coulomb friction on joint2")
+    before = error(page)
+    value = re.search(r"coulomb ([\d.]+) ± ([\d.]+) Nm", page.locator(".fv-finding").first.inner_text())
+    assert value and abs(float(value[1]) - 3.0) < 0.01
+    evidence = until(lambda: chart(page, "Coulomb friction on joint2"), what="the evidence")
+    left, signature = np.array(evidence[1]), np.array(evidence[2])
+    assert np.corrcoef(left, signature)[0, 1] > 0.95
+    button(page, "Pause").click()
+    shot(page, "diagnose")
+    assert not wider_than_its_place(page)
+    click(page.get_by_role("button", name="Add and refit").first)
+    click(tab(page, "Compare"))
+    until(lambda: verdict.inner_text().startswith("Nothing is missing"), 180, "the second look")
+    assert clicks < 10
+
+    # the numbers are the command line's
+    after = error(page)
+    for said, name in ((before, "before"), (after, "after")):
+        assert said == pytest.approx(total(command_line.result(name)["residual"]["rms_validation"]), rel=0.01)
+    assert after < before / 50
+    document = command_line.result("diagnosis")
+    assert document["verdict"] == "missing" and document["candidates"][0]["joint"] == "joint2"
+    assert float(value[1]) == pytest.approx(
+        document["candidates"][0]["parameters"]["coulomb"]["value"], rel=1e-3
+    )
+    rows = page.locator(".fv-table tr").filter(has_text=re.compile(r"^\d\. ")).all_inner_texts()
+    for text, step in zip(rows, document["steps"], strict=True):
+        fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
+        assert fit == pytest.approx(total(step["rms"]), rel=0.05)
+        assert held_out == pytest.approx(total(step["rms_validation"]), rel=0.05)
+    stairs = until(lambda: chart(page, "Error after each added effect"), what="the staircase")
+    assert all(line[0] > 20 * line[-1] for line in stairs[1:-1])
+    shot(page, "compare")
+    assert not wider_than_its_place(page)
+
+    # undo and redo bring results back at once
+    button(page, "Undo").click()
+    until(lambda: verdict.inner_text().startswith("Missing:"), 10, "the undo")
+    assert error(page) == before and button(page, "Redo").is_enabled()
+    button(page, "Redo").click()
+    until(lambda: verdict.inner_text().startswith("Nothing is missing"), 10, "the redo")
+
+    # saved, reloaded, reopened
+    button(page, "Data").click()
+    page.get_by_role("button", name="Save session").click()
+    until(lambda: "session saved in ./sessions/" in status(page), what="the saved session")
+    said = status(page)
+    page.reload()
+    page.wait_for_selector(".fv-status", timeout=60_000)
+    until(lambda: status(page) == said, what="the same status after reloading")
+    saved = next((workplace / "sessions").glob("planar-2r-demo-*"))
+    again = open_page(serve(str(saved)))
+    assert error(again) == after and button(again, "Undo").is_enabled()
+    button(again, "Diagnose").click()
+    until(lambda: again.locator(".fv-verdict").count(), what="the verdict again")
+    assert again.locator(".fv-verdict").inner_text().startswith("Nothing is missing")
+
+
+def test_where_it_fails_marks_a_range_and_files_come_and_go(
+    serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
+) -> None:
+    page = open_page(serve())
+    for name in ("Where it fails", "Compare", "Convergence"):
+        tab(page, name).click()
+        until(lambda: "press" in page.inner_text("body") or "after Run" in page.inner_text("body"), what=name)
+    button(page, "Identify").click()
+    button(page, "Run").click()
+    until(lambda: "converge" in status(page), 120, "a result")
+    tab(page, "Where it fails").click()
+    page.wait_for_timeout(500)
+    row(page, "Highlight").get_by_role("combobox").click()
+    page.get_by_role("option", name="velocity", exact=True).click()
+    until(lambda: "of the time in this group" in page.inner_text("body"), what="the range")
+    found = until(
+        lambda: any(t.startswith("Residual of joint1 [Nm] against velocity") for t in charts(page)), what="it"
+    )
+    assert found
+    shade = until(lambda: [d for t, d in charts(page).items() if t and "against time" in t], what="time")[0][
+        4
+    ]
+    assert set(shade) == {0.0, 1.0}
+    shot(page, "where")
+    assert not wider_than_its_place(page)
+
+    # a search that is stopped changes nothing
+    button(page, "Diagnose").click()
+    page.get_by_role("button", name="Find the missing effect").click()
+    until(lambda: button(page, "Stop").is_enabled(), what="Stop")
+    button(page, "Stop").click()
+    until(lambda: "stopped" in status(page), 60, "the end of the search")
+    assert not page.locator(".fv-verdict").count()
+
+    # a session goes out as a zip and comes in again
+    button(page, "Data").click()
+    with page.expect_download(timeout=60_000) as download:
+        page.get_by_role("button", name="Download session").click()
+    file = tmp_path / download.value.suggested_filename
+    download.value.save_as(file)
+    assert file.suffix == ".zip" and file.stat().st_size > 100_000
+    page.get_by_text("Another set", exact=True).click()
+    page.locator("input[type=file]").set_input_files(str(file))
+    chosen = row(page, "Measurement set").get_by_role("combobox")
+    until(lambda: "planar-2r-demo-session" in chosen.input_value(), 60, "the uploaded session")
+    assert "validation error" in status(page)
+    bad = tmp_path / "bad.zip"
+    bad.write_bytes(b"PK nothing")
+    page.locator("input[type=file]").set_input_files(str(bad))
+    until(lambda: "not a usable zip" in status(page), what="the refusal")
