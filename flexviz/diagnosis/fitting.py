@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Layout, Signals, build_signals
 from flexviz.equation.residual import Chain
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import Point, feasible_step, whitened_point
+from flexviz.identification.refine import Point, evaluated, feasible_step, weighted_point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.start import Start, other_effects, start_values
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PLAIN_HERTZ = 7.0
 STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
-NOISE_MOVED = 0.005  # relative change of a stiffness or motor inertia after which the noise is whitened anew
+NOISE_MOVED = 0.01  # relative change of the residual's noise variance after which it is whitened anew
 EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
 # samples before each that predict it, and how often the prediction is solved for: enough for a judgement
 ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
@@ -44,7 +44,7 @@ class Fit:
         objective: Σ_j N log max(χ_j, 1) + the cost of unknown pulses + k log N, over all groups.
         noise_objective: its first part alone.
         converged: the last step was negligible.
-        noise_at: log c and log B for which the whiteners of point and held_out were made, shape (2n,) each.
+        noise_at: log of the noise variance for which the whiteners of point and held_out were made.
     """
 
     layout: Layout
@@ -221,17 +221,17 @@ class _Whitened:
         self._metrics, self._effects_at = None, np.zeros(0)
 
     def point(self, refinement: Refinement, x: Array) -> Point:
-        lay = self._layout
-        noise = np.log(np.concatenate((x[lay.compliance], x[lay.motor_inertia])))
-        effects = x[lay.effect_start :]
+        residual, narrow = evaluated(refinement, x)
+        noise = np.log(refinement.noise_level(x, narrow.link))
         if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > NOISE_MOVED:
             self._whiteners, self._metrics, self.noise_at = None, None, noise
-        if self._metrics is not None:
+        effects = x[self._layout.effect_start :]
+        if self._metrics is not None and effects.size:
             scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
-            if effects.size and np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:
+            if np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:
                 self._metrics = None
+        if self._whiteners is None:
+            self._whiteners = refinement.whiteners(x, narrow.link)
         if self._metrics is None:
-            self._effects_at = effects.copy()
-        point = whitened_point(refinement, x, self._whiteners, self._metrics)
-        self._whiteners, self._metrics = point.whiteners, point.metrics
-        return point
+            self._metrics, self._effects_at = refinement.metrics(x, narrow, self._whiteners), effects.copy()
+        return weighted_point(refinement, residual, narrow, self._metrics)

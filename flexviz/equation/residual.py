@@ -157,6 +157,17 @@ class Equation:
         q = self.motor_side(x)[1]
         return self._link.evaluate(self._bodies(x), q[0], q[1], q[2])
 
+    def residual(self, x: Array) -> Array:
+        """r alone at x, shape (N, n) [Nm]: a third of the work where no friction has a memory."""
+        if any(getattr(EFFECTS[e.effect], "memory", False) for e in self.layout.effects):
+            return self.evaluate(x).residual
+        terms = self.terms(x)
+        s, q = self.motor_side(x, terms)
+        residual = s[0] - x[self.layout.link_viscous] * q[1]
+        for rows, parameters in self._bodies(x):
+            residual[rows] -= self._link.torque(parameters, q[0, rows], q[1, rows], q[2, rows])
+        return _without(terms, residual)
+
     def evaluate(self, x: Array) -> Evaluation:
         """Residual and Jacobian at x (shape (P,))."""
         lay, sig, n = self.layout, self.signals, self.layout.n
@@ -168,9 +179,7 @@ class Equation:
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= link.regressor[rows] @ parameters.ravel()
-        for _, term in terms:
-            if term.entry == "residual":
-                residual[:, list(term.joints)] -= term.value[0]
+        residual = _without(terms, residual)
         jacobian = np.zeros((sig.count, n, lay.size))
         jacobian[:, :, lay.inertial] = -link.regressor
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
@@ -189,3 +198,11 @@ class Equation:
             stretch.taken_out(residual)
             stretch.taken_out(jacobian)
         return Evaluation(residual, jacobian, s, q, link)
+
+
+def _without(terms: list[tuple[slice, Terms]], residual: Array) -> Array:
+    """The residual less what effects subtract from it directly."""
+    for _, term in terms:
+        if term.entry == "residual":
+            residual[:, list(term.joints)] -= term.value[0]
+    return residual

@@ -97,30 +97,28 @@ class Point:
     narrow: Evaluation
 
 
-def whitened_point(
-    refinement: Refinement,
-    x: Array,
-    whiteners: list[Whitener] | None = None,
-    metrics: list[Metric] | None = None,
-) -> Point:
-    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given.
+def whitened_point(refinement: Refinement, x: Array, whiteners: list[Whitener] | None = None) -> Point:
+    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given."""
+    residual, narrow = evaluated(refinement, x)
+    if whiteners is None:
+        whiteners = refinement.whiteners(x, narrow.link)
+    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners))
 
-    Args:
-        refinement: the data and the model.
-        x: shape (P,).
-        whiteners: of another point, near enough.
-        metrics: of another point, near enough; then the whiteners are theirs.
-    """
-    blocks = refinement.blocks
+
+def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:
+    """The wide band's residual (N, n) and the narrow band's equation at x."""
     for equation in (refinement.wide, refinement.narrow):
         equation.prepare(x)
-    wide, narrow = refinement.wide.evaluate(x), refinement.narrow.evaluate(x)
-    if metrics is None:
-        if whiteners is None:
-            whiteners = refinement.whiteners(x, narrow.link)
-        metrics = refinement.metrics(x, narrow, whiteners)
+    return refinement.wide.residual(x), refinement.narrow.evaluate(x)
+
+
+def weighted_point(
+    refinement: Refinement, residual: Array, narrow: Evaluation, metrics: list[Metric]
+) -> Point:
+    """What `evaluated` gives, in units of the noise."""
+    blocks = refinement.blocks
     pairs = list(zip(metrics, blocks, strict=True))
-    r = np.concatenate([m.apply(wide.residual[b.rows]) for m, b in pairs])
+    r = np.concatenate([m.apply(residual[b.rows]) for m, b in pairs])
     z = np.concatenate([m.apply(narrow.jacobian[b.rows]) for m, b in pairs])
     used = np.concatenate([settled(r[b.rows]) for b in blocks])
     r[~used] = 0.0

@@ -35,6 +35,7 @@ SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the samp
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
 ORDER = {1: 40, 2: 32, 3: 24}  # samples before each that predict it; fewer for robots with more joints
 LONG_ORDER = 14
+FEW = 60  # samples that tell the size of the noise
 
 
 class Refinement:
@@ -101,6 +102,19 @@ class Refinement:
             cov[0] += np.diag(1e-9 * size + self.tolerance)
             out.append(whitener(cov, self.every))
         return out
+
+    def noise_level(self, x: Array, link: LinkTerms) -> Array:
+        """Mean variance that the measurement noise leaves in the residual, from a few samples, shape (n,)."""
+        few = slice(None, None, max(1, self.wide.signals.count // FEW))
+        part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
+        theta, tau = signal_sensitivity(self.layout, x, part)
+        raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
+        if "kernel" not in self._shared:
+            self._shared["kernel"] = noise_kernel(self.wide.signals.observer, raw * stride, raw, 5, 0)[0]
+        kernel = self._shared["kernel"]
+        variance = np.einsum("dtim,de,etim,m->i", theta, kernel, theta, self.noise[0] ** 2)
+        variance += np.einsum("dtim,de,etim,m->i", tau, kernel[:3, :3], tau, self.noise[1] ** 2)
+        return variance / theta.shape[1] + self.tolerance
 
     def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:
         """One metric a block: the whitener, and what is not known of the effects' reversals at x."""
