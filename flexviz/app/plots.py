@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from flexviz.app.application import Application
 
 RIGHT = 430  # [pixels]
-RENEW = (1.5, 4.0)  # [s] after a browser has come
+RENEW = (1.5, 4.0, 8.0)  # [s] after a browser has come
 
 
 class PlotPanel:
@@ -74,6 +74,7 @@ class PlotPanel:
         if self._renewals and time.monotonic() >= self._renewals[0]:
             self._renewals.pop(0)
             self._signals.renew()
+            self._app.show.scene.ask_sizes()
         self.move(at)
 
     def move(self, time: float) -> None:

@@ -155,6 +155,7 @@ class Scene:
         self._labels: dict[str, Any] = {}
         self._aimed: dict[int, tuple[int, int]] = {}  # canvas size each browser was aimed for
         self._views: dict[int, np.ndarray] = {}  # and where its camera was put
+        self._nudged = 1e-4  # share by which a camera is moved to make its browser speak
         self.measured: RobotNodes | None = None
         self.identified: RobotNodes | None = None
         server.scene.set_up_direction("+z")
@@ -212,14 +213,22 @@ class Scene:
         now = (client.camera.image_width, client.camera.image_height)
         if self.measured is None or self._aimed.get(client.client_id, now) == now:
             return
-        moved = client.camera.position - self._views[client.client_id]
-        if np.linalg.norm(moved) < LOOKED_AROUND * self._stage.width:
+        if self._unmoved(client):
             self.aim(client)
 
-    def tick(self) -> None:
-        """Aim where a canvas has changed without a word."""
-        for client in self._server.get_clients().values():
-            self.resized(client)
+    def _unmoved(self, client: viser.ClientHandle) -> bool:
+        """Whether nobody has looked around in this browser."""
+        aimed = self._views.get(client.client_id)
+        if aimed is None:
+            return False
+        return bool(np.linalg.norm(client.camera.position - aimed) < LOOKED_AROUND * self._stage.width)
+
+    def ask_sizes(self) -> None:
+        """Let every browser say how large its canvas is now: it does so only when its camera moves."""
+        for number, client in self._server.get_clients().items():
+            if self._unmoved(client):
+                self._nudged = -self._nudged
+                client.camera.position = self._views[number] * (1.0 + self._nudged)
 
     def labels(self, measured: str, identified: str) -> None:
         """Write what each robot shows, and by how much it is exaggerated, above it."""

@@ -163,4 +163,3 @@ class Show:
         if self.clock.playing:
             self._app.view.tick()
         self.plots.tick(self.clock.time)
-        self.scene.tick()
