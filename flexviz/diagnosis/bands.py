@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from flexviz.diagnosis.fitting import EVERY, LONG_ORDER, ORDER, STIFFNESS_REACH
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.sensitivity import signal_sensitivity
 from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import CONSISTENT, TOLERANCE, feasible_step, whitened_point
+from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, weighted_point
 from flexviz.identification.refinement import WIDE_HERTZ, Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
+from flexviz.identification.start import Start
 from flexviz.identification.uncertainty import colour_matrix, covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
@@ -25,9 +27,10 @@ from flexviz.observers import FlatZeroPhase, Observer
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 Spans = dict[tuple[int, float], tuple[float, float]]
 
-STEPS = (6, 3)  # of Gauss–Newton at the bandwidth in use, and from there at each other
+STEPS = (6, 4)  # of Gauss–Newton at the bandwidth in use, to begin with, and from there at each
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
 
 
@@ -43,13 +46,22 @@ class Band:
 
 @dataclass(frozen=True)
 class Fitted:
-    """Parameters at one bandwidth with their covariance and prior share."""
+    """Parameters at one bandwidth.
+
+    Attributes:
+        x: shape (P,).
+        cov, share: covariance, shape (P, P), and the prior's share of each variance, shape (P,).
+        at_bound: shape (P,).
+        tolerance: shape (n,), model error allowed for beside the noise [Nm²].
+        influence: shape (D, P), what each second of the residual does to x; their sum is nearly zero.
+    """
 
     x: Array
     cov: Array
     share: Array
     at_bound: Bools
     tolerance: Array
+    influence: Array
 
 
 # -- the data of each bandwidth ------------------------------------------------------------------------
@@ -61,6 +73,7 @@ def refined_bands(
     out = []
     for factor in factors:
         refinement = Refinement(measurements, groups, layout, WIDE_HERTZ * factor)
+        refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
         signals = refinement.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
         if out and bandwidth <= out[-1].bandwidth:
@@ -89,14 +102,16 @@ def plain_bands(
     return out
 
 
-def loose(bounds: Bounds, layout: Layout) -> Bounds:
-    """Viscous friction may be negative: a parameter at a bound would not move."""
-    lower = bounds.lower.copy()
+def loose(start: Start, layout: Layout) -> Bounds:
+    """The diagnosis' own: viscous friction may be negative, a stiffness is not sought everywhere."""
+    lower, upper = start.bounds.lower.copy(), start.bounds.upper.copy()
     lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
-    return Bounds(lower, bounds.upper)
+    rough = start.x[layout.compliance]
+    lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_REACH, rough * STIFFNESS_REACH
+    return Bounds(lower, upper)
 
 
-def _key(band: Band, index: int) -> tuple[int, float]:
+def key_of(band: Band, index: int) -> tuple[int, float]:
     """Which stretch a block is: its group and when it begins."""
     block = band.signals.blocks[index]
     return block.group, float(block.segment.time[0])
@@ -107,7 +122,7 @@ def spans(bands: list[Band]) -> Spans:
     found: dict[tuple[int, float], list[Array]] = {}
     for band in bands:
         for index, block in enumerate(band.signals.blocks):
-            found.setdefault(_key(band, index), []).append(band.signals.time[block.rows][[0, -1]])
+            found.setdefault(key_of(band, index), []).append(band.signals.time[block.rows][[0, -1]])
     return {
         key: (max(float(e[0]) for e in ends), min(float(e[1]) for e in ends))
         for key, ends in found.items()
@@ -115,81 +130,129 @@ def spans(bands: list[Band]) -> Spans:
     }
 
 
-def window(band: Band, spans: Spans) -> Bools:
-    """Samples that every bandwidth has, shape (N,): else stretches would be compared, not bandwidths."""
-    used = np.zeros(band.signals.count, bool)
+def seconds(band: Band, common: Spans) -> Ints:
+    """Which second of what every bandwidth has a sample belongs to, shape (N,); −1 outside.
+
+    On other samples at every bandwidth, stretches would be compared, not bandwidths.
+    """
+    out = np.full(band.signals.count, -1)
+    begins, total = {}, 0
+    for key, (first, last) in sorted(common.items()):
+        begins[key] = total
+        total += max(1, int(np.ceil(last - first)))
     for index, block in enumerate(band.signals.blocks):
-        first, last = spans.get(_key(band, index), (np.inf, -np.inf))
+        key = key_of(band, index)
+        if key not in common:
+            continue
+        first, last = common[key]
         time = band.signals.time[block.rows]
-        used[block.rows] = (time >= first - 1e-9) & (time <= last + 1e-9)
-    return used
+        inside = (time >= first - 1e-9) & (time <= last + 1e-9)
+        number = begins[key] + np.minimum((time - first).astype(int), max(0, int(np.ceil(last - first)) - 1))
+        out[block.rows] = np.where(inside, number, -1)
+    return out
 
 
 # -- fits ---------------------------------------------------------------------------------------------
 
 
-def fit_refined(
-    band: Band, prior: Prior, bounds: Bounds, x: Array, window: Bools, near: Fitted | None
-) -> Fitted:
-    """Gauss–Newton on Zᵀ W r = 0; a model error is allowed for where the noise cannot be the reason."""
+def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
+    """Gauss–Newton on Zᵀ W r = 0 from where `begin` is.
+
+    Unless it is the last fit, it also finds the model error that has to be allowed for where the noise cannot
+    be the reason of the residual. With that the last fits are made, at every bandwidth with the same.
+    """
+    window = seconds >= 0
     refinement = band.refinement
     assert refinement is not None
     layout, blocks = refinement.layout, refinement.blocks
-    x = bounds.clip(x) if near is None else near.x
-    tolerance = np.zeros(layout.n) if near is None else near.tolerance
-    refinement.tolerance = tolerance
-    whiteners = metrics = None
+    x = bounds.clip(begin.x)
+    refinement.tolerance = begin.tolerance
+    metrics = None
     iteration = 0
     while True:
-        point = whitened_point(refinement, x, whiteners, metrics)
+        residual, narrow = evaluated(refinement, x)
+        if metrics is None:
+            metrics = refinement.metrics(x, narrow, refinement.whiteners(x, narrow.link))
+        point = weighted_point(refinement, residual, narrow, metrics)
         r, z = point.r * window[:, None], point.z * window[:, None, None]
         chi = np.sum(r**2, axis=0) / max(np.count_nonzero(point.used & window), 1)
-        if near is None and float(chi.mean()) > CONSISTENT and iteration < STEPS[0]:
+        if not last and (refinement.tolerance.any() or float(chi.mean()) > CONSISTENT):
             if not refinement.tolerance.any():
                 refinement.tolerance = TOLERANCE**2 * np.mean(point.narrow.torque[0] ** 2, axis=0)
             refinement.tolerance = refinement.tolerance * np.maximum(chi, 0.5)
-            whiteners = metrics = None
-        else:
-            whiteners, metrics = point.whiteners, point.metrics
+            metrics = None
         gradient, prior_hessian = prior.gradient_and_hessian(x)
         flat = z.reshape(-1, layout.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
         step, at_bound = bounded_step(gradient + flat.T @ r.ravel(), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-        if length < NEGLIGIBLE or iteration == STEPS[near is not None]:
+        if length < NEGLIGIBLE or iteration == STEPS[last]:
             break
         x = feasible_step(prior, bounds, x, step)
         iteration += 1
+    if not last:
+        return replace(begin, x=x, tolerance=refinement.tolerance)
     if refinement.tolerance.any():
         colour = colour_matrix(r, z, [b.rows for b in blocks])
     else:
         colour = refinement.score_covariance(x, z, point.metrics) * max(float(chi.mean()), 1.0)
-    return Fitted(
-        x, *_covariance(information, colour, prior_hessian, ~at_bound), at_bound, refinement.tolerance
-    )
+    cov = _covariance(information, colour, prior_hessian, ~at_bound)
+    influence = _influence(r, z, hessian, ~at_bound, seconds)
+    return Fitted(x, *cov, at_bound, refinement.tolerance, influence)
 
 
-def fit_plain(
-    band: Band, prior: Prior, bounds: Bounds, x: Array, window: Bools, near: Fitted | None
-) -> Fitted:
-    """Least squares weighted by the residual's own size."""
-    size = band.equation.layout.size
-    mask = np.broadcast_to(window[:, None], band.signals.tau.shape[1:])
-    begin = bounds.clip(x) if near is None else near.x
+def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
+    """Least squares weighted by the residual's own size, from where `begin` is."""
+    layout = band.equation.layout
+    mask = np.broadcast_to((seconds >= 0)[:, None], band.signals.tau.shape[1:])
     solution = gauss_newton(
-        band.equation, prior, bounds, begin, mask=mask, reweightings=2, max_iterations=STEPS[near is not None]
+        band.equation,
+        prior,
+        bounds,
+        bounds.clip(begin.x),
+        mask=mask,
+        reweightings=2,
+        max_iterations=STEPS[last],
     )
-    z = (solution.evaluation.jacobian * solution.weights[:, :, None]).reshape(-1, size)
-    information = z.T @ z
+    if not last:
+        return replace(begin, x=solution.x)
+    z = solution.evaluation.jacobian * solution.weights[:, :, None]
+    flat = z.reshape(-1, layout.size)
+    rows = [b.rows for b in band.signals.blocks]
+    r, free = solution.evaluation.residual * solution.weights, ~solution.at_bound
+    information = flat.T @ flat
     prior_hessian = prior.gradient_and_hessian(solution.x)[1]
-    colour = colour_matrix(
-        solution.evaluation.residual * solution.weights,
-        solution.evaluation.jacobian * solution.weights[:, :, None],
-        [b.rows for b in band.signals.blocks],
+    cov = _covariance(information, colour_matrix(r, z, rows), prior_hessian, free)
+    influence = _influence(r, z, information + prior_hessian, free, seconds)
+    return Fitted(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
+
+
+def _influence(r: Array, z: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
+    """−H⁻¹ Σ zᵀ r over each second."""
+    score = np.zeros((int(seconds.max()) + 1, len(hessian)))
+    used = seconds >= 0
+    np.add.at(score, seconds[used], np.einsum("tjp,tj->tp", z[used], r[used]))
+    out = np.zeros_like(score)
+    scale = 1 / np.sqrt(np.maximum(np.diag(hessian)[free], 1e-300))
+    scaled = hessian[np.ix_(free, free)] * scale[:, None] * scale
+    out[:, free] = (
+        -(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) @ (score[:, free] * scale).T).T * scale
     )
-    cov = _covariance(information, colour, prior_hessian, ~solution.at_bound)
-    return Fitted(solution.x, *cov, solution.at_bound, np.zeros(band.equation.layout.n))
+    return out
+
+
+def unfitted(layout: Layout, x: Array) -> Fitted:
+    """Where the first fit begins."""
+    size = layout.size
+    return Fitted(
+        x,
+        np.zeros((size, size)),
+        np.ones(size),
+        np.zeros(size, bool),
+        np.zeros(layout.n),
+        np.zeros((0, size)),
+    )
 
 
 def _covariance(information: Array, colour: Array, prior: Array, free: Bools) -> tuple[Array, Array]:
@@ -202,31 +265,31 @@ def _covariance(information: Array, colour: Array, prior: Array, free: Bools) ->
 # -- comparisons --------------------------------------------------------------------------------------
 
 
-def compared(
-    band: Band,
-    x: Array,
-    other: Band,
-    spans: Spans,
-    low: FlatZeroPhase,
-) -> Array:
-    """The residual's slow part at the other band's samples, where all bands have some, shape (N', n)."""
+def compared(band: Band, x: Array, other: Band, common: Spans, low: FlatZeroPhase) -> Array:
+    """The residual's slow part at the other band's samples, where all bands have some, shape (N', n).
+
+    Each stretch is faded in and out: cut off hard, the quick noise at its ends would leak into what is slow.
+    Where it is faded fully in, over all but a cycle of the low-pass, nothing is changed; the size is that of
+    an unfaded stretch.
+    """
     equation = band.equation if band.refinement is None else band.refinement.wide
     equation.prepare(x)
-    residual = equation.evaluate(x).residual
-    edge = 2 * np.pi / float(np.max(low.bandwidth))  # of the low-pass itself
-    there = {_key(other, k): b for k, b in enumerate(other.signals.blocks)}
+    residual = equation.residual(x)
+    ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
+    there = {key_of(other, k): b for k, b in enumerate(other.signals.blocks)}
     out = []
     for index, own in enumerate(band.signals.blocks):
-        key = _key(band, index)
-        if key not in spans:
+        key = key_of(band, index)
+        if key not in common:
             continue
+        first, last = common[key]
         time = band.signals.time[own.rows]
-        inside = (time >= spans[key][0] - 1e-9) & (time <= spans[key][1] + 1e-9)
-        slow = low.derivatives(residual[own.rows][inside], own.segment.step * own.stride, 1)[0]
+        fade = np.minimum(time - first, last - time) / min(ramp, 0.5 * (last - first))
+        fade = np.sin(0.5 * np.pi * np.clip(fade, 0.0, 1.0)) ** 2
+        slow = low.derivatives(residual[own.rows] * fade[:, None], own.segment.step * own.stride, 1)[0]
+        slow /= np.sqrt(np.mean(fade[fade > 0] ** 2))
         at = other.signals.time[there[key].rows]
-        at = at[(at >= spans[key][0] + edge) & (at <= spans[key][1] - edge)]
-        if len(at):
-            out.append(CubicSpline(time[inside], slow)(at))
+        out.append(CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     if not out:
         raise InputError("the records are too short for these bandwidths; take higher ones")
     return np.concatenate(out)

@@ -30,24 +30,29 @@ from flexviz.diagnosis.bands import (
     loose,
     plain_bands,
     refined_bands,
+    seconds,
     slow_noise,
     spans,
-    window,
+    unfitted,
 )
 from flexviz.equation import Layout
+from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.prior import Prior
+from flexviz.identification.result import ParameterEstimate
 from flexviz.identification.start import start_values
-from flexviz.identification.summary import parameter_estimates
+from flexviz.identification.summary import combinations, parameter_estimates
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import FlatZeroPhase, Observer
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FACTORS = (0.65, 0.8, 1.0, 1.25)  # of the bandwidth
+FACTORS = (0.3, 0.5, 1.0, 1.25)  # of the two bands' bandwidth
+PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of a single observer's
 # of the narrowest bandwidth: up to there the residuals are compared; the two bands are flat up to their end
 COMMON, COMMON_FLAT = 0.5, 1.0
-MOVED = 3.0  # standard errors of a difference by which a parameter has moved
+INTERVAL = 1.96  # standard errors: half of a 95 % interval
+MOVED = 3.0  # standard errors of the difference itself
 CHANGED = 1.0  # times the noise by which a residual has to change
 WORTH = 0.2  # of the residual, and by that much of it
 
@@ -57,11 +62,13 @@ class ParameterCurve:
     """One parameter over the bandwidth.
 
     Attributes:
-        name, joint, unit: as in the JSON contract.
+        name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
         place: payload or group of an effect that concerns one.
         values, std: shape (M,); NaN where the fit put it onto a bound.
-        moved: largest distance from its value at the bandwidth in use, in standard errors of the two.
-        trusted: that is less than MOVED.
+        moved: largest distance from its value at the bandwidth in use, in standard errors there.
+        excuse: the same in standard errors of the difference, from what every second of the data contributes
+            to both; noise and even a model error would keep it small.
+        trusted: it stays within its 95 % interval, or noise is an excuse.
     """
 
     name: str
@@ -71,6 +78,7 @@ class ParameterCurve:
     values: Array
     std: Array
     moved: float
+    excuse: float
     trusted: bool
 
 
@@ -89,7 +97,8 @@ class Guard:
             found there [Nm].
         change_noise: shape (M, n), what the noise explains of that [Nm].
         band: the residuals are compared up to here [rad/s].
-        observer_error: shape (n,), the residual changes by more than noise and by a fair share of itself.
+        observer_error: shape (n,), at a wider band the residual differs by more than noise and by a fair
+            share of itself.
         parameters: those that the data determine.
         seconds: it took.
     """
@@ -137,7 +146,7 @@ def guard(
     x: Array,
     *,
     observer: Observer | None = None,
-    factors: Sequence[float] = FACTORS,
+    factors: Sequence[float] | None = None,
     groups: Sequence[Group] | None = None,
     check: Callable[[], None] = lambda: None,
 ) -> Guard:
@@ -147,27 +156,28 @@ def guard(
         measurements: the set.
         layout, x: the model, fitted at the bandwidth in use; x has shape (P,).
         observer: the one in use, with its bandwidth; the diagnosis' own two bands where None.
-        factors: of its bandwidth; 1 is always among them.
+        factors: of its bandwidth; 1 is always among them. `FACTORS` or `PLAIN_FACTORS` where None.
         groups: to fit; all but the validation groups where None.
         check: called between fits; may raise to stop.
     """
     began = time.perf_counter()
     chosen = [g for g in measurements.groups if not g.validation] if groups is None else list(groups)
+    factors = (FACTORS if observer is None else PLAIN_FACTORS) if factors is None else factors
     tried = sorted({1.0, *factors})
     in_use = tried.index(1.0)
     bands = refined_bands(measurements, chosen, layout, tried) if observer is None else plain_bands(
         measurements, chosen, layout, observer, tried
     )  # fmt: skip
     start = start_values(measurements, bands[in_use].equation)
-    prior, bounds = start.prior, loose(start.bounds, layout)
+    prior, bounds = start.prior, loose(start, layout)
     common_spans = spans(bands)
-    windows = [window(band, common_spans) for band in bands]
-    fitted: dict[int, Fitted] = {}
-    for index in sorted(range(len(bands)), key=lambda k: abs(np.log(tried[k]))):
+    when = [seconds(band, common_spans) for band in bands]
+    fit = fit_refined if observer is None else fit_plain
+    begin = fit(bands[in_use], prior, bounds, unfitted(layout, x), when[in_use], False)
+    fitted: list[Fitted] = []
+    for band, used in zip(bands, when, strict=True):
         check()
-        near = fitted.get(in_use)
-        fit = fit_refined if observer is None else fit_plain
-        fitted[index] = fit(bands[index], prior, bounds, x, windows[index], near)
+        fitted.append(fit(band, prior, bounds, begin, used, True))
     common = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
     low = FlatZeroPhase(common / FlatZeroPhase.ratio)
     reference = fitted[in_use].x
@@ -184,6 +194,7 @@ def guard(
     change, rms, explained = np.array(change), np.array(rms), np.array(explained)
     size = np.sqrt(np.mean(base**2, axis=0))
     beyond = (change > CHANGED * np.maximum(explained, floor)) & (change > WORTH * size)
+    beyond[:in_use] = False  # what a narrower band would do wrong is no error of the one in use
     return Guard(
         "two bands" if observer is None else observer.name,
         np.array([b.bandwidth for b in bands]),
@@ -195,33 +206,48 @@ def guard(
         explained,
         common,
         beyond.any(axis=0),
-        _curves(layout, [fitted[k] for k in range(len(bands))], in_use, prior),
+        _curves(measurements, layout, fitted, in_use, prior),
         time.perf_counter() - began,
     )
 
 
-def _curves(layout: Layout, fitted: list[Fitted], in_use: int, prior: Prior) -> tuple[ParameterCurve, ...]:
-    """Parameters that the data determine, over the bandwidth."""
-    rows = [parameter_estimates(layout, f.x, f.x, f.cov, f.share, f.at_bound, prior) for f in fitted]
+def _curves(
+    measurements: MeasurementSet, layout: Layout, fitted: list[Fitted], in_use: int, prior: Prior
+) -> tuple[ParameterCurve, ...]:
+    """What the data determine, over the bandwidth: of the inertias only their identifiable combinations."""
+    base = base_parameters(measurements.robot)
+    inertial = layout.inertial.stop
+    rows, differences = [], []
+    for f in fitted:
+        single = parameter_estimates(layout, f.x, f.x, f.cov, f.share, f.at_bound, prior)
+        rows.append((*single[inertial:], *combinations(base, layout, f.x, f.cov, prior)))
+        # the two fits share their data: the standard error of their difference is not that of either
+        apart = f.influence - fitted[in_use].influence
+        cov = apart.T @ apart
+        single = parameter_estimates(layout, f.x, f.x, cov, f.share, f.at_bound, prior)
+        both = (*single[inertial:], *combinations(base, layout, f.x, cov, prior))
+        differences.append([p.std for p in both])
     out = []
-    for column in zip(*rows, strict=True):
-        reference = column[in_use]
-        if reference.identifiable == "no" or reference.at_bound:
+    for column, apart in zip(zip(*rows, strict=True), np.array(differences).T, strict=True):
+        first = column[in_use]
+        held = [isinstance(p, ParameterEstimate) and p.at_bound for p in column]
+        if first.identifiable == "no" or held[in_use]:
             continue
-        values = np.array([np.nan if p.at_bound else p.value for p in column])
-        std = np.array([np.nan if p.at_bound else p.std for p in column])
-        distance = np.abs(values - reference.value) / np.maximum(np.hypot(std, reference.std), 1e-300)
-        moved = float(np.nanmax(distance))
+        values = np.array([np.nan if h else p.value for p, h in zip(column, held, strict=True)])
+        std = np.array([np.nan if h else p.std for p, h in zip(column, held, strict=True)])
+        distance = np.abs(values - first.value)
+        moved = distance / max(first.std, 1e-300)
+        excuse = distance / np.maximum(apart, 1e-300)
+        excuse[in_use] = 0.0
+        joint, place = None, None
+        if isinstance(first, ParameterEstimate):
+            joint, place = first.joint, first.payload or first.group
+        trusted = not bool(np.any((moved > INTERVAL) & (excuse > MOVED)))
+        worst = int(np.nanargmax(np.minimum(moved / INTERVAL, excuse / MOVED)))
         out.append(
             ParameterCurve(
-                reference.name,
-                reference.joint,
-                reference.unit,
-                reference.payload or reference.group,
-                values,
-                std,
-                moved,
-                moved < MOVED,
+                first.name, joint, first.unit, place, values, std, float(moved[worst]), float(excuse[worst]),
+                trusted,
             )
-        )
+        )  # fmt: skip
     return tuple(out)

@@ -75,7 +75,7 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
             continue
         refinement = source.with_layout(fit.layout)
         refinement.wide.prepare(fit.x)
-        residual = refinement.wide.evaluate(fit.x).residual
+        residual = refinement.wide.residual(fit.x)
         sensitivity = signal_sensitivity(fit.layout, fit.x, point.narrow.link)
         metrics = joint_metrics(refinement, fit.x, point.narrow, sensitivity)
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
