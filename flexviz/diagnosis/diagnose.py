@@ -7,17 +7,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.explaining import explain, fit_covariance, standard_errors
 from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.freeform import freeform
 from flexviz.diagnosis.freely import free_curve
+from flexviz.diagnosis.guard import guard
 from flexviz.diagnosis.judging import NAMED, verdict
 from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
-from flexviz.diagnosis.where import places
+from flexviz.diagnosis.telling import notes
+from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, choose_effects
 from flexviz.equation import Layout
 from flexviz.identification import identify
@@ -57,6 +61,7 @@ def diagnose(
     *,
     apply: bool = True,
     start: FlexibleModel | None = None,
+    guarded: bool | None = None,
     progress: Callable[[Progress], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Diagnosis:
@@ -66,11 +71,13 @@ def diagnose(
         measurements: the set.
         apply: add the found effects one by one and refit after each.
         start: values to start from; a plain identification where None.
+        guarded: also look at what moves with the observer's bandwidth; only where the noise is not reached
+            where None.
         progress: called between fits.
         should_stop: asked between steps; what was found so far is returned.
     """
     with threadpool_limits(1, "blas"):
-        return _Diagnosing(measurements, start, progress, should_stop).run(apply)
+        return _Diagnosing(measurements, start, progress, should_stop).run(apply, guarded)
 
 
 class _Diagnosing:
@@ -91,19 +98,23 @@ class _Diagnosing:
         self.band = ErrorBand(measurements)
         self.share, self.stopped = 0.0, False
         self.chain: list[Link] = []
-        self.beside_model_error = False
+        self.tolerance: NDArray[np.float64] | None = None  # of a model error, where there was one
         self.first: list[Tried] = []  # what was tried for the model the set starts with
 
     def say(self, text: str) -> None:
         if self.should_stop is not None and self.should_stop():
             self.stopped = True
             raise Interrupted
+        self.progressed(text)
+
+    def progressed(self, text: str) -> None:
+        """Tell how far it is."""
         if text and self.progress is not None:
             # a share that creeps up: how many steps there will be is not known
             self.share += 0.06 * (1 - self.share)
             self.progress(Progress(text, self.share))
 
-    def run(self, apply: bool) -> Diagnosis:
+    def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         began = time.perf_counter()
         base = self.fitted()
         final = base
@@ -113,7 +124,7 @@ class _Diagnosing:
                 final = self.beyond(base, final, apply)
         except Interrupted:
             final = self.chain[-1].chosen.fit if self.chain else base
-        return self.answer(base, final, began)
+        return self.answer(base, final, began, guarded)
 
     def fitted(self) -> Fit:
         """The model the set starts with."""
@@ -173,8 +184,9 @@ class _Diagnosing:
                 break
         if not apply and self.chain:
             return final
-        steps = ModelErrorSearch(self.search, longest=14 if apply else 1).run(final)
-        self.beside_model_error = bool(steps)
+        beyond = ModelErrorSearch(self.search, longest=14 if apply else 1)
+        steps = beyond.run(final)
+        self.tolerance = beyond.tolerance if steps else None
         for added in steps:
             self.chain.append(Link(added.before, added.tried, [added.tried], added.scores))
         return steps[-1].after if steps else final
@@ -190,14 +202,14 @@ class _Diagnosing:
 
     # -- the answer -------------------------------------------------------------------------------------
 
-    def answer(self, base: Fit, final: Fit, began: float) -> Diagnosis:
+    def answer(self, base: Fit, final: Fit, began: float, guarded: bool | None) -> Diagnosis:
         fits = [base, *(link.chosen.fit for link in self.chain)]
         errors = [self.band.errors(fit) for fit in fits]
         found = [
             explain(self.bench, link.before, link.chosen, link.tried, link.scores, (self.band, old, new))
             for link, old, new in zip(self.chain, errors, errors[1:], strict=False)
         ]
-        if self.beside_model_error:  # judged in units of the noise all the same
+        if self.tolerance is not None:  # judged in units of the noise all the same
             final = self.bench.fit(final.layout, final.x, iterations=0)
         last = verdict(final)
         steps = [
@@ -209,17 +221,29 @@ class _Diagnosing:
         estimates = parameter_estimates(
             final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
         )
+        where, maps = where_it_fails(self.bench, final)
+        reached = last == "nothing-missing"
+        curve = watch = None
+        if not self.stopped:
+            curve = None if reached else freeform(self.bench, final, where[0])
+            if guarded or (guarded is None and not reached):
+                self.progressed("looking at what moves with the bandwidth")
+                watch = guard(self.measurements, final.layout, final.x)
         return Diagnosis(
             self.measurements.name,
             steps[0].verdict,
             tuple(self.ranked(base, found)),
-            places(self.bench, final),
+            where,
             tuple(steps),
             self.effects(final),
             estimates,
             time.perf_counter() - began,
             self.stopped,
-            model=final.layout.model(final.x),
+            notes(final, last, errors[-1], self.tolerance, curve, watch),
+            final.layout.model(final.x),
+            maps,
+            curve,
+            watch,
         )
 
     def step(self, added: Finding | None, fit: Fit, errors: Errors, verdict_now: str) -> Step:

@@ -88,8 +88,8 @@ class _Splines:
 
     def penalty(self) -> Array:
         """Squared second differences of the coefficients, shape (size, size)."""
-        bend = np.diff(np.eye(len(self.knots) - 4), 2, axis=0)
-        return np.kron(np.eye(self.sides), bend.T @ bend)
+        bend: Array = np.diff(np.eye(len(self.knots) - 4), 2, axis=0)
+        return np.kron(np.eye(self.sides), bend.T @ bend).astype(np.float64)
 
 
 def freeform(bench: Workbench, fit: Fit, place: Place) -> FreeForm:

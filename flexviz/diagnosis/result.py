@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.identification import ParameterEstimate
 from flexviz.model import FlexibleModel
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis.freeform import FreeForm
+    from flexviz.diagnosis.guard import Guard
+    from flexviz.diagnosis.where import ResidualMap
 
 Array = NDArray[np.float64]
 
@@ -165,6 +170,9 @@ class Diagnosis:
         stopped: the user stopped it; what was found so far is here.
         notes: what else a reader should know, a sentence each.
         model: the final model.
+        maps: its residual against each variable, joint by joint.
+        free_form: where something unknown is left, a curve for it, as a stopgap.
+        guard: what moves with the observer's bandwidth; None where that was not looked at.
     """
 
     set_name: str
@@ -178,6 +186,9 @@ class Diagnosis:
     stopped: bool = False
     notes: tuple[str, ...] = field(default=())
     model: FlexibleModel | None = None
+    maps: tuple[ResidualMap, ...] = ()
+    free_form: FreeForm | None = None
+    guard: Guard | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The contract's `diagnose --json` document (format 1)."""
@@ -214,6 +225,7 @@ class Diagnosis:
                     for p in self.parameters
                 ],
             },
+            "notes": list(self.notes),
             "stopped": self.stopped,
             "seconds": self.seconds,
         }

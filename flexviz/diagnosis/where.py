@@ -250,7 +250,14 @@ def band_share(data: Samples, joint: int, spectrum: Spectrum) -> tuple[float, fl
 
 
 def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None) -> tuple[Place, ...]:
-    """Joint × variable, the joint with the largest excess first, within it what explains most.
+    """Joint × variable, the joint with the largest excess first, within it what explains most."""
+    return where_it_fails(bench, fit, check)[0]
+
+
+def where_it_fails(
+    bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None
+) -> tuple[tuple[Place, ...], tuple[ResidualMap, ...]]:
+    """The places and the maps they come from, the joint with the largest excess first.
 
     "position" is also what a torque lives along that depends on position and on the direction of motion,
     where this explains clearly more than position or velocity alone.
@@ -259,13 +266,16 @@ def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None)
     data = samples(bench, fit, parts)
     found = spectra(bench, fit, parts)
     out: list[Place] = []
+    all_maps: list[ResidualMap] = []
     for j in sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square):
         check()
-        rows = {m.variable: m for m in (*joint_maps(data, j), frequency_map(data, j, found[j]))}
+        seen = (*joint_maps(data, j), frequency_map(data, j, found[j]))
+        all_maps.extend(seen)
+        rows = {m.variable: m for m in seen}
         both, position = rows.pop(DIRECTED), rows["position"]
         simpler = max(position, rows["velocity"], key=lambda m: m.explained)
         if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
             rows["position"] = replace(both, variable="position")
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
         out.extend(Place(m.joint, m.variable, m.explained, m.range) for m in ranked)
-    return tuple(out)
+    return tuple(out), tuple(all_maps)

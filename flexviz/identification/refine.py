@@ -97,12 +97,26 @@ class Point:
     narrow: Evaluation
 
 
-def whitened_point(refinement: Refinement, x: Array, whiteners: list[Whitener] | None = None) -> Point:
-    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given."""
+def whitened_point(
+    refinement: Refinement,
+    x: Array,
+    whiteners: list[Whitener] | None = None,
+    metrics: list[Metric] | None = None,
+) -> Point:
+    """Residual and instruments at x; the noise's way is followed anew where neither is given.
+
+    Args:
+        refinement: the data and the model.
+        x: shape (P,).
+        whiteners: of another point, near enough.
+        metrics: of another point, near enough; then the whiteners are theirs.
+    """
     residual, narrow = evaluated(refinement, x)
-    if whiteners is None:
-        whiteners = refinement.whiteners(x, narrow.link)
-    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners))
+    if metrics is None:
+        if whiteners is None:
+            whiteners = refinement.whiteners(x, narrow.link)
+        metrics = refinement.metrics(x, narrow, whiteners)
+    return weighted_point(refinement, residual, narrow, metrics)
 
 
 def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:

@@ -1,0 +1,55 @@
+"""What a reader of a diagnosis should know beside the verdict, a sentence each."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.errors import Errors
+from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.freeform import FreeForm
+from flexviz.diagnosis.guard import Guard
+
+
+def notes(
+    final: Fit,
+    verdict: str,
+    errors: Errors,
+    tolerance: NDArray[np.float64] | None,
+    curve: FreeForm | None,
+    watch: Guard | None,
+) -> tuple[str, ...]:
+    """The sentences.
+
+    Args:
+        final: the last model.
+        verdict: on it.
+        errors: its residuals.
+        tolerance: shape (n,) [Nm²], the model error that effects were judged beside; None without.
+        curve: for what stays unexplained.
+        watch: what moves with the bandwidth.
+    """
+    out: list[str] = []
+    joints = final.layout.joints
+    if tolerance is not None:
+        sizes = ", ".join(f"{j} {np.sqrt(t):.3g}" for j, t in zip(joints, tolerance, strict=True))
+        out.append(
+            "no model reaches the measurement noise here: effects were judged by the error of held-out "
+            f"groups, beside a model error of (Nm) {sizes}"
+        )
+    if verdict == "unknown":
+        rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
+        ratio = rms / np.maximum(np.array(errors.noise_floor), 1e-300)
+        left = ", ".join(
+            f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
+        )
+        out.append(f"what stays unexplained (Nm): {left}")
+    if curve is not None:
+        sides = " and the direction of motion" if len(curve.directions) > 1 else ""
+        out.append(
+            f"a free curve against the {curve.variable}{sides} of {curve.joint} would take "
+            f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
+        )
+    if watch is not None:
+        out.extend(watch.texts())
+    return tuple(out)
