@@ -14,7 +14,7 @@ from flexviz.robot import Robot
 from flexviz.view import colours, status
 from flexviz.view.geometry import FACES, robot_shape, thinned
 from flexviz.view.stage import stage
-from flexviz.view.tables import parameters_html, set_html, truth_values
+from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
 from flexviz.view.text import escape, number, short_names, title, with_error
 from tests.small_set import write_small_set
 
@@ -227,3 +227,10 @@ def test_joints_are_named_shortly_where_that_is_clear() -> None:
     assert short_names(("panda_joint1", "panda_joint2")) == ["joint1", "joint2"]
     assert short_names(("joint_1", "joint_2")) == ["joint_1", "joint_2"]
     assert short_names(("only_one",)) == ["only_one"]
+
+
+def test_truth_is_told_only_when_asked_for() -> None:
+    truth = {("stiffness", "j1"): 900.0, ("coulomb_friction.coulomb", "j1"): 3.0}
+    assert truth_html(None) == ""
+    assert "coulomb friction of j1 3" in truth_html(truth)
+    assert "no effect was hidden" in truth_html({("stiffness", "j1"): 900.0})

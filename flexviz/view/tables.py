@@ -126,6 +126,19 @@ def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float
     return values
 
 
+def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
+    """The effects a simulated set was made with, where they are asked for."""
+    if truth is None:
+        return ""
+    hidden = [(name, place, value) for (name, place), value in truth.items() if "." in name]
+    if not hidden:
+        return '<div class="fv fv-truth">Truth: no effect was hidden.</div>'
+    listed = "; ".join(
+        f"{title(name)}{f' of {place}' if place else ''} {number(value)}" for name, place, value in hidden
+    )
+    return f'<div class="fv fv-truth">Truth: hidden were {escape(listed)}.</div>'
+
+
 def _minutes(measurements: MeasurementSet) -> str:
     seconds = sum(group.duration for group in measurements.groups)
     return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"

@@ -12,7 +12,7 @@ from flexviz.app.style import in_row
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.view.convergence import progress_text
-from flexviz.view.tables import parameters_html
+from flexviz.view.tables import parameters_html, truth_html
 from flexviz.view.text import number, plural
 
 if TYPE_CHECKING:
@@ -160,4 +160,4 @@ class IdentifyStep:
     def _draw_table(self) -> None:
         result = self._app.session.analysis.identification
         truth = self._app.truth if self._truth.value else None
-        self._table.content = parameters_html(result, truth)
+        self._table.content = truth_html(truth) + parameters_html(result, truth)
