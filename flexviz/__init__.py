@@ -45,12 +45,14 @@ _WHERE = {
     "diagnose": "flexviz.diagnosis",
     "Diagnosis": "flexviz.diagnosis",
     "Finding": "flexviz.diagnosis",
+    "load_effects": "flexviz.effects",
     "simulate_run": "flexviz.simulation",
     "replay": "flexviz.simulation",
 }
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding, diagnose
+    from flexviz.effects import load_effects
     from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
     from flexviz.identification import (
         Identification,
@@ -91,6 +93,7 @@ __all__ = [
     "__version__",
     "diagnose",
     "identify",
+    "load_effects",
     "make_observer",
     "read_set",
     "replay",

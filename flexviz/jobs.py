@@ -5,7 +5,8 @@ likes and looks at `should_stop()` now and then. It runs either in a child proce
 interpreter lock that playback needs, or in a thread of this process, where its result need not be copied.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
-a single BLAS thread and a lower priority, and ends by itself when the pipe closes.
+a single BLAS thread and a lower priority, and ends by itself when the pipe closes. `in_children` says what it
+has to do before its first job.
 """
 
 from __future__ import annotations
@@ -29,7 +30,24 @@ from flexviz.errors import Cancelled, FlexvizError, one_line
 Kind = Literal["started", "progress", "done", "stopped", "failed"]
 STOP_GRACE = 5.0  # [s] a stopped job may take to end by itself before its process is replaced
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
+_PREPARE = 0  # number of a preparation among the jobs
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+_preparations: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+
+
+def in_children(function: Callable[..., Any], *args: Any) -> None:
+    """Have every child process, also those that run already, call `function(*args)` before its next job.
+
+    Where it fails there, the next job fails with its reason.
+    """
+    _preparations.append((function, args))
+
+
+def forget_in_children(function: Callable[..., Any], *args: Any) -> None:
+    """Do not call it in children that are started from now on."""
+    _preparations[:] = [entry for entry in _preparations if entry != (function, args)]
 
 
 @dataclass(frozen=True)
@@ -156,6 +174,10 @@ class Worker:
         if self._child is None or not self._child.alive:
             self._child = _Child()
         child = self._child
+        for preparation in _preparations:
+            if preparation not in child.prepared:
+                child.send(("run", _PREPARE, *preparation))
+                child.prepared.append(preparation)
         child.send(("run", job.number, job.function, job.args))
         asked: float | None = None
         while True:
@@ -196,6 +218,7 @@ class _Child:
     """The parent's end of the child process."""
 
     def __init__(self) -> None:
+        self.prepared: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
         self._pipe, theirs = Pipe()
         environment = os.environ | dict.fromkeys(_THREADS, "1")
         self._process = subprocess.Popen(
@@ -273,6 +296,9 @@ def child_main(descriptor: int) -> None:
             number, function, args = jobs.pop(0)
         stop = stops.setdefault(number, threading.Event())
         try:
+            if number == _PREPARE:
+                function(*args)
+                continue
             result = function(
                 *args,
                 progress=lambda value, number=number: send("progress", number, value),

@@ -12,7 +12,6 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from benchmarks.effect_pages.made import Made, Signal
 from benchmarks.effect_pages.pages import FOLDER, files
 from benchmarks.effect_pages.pictures import PICTURES, PLACE
 from benchmarks.effect_pages.svg import COLOURS, GREY
@@ -20,6 +19,7 @@ from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
 from flexviz.effects.base import LawEffect, Scope, Where
 from flexviz.effects.load import tilted_gravity
+from flexviz.effects.trial import Made, Signal
 from flexviz.equation.undecided import undecided
 from flexviz.simulation import building
 from flexviz.simulation.elastic import ElasticJoint

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.cli.identifying import SetArgument
+from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
@@ -21,6 +22,7 @@ def diagnose(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
     ] = None,
+    effects_from: EffectsFromOption = None,
 ) -> int:
     """Say whether the model is complete, and if not, which effect is missing and where."""
     from flexviz.cli import output
@@ -28,6 +30,7 @@ def diagnose(
     from flexviz.diagnosis import diagnose as search
     from flexviz.measurements import read_set
 
+    load_own(effects_from)
     output.check_output_file(json_file)
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         measurements = read_set(measurement_set)

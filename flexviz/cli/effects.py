@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexviz.cli.own import EffectsFromOption, load_own
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -26,6 +28,7 @@ def effects(
         Path | None,
         typer.Option("--json", metavar="FILE", help="Also write them as JSON; - writes only that, here."),
     ] = None,
+    effects_from: EffectsFromOption = None,
 ) -> int:
     """List the physical effects, or show one with its equation, bounds and signature."""
     from flexviz.cli import output
@@ -33,6 +36,7 @@ def effects(
     from flexviz.errors import InputError, choose_from
     from flexviz.view.effect_text import effect_json
 
+    load_own(effects_from)
     if name is not None and name not in EFFECTS:
         raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}')
     shown = list(EFFECTS.values()) if name is None else [EFFECTS[name]]

@@ -19,6 +19,7 @@ from flexviz.cli.identifying import (
     parse_bandwidth,
     run_identification,
 )
+from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -31,6 +32,7 @@ def identify(
     observer: ObserverOption = "butterworth-zero-phase",
     bandwidth: BandwidthOption = None,
     refine: RefineOption = False,
+    effects_from: EffectsFromOption = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
     ] = None,
@@ -39,6 +41,7 @@ def identify(
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
 
+    load_own(effects_from)
     output.check_output_file(json_file)
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:

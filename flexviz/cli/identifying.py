@@ -24,7 +24,12 @@ GroupOption = Annotated[
 ]
 EffectOption = Annotated[
     list[str] | None,
-    typer.Option("--effect", metavar="NAME[:joint]", help="Add an effect to the model; repeat for more."),
+    typer.Option(
+        "--effect",
+        metavar="NAME[:place]",
+        help="Add an effect to the model, everywhere or at NAME:joint, NAME:payload or NAME:joint@group; "
+        "repeat for more.",
+    ),
 ]
 ObserverOption = Annotated[
     str,

@@ -19,6 +19,7 @@ from flexviz.cli.identifying import (
     parse_bandwidth,
     run_identification,
 )
+from flexviz.cli.own import EffectsFromOption, load_own
 from flexviz.errors import Cancelled
 
 
@@ -30,11 +31,13 @@ def record(
     observer: ObserverOption = "butterworth-zero-phase",
     bandwidth: BandwidthOption = None,
     refine: RefineOption = False,
+    effects_from: EffectsFromOption = None,
 ) -> int:
     """Identify, and record signals, observer states, residuals, iterations and both robots."""
     from flexviz.cli import output, tables
     from flexviz.cli.progress import Reporter, interruptible
 
+    load_own(effects_from)
     output.check_output_file(out)
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     with Reporter(f"reading {measurement_set}") as report, interruptible("nothing is written") as should_stop:

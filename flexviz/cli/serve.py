@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from flexviz.cli.own import EffectsFromOption, load_own
+
 
 def serve(
     source: Annotated[
@@ -21,9 +23,11 @@ def serve(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
+    effects_from: EffectsFromOption = None,
 ) -> int:
     """See measured and identified motion side by side in the browser; Ctrl+C ends it."""
     from flexviz.app import serve as run
 
+    load_own(effects_from)
     run(source, host=host, port=port, open_browser=browser)
     return 0

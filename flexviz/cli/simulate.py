@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flexviz.cli.own import EffectsFromOption, load_own
+
 if TYPE_CHECKING:
     from flexviz.simulation.sets import SimulatedSet
 
@@ -32,11 +34,13 @@ def simulate(
     table_format: Annotated[
         str, typer.Option("--format", metavar="parquet|csv", help="Kind of tables.")
     ] = "parquet",
+    effects_from: EffectsFromOption = None,
 ) -> int:
     """Simulate a flexible-joint robot; write its measurement set and, beside it, truth.json."""
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
 
+    load_own(effects_from)
     with Reporter(f"simulating {preset}") as report:
         from flexviz.simulation.sets import simulate_preset
 

@@ -1,6 +1,18 @@
 """The effect library: name → effect, in the order in which they are listed."""
 
-from flexviz.effects.base import Context, Effect, Guess, JointMotion, ParameterSpec, Place, Terms
+from flexviz.effects.base import (
+    Context,
+    Effect,
+    Guess,
+    Instant,
+    JointMotion,
+    LawEffect,
+    LinearEffect,
+    ParameterSpec,
+    Place,
+    Terms,
+    smooth_sign,
+)
 from flexviz.effects.friction import (
     CoulombFriction,
     FrictionDrift,
@@ -12,7 +24,8 @@ from flexviz.effects.friction import (
 from flexviz.effects.hysteresis import PreslidingHysteresis
 from flexviz.effects.load import BaseTilt, CableSpring, ExternalContact, PayloadError
 from flexviz.effects.motor import MotorCoupling, TorqueOffset, TorqueRipple
-from flexviz.effects.names import EFFECT_NAMES
+from flexviz.effects.names import EFFECT_NAMES, known_names
+from flexviz.effects.own import forget_effects, load_effects, loaded_files
 from flexviz.effects.selection import ChosenEffect, choose_effects
 from flexviz.effects.sensing import TorqueDelay, TorqueGain
 from flexviz.effects.transmission import Backlash, JointDamping, StiffnessHardening, TransmissionError
@@ -50,9 +63,17 @@ __all__ = [
     "Context",
     "Effect",
     "Guess",
+    "Instant",
     "JointMotion",
+    "LawEffect",
+    "LinearEffect",
     "ParameterSpec",
     "Place",
     "Terms",
     "choose_effects",
+    "forget_effects",
+    "known_names",
+    "load_effects",
+    "loaded_files",
+    "smooth_sign",
 ]

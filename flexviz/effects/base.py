@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
@@ -131,6 +132,30 @@ class Guess:
     label: str = ""
 
 
+class Instant(Protocol):
+    """What the simulator shows of one joint at one instant.
+
+    Attributes:
+        time: the group's own time [s].
+        theta, theta_velocity: motor side [rad], [rad/s].
+        q, q_velocity: link side [rad], [rad/s].
+        load: torque that the joint carries [Nm].
+    """
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def theta(self) -> float: ...
+    @property
+    def theta_velocity(self) -> float: ...
+    @property
+    def q(self) -> float: ...
+    @property
+    def q_velocity(self) -> float: ...
+    @property
+    def load(self) -> float: ...
+
+
 class Context(Protocol):
     """What the equation offers to an effect: motions, filters, and the observer's own outputs."""
 
@@ -191,11 +216,22 @@ class Effect(ABC):
     add theirs to the link side, r = s − Y Γ − f_lv q̇ − u.
 
     Attributes:
+        name: as commands and files call it, snake_case.
+        title: as people call it.
+        where: "motor", "link", "joint", "sensing" or "load".
+        explanation: one sentence that a technician understands.
+        equation: u, or what is changed, in the symbols of `parameters`.
+        signature: how it shows in a residual.
+        confirm: which data confirm it.
+        reference: where it is described.
+        parameters: its parameters, in the order of `values` everywhere.
         linear: u is linear in the parameters.
-        state: u depends on identified quantities (torque, stiffness) and is renewed as these change.
+        state: u depends on identified quantities (torque, link side, stiffness, f_mv) and is renewed as these
+            change.
         scope: what it belongs to.
         beside: an effect without which this one makes no sense on a joint.
         replaces: an effect that it replaces on its joint.
+        example: parameters at which it is clearly there: for checks, and for simulated sets that name none.
     """
 
     name: ClassVar[str]
@@ -212,6 +248,7 @@ class Effect(ABC):
     scope: ClassVar[Scope] = "joint"
     beside: ClassVar[str | None] = None
     replaces: ClassVar[str | None] = None
+    example: ClassVar[tuple[float, ...]] = ()
     flexible: ClassVar[bool] = False
     """Whether it can imitate unknown position effects (ripples of free order)."""
 
@@ -232,6 +269,26 @@ class Effect(ABC):
     def guesses(self, context: Context, place: Place) -> list[Guess]:
         """Small versions of it to score, over a grid of whatever is nonlinear."""
 
+    def simulation(self, values: Array) -> Callable[[Instant], float] | None:
+        """Its torque at one instant, for the simulator; None where there is none.
+
+        Only effects of one's own are asked: the library's are written down once more in the simulator. Motor
+        and link effects: the torque against the motion, u itself; joint effects: what the joint carries
+        beside K (θ − q), [Nm] each. It has to be smooth over a millisecond.
+        """
+        return None
+
+    def sizes(self) -> Array:
+        """The example, or else something between the bounds, shape (P,)."""
+        if self.example:
+            return np.array(self.example, dtype=float)
+        middle = []
+        for p in self.parameters:
+            low, high = np.isfinite(p.lower), np.isfinite(p.upper)
+            between = p.lower + 0.3 * (p.upper - p.lower) if low and high else 0.8
+            middle.append(between if low == high else p.lower + 0.8 if low else p.upper - 0.8)
+        return np.array(middle)
+
 
 class LawEffect(Effect):
     """An effect whose u is a law of its joint's own motion, evaluated wide-band and then filtered.
@@ -239,8 +296,10 @@ class LawEffect(Effect):
     Attributes:
         memory: u depends on what was before the record (`unknown` says how).
         smooth: u never jumps where a velocity or torque passes zero, so that nothing is undecided there.
+        grid: parameter → values at which a search tries it; in the other ones u is linear from zero on.
     """
 
+    grid: ClassVar[Mapping[str, Sequence[float]]] = {}
     memory: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
 
@@ -271,7 +330,22 @@ class LawEffect(Effect):
         return Guess(terms.entry, terms.joints, terms.slopes, lambda c: values + c, label)
 
     def guesses(self, context: Context, place: Place) -> list[Guess]:
-        return [self.guess(context, place, np.zeros(len(self.parameters)))]
+        names = [p.name for p in self.parameters]
+        free = [k for k, name in enumerate(names) if name not in self.grid]
+        out = []
+        for tried in product(*self.grid.values()):
+            start = np.zeros(len(names))
+            start[[names.index(name) for name in self.grid]] = tried
+            whole = self.guess(context, place, start)
+
+            def to_values(c: Array, start: Array = start) -> Array:
+                values = start.copy()
+                values[free] = c
+                return values
+
+            label = ", ".join(f"{name} {value:g}" for name, value in zip(self.grid, tried, strict=True))
+            out.append(Guess(whole.entry, whole.joints, whole.columns[free], to_values, label))
+        return out
 
 
 class LinearEffect(LawEffect):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from flexviz.effects.base import (
@@ -77,25 +79,13 @@ class StribeckFriction(LawEffect):
         ParameterSpec("velocity", "rad/s", 0.01, 3.0, "speed at which 37 % is left", "v_s"),
     )
     beside = "coulomb_friction"
+    grid: ClassVar = {"velocity": (0.03, 0.06, 0.1, 0.17, 0.3, 0.5, 0.9)}
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         size, width = values[0], max(values[1], 1e-3)
         ratio = (motion.velocity / width) ** 2
         bell = np.exp(-ratio) * smooth_sign(motion.velocity)
         return size * bell, np.stack((bell, size * bell * 2 * ratio / width))
-
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
-        out = []
-        for width in (0.03, 0.06, 0.1, 0.17, 0.3, 0.5, 0.9):
-            start = np.array([0.0, width])
-            whole = self.guess(context, place, start)
-            out.append(
-                Guess(
-                    whole.entry, whole.joints, whole.columns[:1],
-                    lambda c, w=width: np.array([c[0], w]), f"velocity {width:g} rad/s",
-                )
-            )  # fmt: skip
-        return out
 
 
 class QuadraticFriction(LinearEffect):

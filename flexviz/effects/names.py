@@ -24,3 +24,11 @@ EFFECT_NAMES: tuple[str, ...] = (
     "external_contact",
     "motor_coupling",
 )
+
+OWN: list[str] = []
+"""Names of the effects that users have loaded from their own files, in that order."""
+
+
+def known_names() -> tuple[str, ...]:
+    """The library's names and those of the user's own effects."""
+    return (*EFFECT_NAMES, *OWN)

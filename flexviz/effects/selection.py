@@ -82,7 +82,10 @@ def choose_effects(
     for text in wanted:
         name, _, where = text.partition(":")
         if name not in EFFECTS:
-            raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS)}')
+            raise InputError(
+                f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}; '
+                "give the file of one of your own with --effects-from"
+            )
         chosen |= dict.fromkeys(_places(text, EFFECTS[name], where, joints, payloads, groups))
     replaced = {(EFFECTS[c.effect].replaces, c.joint) for c in chosen}
     return tuple(c for c in chosen if (c.effect, c.joint) not in replaced)

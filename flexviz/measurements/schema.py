@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from flexviz.effects.names import EFFECT_NAMES
+from flexviz.effects.names import known_names
 from flexviz.errors import InputError, choose_from
 
 FILE_NAME = "measurements.toml"
@@ -153,9 +153,10 @@ def check_consistency(content: MeasurementFile, file: Path) -> None:
         if values is not None and len(values) != n:
             refuse(place, f"{len(values)} values for {n} joints, one a joint ({n}) would be right")
     for effect in content.model.effects:
-        if effect not in EFFECT_NAMES:
-            meant = choose_from(effect, EFFECT_NAMES, limit=len(EFFECT_NAMES))
-            refuse("model.effects", f'effect "{effect}" is not known; {meant}')
+        if effect not in known_names():
+            meant = choose_from(effect, known_names(), limit=len(known_names()))
+            own = "give the file of one of your own with --effects-from"
+            refuse("model.effects", f'effect "{effect}" is not known; {meant}; {own}')
     if twice := repeated(content.model.effects):
         refuse("model.effects", f'"{twice}" is listed twice, each effect once would be right')
     if twice := repeated(group.name for group in content.groups):

@@ -8,11 +8,13 @@ from math import cos, sin
 
 import numpy as np
 
+from flexviz.effects.names import known_names
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl
+from flexviz.simulation.own_effects import OWN_LAWS, own_law
 from flexviz.simulation.plant import Array, Plant
 
 G = 9.81  # [m/s²]
@@ -64,7 +66,9 @@ def make_plant(
         elif name == "base_tilt":
             gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
         for i in joints:
-            if name in MOTOR_LAWS:
+            if name in OWN_LAWS:
+                plant.own.append((i, own_law(name, p)))
+            elif name in MOTOR_LAWS:
                 more = {"viscous": float(viscous[i])} if name == "friction_drift" else {}
                 plant.motor_laws.append((i, MOTOR_LAWS[name](**p, **more)))
             elif name in LINK_LAWS:
@@ -88,6 +92,8 @@ def make_plant(
 
 def check_effect(effect: EffectValue, joints: Sequence[str]) -> None:
     """InputError when the effect, its joint or one of its parameters does not exist."""
+    if effect.effect not in LAWS and effect.effect in known_names():
+        raise InputError(f'effect "{effect.effect}" cannot be simulated: its class has no simulation')
     if effect.effect not in LAWS:
         raise InputError(f'effect "{effect.effect}" does not exist; {choose_from(effect.effect, LAWS, 30)}')
     if effect.joint is not None and effect.joint not in joints:

@@ -9,9 +9,11 @@ from math import isfinite
 import numpy as np
 
 from flexviz._pinocchio import pin
+from flexviz.effects.names import known_names
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue
 from flexviz.simulation.laws import LAWS
+from flexviz.simulation.own_effects import OWN_LAWS, check_sizes, own_sizes
 from flexviz.simulation.plan import Plan
 from flexviz.simulation.plant import Array
 
@@ -42,6 +44,8 @@ def hide(plan: Plan, wanted: Sequence[str]) -> Plan:
 def parse(text: str, plan: Plan) -> list[EffectValue]:
     """The effects that one option stands for; without a joint, one on every joint."""
     name, *rest = (part.strip() for part in text.split(":"))
+    if name not in LAWS and name in known_names():
+        raise InputError(f'effect "{name}" cannot be hidden: its class has no simulation')
     if name not in LAWS:
         raise InputError(f'effect "{name}" does not exist; {choose_from(name, LAWS, 30)}')
     info = LAWS[name]
@@ -77,12 +81,16 @@ def parse(text: str, plan: Plan) -> list[EffectValue]:
     for joint in joints:
         values = default_parameters(name, joint, plan, size) | {k: float(v) for k, v in given.items()}
         _check_values(text, name, values)
+        if name in OWN_LAWS:
+            check_sizes(text, name, values)
         result.append(EffectValue(name, joint, values, group=group, payload=payload))
     return result
 
 
 def default_parameters(name: str, joint: str | None, plan: Plan, size: Scale) -> dict[str, float]:
     """Parameters that make the effect clearly visible on that joint without dominating it."""
+    if name in OWN_LAWS:
+        return own_sizes(name)
     i = plan.robot.joints.index(joint) if joint is not None else 0
     torque, speed, bend = float(size.torque[i]), float(size.speed[i]), float(size.deflection[i])
     stiffness, inertia = float(plan.model.stiffness[i]), plan.model.motor_inertia

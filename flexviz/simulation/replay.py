@@ -23,6 +23,7 @@ from flexviz.robot import Robot
 from flexviz.simulation import rates, starting
 from flexviz.simulation.building import Recorder, make_plant
 from flexviz.simulation.loop import Loop, Progress
+from flexviz.simulation.own_effects import without_unsimulated
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Sampled
 from flexviz.simulation.resimulating import smooth
@@ -59,6 +60,7 @@ def replay(
     step = group.segments[0].step
     cycle = step / _cycles_per_sample(step, torque_hold if closed else 0.0)
     gain = np.broadcast_to(np.asarray(kd, dtype=float), robot.n) if closed else None
+    model, left_out = without_unsimulated(model)
     model, changes = _resolvable(robot, model, group, gain, cycle)
     plant, recorder = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
     gains = (kp, kd) if closed else _weak_gains(robot, plant, group)
@@ -88,7 +90,7 @@ def replay(
         if closed
         else "open loop: the recorded torque drives the model, a weak PD (2 Hz) keeps it near the motion"
     )
-    return _joined(runs, "; ".join([how, *changes]))
+    return _joined(runs, "; ".join([how, *left_out, *changes]))
 
 
 def _replay_segment(

@@ -93,7 +93,7 @@ def simulate_run(
     time = np.arange(cycles) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
     plant, recorder = make_plant(robot, model, payload, group=group, payload_name=payload_name)
-    plant.own = [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
+    plant.own += [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
     kp, kd = (robot.to_pin(np.broadcast_to(gain, n)) for gain in (controller.kp, controller.kd))
     if start == "rest":
         x, tau = starting.at_rest(plant, position[0], kp)

@@ -1,4 +1,4 @@
-"""A made-up motion in closed form, and the context it offers to effects."""
+"""A made-up motion in closed form, and the context it offers to effects: for checks and for pictures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import JointMotion
+from flexviz.effects.base import JointMotion
 
 Array = NDArray[np.float64]
 

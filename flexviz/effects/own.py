@@ -1,0 +1,117 @@
+"""Effects of one's own: a Python file with effect classes, run, checked and added to the library.
+
+The file is a program and runs with all rights of whoever loads it: only load files that you trust. Nothing
+is ever loaded that was not named by the user; sessions and measurement sets only hold effects' names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+from flexviz.effects.base import Effect
+from flexviz.effects.names import OWN
+from flexviz.effects.own_checks import Source, check
+from flexviz.errors import InputError, one_line
+from flexviz.jobs import forget_in_children, in_children
+
+_loaded: dict[Path, tuple[Effect, ...]] = {}
+_listeners: list[Callable[[Effect, bool], None]] = []
+
+
+def load_effects(path: str | Path) -> tuple[Effect, ...]:
+    """Run a Python file and add the effect classes in it to the library, in this process and its workers.
+
+    A file that is loaded already is left as it is.
+
+    Args:
+        path: the file. It is trusted: what stands in it is run.
+
+    Raises:
+        InputError: one line with file and line: what is wrong with it or with one of its effects.
+    """
+    from flexviz.effects import EFFECTS
+
+    file = Path(path)
+    key = file.resolve()
+    if key in _loaded:
+        return _loaded[key]
+    source = Source.read(file)
+    module = _run(file, key)
+    try:
+        classes = [
+            c
+            for c in vars(module).values()
+            if inspect.isclass(c) and issubclass(c, Effect) and c.__module__ == module.__name__
+        ]
+        parents = {parent for c in classes for parent in c.__mro__[1:]}
+        effects = [check(c, source, EFFECTS) for c in classes if c not in parents]
+        if not effects:
+            raise InputError(
+                "defines no effect; a class derived from flexviz.effects.LinearEffect would be one", file=file
+            )
+        names = [e.name for e in effects]
+        for effect in effects:
+            if names.count(effect.name) > 1:
+                raise source.error(f'two effects are called "{effect.name}"', type(effect), "name")
+    except BaseException:
+        sys.modules.pop(module.__name__, None)
+        raise
+    _loaded[key] = tuple(effects)
+    for effect in effects:
+        EFFECTS[effect.name] = effect
+        OWN.append(effect.name)
+        for tell in _listeners:
+            tell(effect, True)
+    in_children(load_effects, str(key))
+    return _loaded[key]
+
+
+def loaded_files() -> tuple[Path, ...]:
+    """The files that effects were loaded from, in that order."""
+    return tuple(_loaded)
+
+
+def forget_effects() -> None:
+    """Take all effects of one's own out of the library again."""
+    from flexviz.effects import EFFECTS
+
+    for file, effects in _loaded.items():
+        for effect in effects:
+            EFFECTS.pop(effect.name, None)
+            for tell in _listeners:
+                tell(effect, False)
+        forget_in_children(load_effects, str(file))
+    OWN.clear()
+    _loaded.clear()
+
+
+def listen(tell: Callable[[Effect, bool], None]) -> None:
+    """Have `tell(effect, True)` called for every effect of one's own, now and later; False when it goes."""
+    _listeners.append(tell)
+    for effects in _loaded.values():
+        for effect in effects:
+            tell(effect, True)
+
+
+def _run(file: Path, key: Path) -> ModuleType:
+    name = f"flexviz_own_{hashlib.sha256(str(key).encode()).hexdigest()[:12]}"
+    spec = importlib.util.spec_from_file_location(name, key)
+    if spec is None or spec.loader is None:
+        raise InputError("is no Python file; its name has to end in .py", file=file)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look their module up there
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        del sys.modules[name]
+        lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(key)]
+        place = f"line {lines[-1]}" if lines else None
+        raise InputError(one_line(f"{type(error).__name__}: {error}"), file=file, place=place) from None
+    return module
