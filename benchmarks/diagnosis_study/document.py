@@ -40,8 +40,9 @@ others; half of it and three times as much as well.
 A finding is right when it names a hidden effect on its joint or payload, or its twin (motor and link
 Coulomb friction, delay and joint damping, offset and tilt) where that is reported as tied. Something is
 *named* when the verdict is "missing". A case is *decidable* when a fit that knows the truth, with the same
-workbench and started from the truth, gains at least 300 in χ² over the best base model; for laws that are
-not in the library, when the base model is that far from the noise.
+workbench and started from the truth, gains at least 300 in χ² over the best base model, for two effects
+over the best model with one of them; for laws that are not in the library, when the base model is that far
+from the noise. Of a joint below its noise the noise is counted.
 
 {HEAD}
 {TAIL}
