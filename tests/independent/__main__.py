@@ -1,4 +1,4 @@
-"""Write cases and their truth: `cd tests; python -m independent FOLDER --robot 2r --seeds 1 2 --kinds backlash none`.
+"""Write cases and their truth; from tests/: `python -m independent FOLDER --seeds 1 2 --kinds backlash none`.
 
 FOLDER/cases/NAME is a measurement set, FOLDER/truth/NAME.json what is true of it.
 """
