@@ -25,7 +25,8 @@ from flexviz.view.verdict import (
     verdict_html,
     verdict_text,
 )
-from flexviz.view.where import binned, instants, limits, map_html, samples, shaded, where_plots
+from flexviz.view.where import binned, instants, limits, samples, shaded, where_plots
+from flexviz.view.where_map import COLUMNS, map_html, shares
 
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
@@ -158,11 +159,11 @@ def test_a_range_marks_its_instants() -> None:
 
 
 def test_the_map_has_a_cell_for_every_joint_and_variable() -> None:
-    text = map_html(
-        (Place("joint2", "velocity", 0.31, (0, 1)), Place("joint1", "velocity", -0.1, (0, 1))),
-        ("joint1", "joint2"),
-    )
-    assert "31 %" in text and "0 %" in text and map_html((), ("joint1",)) == ""
+    found = shares(residuals(), 2)
+    assert found[0, "velocity"] > 0.9 and found[1, "group"] < 0.1
+    text = map_html(found, ("joint1", "joint2"), 1)
+    assert text.count("<td style") == 2 * len(COLUMNS) and "<b>joint2</b>" in text
+    assert shares(None, 2) == {} and map_html({}, ("joint1",)) == ""
 
 
 def test_what_to_do_next(tmp_path: Any) -> None:

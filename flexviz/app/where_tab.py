@@ -9,19 +9,18 @@ import numpy as np
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.controls import watch
-from flexviz.view.verdict import finding_name
 from flexviz.view.where import (
     VARIABLES,
     Samples,
     groups_html,
     instants,
     limits,
-    map_html,
     range_html,
     samples,
     shaded,
     where_plots,
 )
+from flexviz.view.where_map import Shares, map_html, shares
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -37,6 +36,7 @@ class WhereTab:
         self._app = app
         self._of: tuple[Any, int] | None = None  # the result and the joint the samples belong to
         self._samples: Samples | None = None
+        self._shares: tuple[Any, Shares] | None = None  # and the result they belong to
         gui = app.server.gui
         with tab:
             self._map = gui.add_html("")
@@ -64,12 +64,9 @@ class WhereTab:
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
             self._samples, self._of = samples(result, joint), (result, joint)
         name = app.measurements.joints[joint]
-        diagnosis = app.session.analysis.diagnosis
-        if diagnosis is None:
-            self._map.content = ""
-        else:
-            extra = [finding_name(step.added) for step in diagnosis.steps if step.added is not None]
-            self._map.content = map_html(diagnosis.where, app.measurements.joints, joint, ", ".join(extra))
+        if self._shares is None or self._shares[0] is not result:
+            self._shares = result, shares(result, app.measurements.n)
+        self._map.content = map_html(self._shares[1], app.measurements.joints, joint)
         self._groups.content = groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
         plots = where_plots(self._samples, name, app.show.group.name)

@@ -5,12 +5,20 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from flexviz.effects import Effect, ParameterSpec
+from flexviz.effects import EFFECT_NAMES, Effect, ParameterSpec
 
 ENTERS = {
     "torque": "u is taken off the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
     "deflection": "u is what the link side gains: q = θ − s/K + u",
     "residual": "u is a torque on the link side: r = s − Y Γ − f_lv q̇ − u",
+}
+SIMULATED = {
+    "motor": "u opposes the motor: B θ̈ = τ − f_mv θ̇ − u − τ_j.",
+    "link": "u opposes the link: M q̈ + C q̇ + g = τ_j − f_lv q̇ − u.",
+    "joint": (
+        "The joint carries τ_j = K x + k₃ x³ + D ẋ with x = deadzone(θ + a sin(nθ + φ) − q, b), whichever of "
+        "these it has; nothing within the play."
+    ),
 }
 BELONGS_TO = {
     "joint": "a joint",
@@ -24,6 +32,14 @@ def enters_text(effect: Effect) -> str:
     """How its u enters the identification equation."""
     means = "u = τ_recorded − τ_applied: " if effect.where == "sensing" else ""
     return means + ENTERS[effect.entry]
+
+
+def simulated_text(effect: Effect) -> str:
+    """What the simulator does with it, as a sentence."""
+    if effect.name not in EFFECT_NAMES and effect.simulation(effect.sizes()) is None:
+        return "Not simulated: its class says nothing about that."
+    sign = " sign(v) is taken as tanh(v / 0.005 rad/s)." if "sign(" in effect.equation else ""
+    return (effect.simulated or SIMULATED.get(effect.where, "")) + sign
 
 
 def parameter_text(parameter: ParameterSpec) -> str:
@@ -72,6 +88,7 @@ def effect_json(effect: Effect) -> dict[str, Any]:
             for p in effect.parameters
         ],
         "signature": effect.signature,
+        "simulated": simulated_text(effect),
         "confirm": effect.confirm,
         "beside": effect.beside,
         "replaces": effect.replaces,

@@ -1,20 +1,18 @@
-"""Where the model fails: the residual of one joint against each variable, and the map of all joints."""
+"""Where the model fails: the residual of one joint against each variable."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.view.colours import REFERENCE, RESIDUAL, cividis, css
+from flexviz.view.colours import REFERENCE, RESIDUAL
 from flexviz.view.plots import Line, Plot, no_plot, thin
-from flexviz.view.text import escape, number, short_names
+from flexviz.view.text import escape, number
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Place
     from flexviz.identification import Identification
 
 Array = NDArray[np.float64]
@@ -31,7 +29,6 @@ UNITS = {
     "time": "s",
 }
 VARIABLES = tuple(UNITS)
-COLUMNS = (*VARIABLES, "group", "frequency")  # of the map
 BINS = 24
 LEAST = 8  # samples a bin needs
 HEIGHT = 150  # [pixels]
@@ -202,39 +199,6 @@ def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]
         f'<div class="fv fv-dim">{escape(variable)} from {number(low, 3)} to {number(high, 3)} '
         f"{UNITS[variable]}: {100 * share:.0f} % of the time in this group, orange in the plot over time and "
         "on the robot's path.</div>"
-    )
-
-
-def map_html(places: Sequence[Place], joints: Sequence[str], chosen: int = 0, added: str = "") -> str:
-    """Joint by variable: the share of the residual's variance that each explains out of sample."""
-    if not places:
-        return ""
-    after = f", {added} added" if added else ""
-    share = {(place.joint, place.variable): max(place.explained, 0.0) for place in places}
-    columns = [key for key in COLUMNS if any(variable == key for _, variable in share)]
-    head = "".join(
-        f'<th title="{key}">{escape(key[:5])}{"." if len(key) > 5 else ""}</th>' for key in columns
-    )
-    rows = []
-    for index, (joint, short) in enumerate(zip(joints, short_names(tuple(joints)), strict=True)):
-        cells = "".join(_cell(share.get((joint, key)), joint, key) for key in columns)
-        bold = "<b>{}</b>" if index == chosen else "{}"
-        rows.append(f"<tr><td>{bold.format(escape(short))}</td>{cells}</tr>")
-    return (
-        f'<div class="fv"><b>Share of the residual that each variable explains{escape(after)}</b>'
-        f'<table class="fv-table fv-heat"><tr><th></th>{head}</tr>{"".join(rows)}</table>'
-        '<div class="fv-dim">Out of sample: noise scores 0.</div></div>'
-    )
-
-
-def _cell(share: float | None, joint: str, variable: str) -> str:
-    if share is None:
-        return "<td>–</td>"
-    colour = cividis(share)
-    ink = "#000" if sum(colour) > 330 else "#fff"
-    return (
-        f'<td style="background:{css(colour)};color:{ink}" title="{escape(joint)}, {escape(variable)}">'
-        f"{100 * share:.0f} %</td>"
     )
 
 
