@@ -24,7 +24,7 @@ from flexviz.equation.undecided import undecided
 from flexviz.simulation import building
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl
-from flexviz.view.effect_text import bounds_text, effect_json
+from flexviz.view.effect_text import bounds_text, effect_json, simulated_text
 
 VALUES = {
     "coulomb_friction": (3.0,),
@@ -87,6 +87,7 @@ def test_everything_is_said(effect: Effect) -> None:
         assert "  " not in text.replace(",  ", ", "), attribute
     for attribute in ("explanation", "signature", "confirm"):
         assert getattr(effect, attribute).endswith("."), attribute
+    assert simulated_text(effect).endswith(".")
     assert re.search(r"\b(19|20)\d\d$", effect.reference), "authors, title, where, year"
     assert type(effect).__doc__ and effect.where in get_args(Where) and effect.scope in get_args(Scope)
     for other in (effect.beside, effect.replaces):
@@ -365,7 +366,8 @@ def test_command_in_a_narrow_terminal(
 def test_command_shows_one(effect: Effect, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["effects", effect.name]) == 0
     words = " ".join(capsys.readouterr().out.split())
-    for text in (effect.title, effect.explanation, effect.signature, effect.confirm, effect.reference):
+    texts = (effect.title, effect.explanation, simulated_text(effect), effect.signature, effect.confirm)
+    for text in (*texts, effect.reference):
         assert " ".join(text.split()) in words
     for p in effect.parameters:
         assert f"{p.symbol}: {p.name} [{p.unit}], {bounds_text(p)}: {p.explanation}" in words

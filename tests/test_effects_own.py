@@ -107,6 +107,17 @@ def test_hidden_by_the_simulator_and_identified(hidden: Path, tmp_path: Path) ->
         assert one["value"] == pytest.approx(value, rel=2e-3)
 
 
+def test_diagnosis_finds_it(hidden: Path, tmp_path: Path) -> None:
+    out = tmp_path / "diagnosis.json"
+    options = ["--apply", "--effects-from", str(EXAMPLE), "--json", str(out)]
+    assert main(["diagnose", str(hidden), *options]) == 0
+    found = json.loads(out.read_text(encoding="utf-8"))
+    assert found["verdict"] == "missing" and found["steps"][-1]["verdict"] == "nothing-missing"
+    first = found["candidates"][0]
+    assert (first["effect"], first["joint"]) == ("directional_friction", "joint2")
+    assert first["parameters"]["backward"]["value"] == pytest.approx(2.5, rel=2e-3)
+
+
 @pytest.mark.parametrize("command", ["identify", "diagnose", "serve", "record", "simulate", "effects"])
 def test_every_command_has_the_option(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "--help"]) == 0

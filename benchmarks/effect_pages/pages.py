@@ -14,6 +14,7 @@ from flexviz.view.effect_text import (
     enters_text,
     parameter_text,
     relation_text,
+    simulated_text,
 )
 
 FOLDER = Path(__file__).resolve().parent.parent.parent / "docs" / "effects"
@@ -67,6 +68,7 @@ def page(effect: Effect) -> str:
         f"![{effect.title}: u along a motion]({name}.svg)",
         _wrapped(caption(name)),
         _wrapped(f"**In a residual.** {effect.signature}"),
+        _wrapped(f"**In the simulator.** {simulated_text(effect)}"),
         _wrapped(f"**What confirms it.** {effect.confirm}"),
         _wrapped(f"**Reference.** {effect.reference}."),
         "[All effects](README.md)",

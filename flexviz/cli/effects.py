@@ -91,7 +91,14 @@ def show_one(console: Console, effect: Effect) -> None:
     """Everything about one effect, as lines of text."""
     from rich.table import Table
 
-    from flexviz.view.effect_text import BELONGS_TO, bounds_text, enters_text, parameter_text, relation_text
+    from flexviz.view.effect_text import (
+        BELONGS_TO,
+        bounds_text,
+        enters_text,
+        parameter_text,
+        relation_text,
+        simulated_text,
+    )
 
     belongs = f"{effect.where}; belongs to {BELONGS_TO[effect.scope]}"
     rows = [
@@ -106,6 +113,7 @@ def show_one(console: Console, effect: Effect) -> None:
     ]
     rows += [("note", relation_text(effect))] if relation_text(effect) else []
     rows += [
+        ("simulated", simulated_text(effect)),
         ("signature", effect.signature),
         ("confirmed by", effect.confirm),
         ("reference", effect.reference),

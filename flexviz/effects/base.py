@@ -223,6 +223,7 @@ class Effect(ABC):
         equation: u, or what is changed, in the symbols of `parameters`.
         signature: how it shows in a residual.
         confirm: which data confirm it.
+        simulated: what the simulator does with it, where that is not u on its side.
         reference: where it is described.
         parameters: its parameters, in the order of `values` everywhere.
         linear: u is linear in the parameters.
@@ -241,6 +242,7 @@ class Effect(ABC):
     equation: ClassVar[str]
     signature: ClassVar[str]
     confirm: ClassVar[str]
+    simulated: ClassVar[str] = ""
     reference: ClassVar[str]
     parameters: ClassVar[tuple[ParameterSpec, ...]]
     linear: ClassVar[bool] = False

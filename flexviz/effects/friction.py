@@ -143,6 +143,7 @@ class FrictionDrift(LawEffect):
     equation = "u = f_mv θ̇ · a exp(−t/T)"
     signature = "A velocity-proportional residual that fades over each group's time."
     confirm = "Long runs of a repeated motion."
+    simulated = "f_mv θ̇ a exp(−t/T) opposes the motor, t from the start of each run."
     reference = (
         "Bittencourt, Wernholt, Sander-Tavallaey, Brogårdh: An extended friction model to capture load and "
         "temperature effects in robot joints, IROS 2010"

@@ -28,6 +28,7 @@ class PreslidingHysteresis(LawEffect):
     equation = "ż = θ̇ − |θ̇| z σ/f_c,  u = σ z"
     signature = "Coulomb-like steps that are rounded over an angle f_c/σ after every reversal."
     confirm = "Small back-and-forth motions about several positions."
+    simulated = "z is a state of the simulation, zero at the start of each run; σ z opposes the motor."
     reference = "Dahl: Solid friction damping of mechanical vibrations, AIAA Journal 14(12), 1976"
     parameters = (
         ParameterSpec(

@@ -65,6 +65,7 @@ class PayloadError(Effect):
     equation = "Γ_payload → (1 + e) Γ_payload"
     signature = "A residual like that payload's own weight, in the groups that carry it."
     confirm = "Weigh the payload, or run the same motion without it."
+    simulated = "The payload's mass and inertia are multiplied by 1 + e in the runs that carry it."
     reference = (
         "Khalil, Gautier, Lemoine: Identification of the payload inertial parameters of industrial "
         "manipulators, ICRA 2007"
@@ -95,9 +96,9 @@ class BaseTilt(Effect):
     equation = "g = Rᵀ(0, 0, −9.81),  R = Ry(tilt_y) Rx(tilt_x)"
     signature = "A gravity-like residual, a quarter turn out of step with gravity itself."
     confirm = "A level; or poses of the first axis all round."
+    simulated = "Gravity points along Rᵀ(0, 0, −1)."
     reference = (
-        "Atkeson, An, Hollerbach: Estimation of inertial parameters of manipulator loads and links, "
-        "IJRR 5(3), 1986"
+        "Featherstone: Rigid Body Dynamics Algorithms (gravity as the base's acceleration), Springer, 2008"
     )
     parameters = (
         ParameterSpec("tilt_x", "rad", lower=-0.6, upper=0.6, explanation="about the base's x"),
@@ -143,6 +144,7 @@ class ExternalContact(LawEffect):
     equation = "τ_ext = T for t₁ ≤ t ≤ t₂, in one group"
     signature = "A box in time, in one group only."
     confirm = "Repeat the run: a contact does not come back."
+    simulated = "T is added to the link's torque between t₁ and t₂ of that run."
     reference = "Haddadin, De Luca, Albu-Schäffer: Robot collisions: a survey, IEEE T-RO 33(6), 2017"
     parameters = (
         ParameterSpec("torque", "Nm", explanation="positive like the transmission torque", symbol="T"),

@@ -113,6 +113,7 @@ class MotorCoupling(Effect):
     equation = "u_i = B_ij θ̈_j"
     signature = "A residual in proportion to the neighbouring motor's acceleration."
     confirm = "Move the neighbouring joint alone."
+    simulated = "B_ij θ̈_j opposes the motor i: its equation gets the neighbour's acceleration."
     reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"
     parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
     linear = True

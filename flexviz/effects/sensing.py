@@ -17,6 +17,7 @@ class TorqueGain(Effect):
     equation = "τ_applied = (1 + g) τ_recorded"
     signature = "A residual in proportion to the recorded torque."
     confirm = "A known payload: its weight is the yardstick."
+    simulated = "The motor gets 1 + g times the torque that is recorded."
     reference = (
         "Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots, "
         "ASME J. Dynamic Systems, Measurement, and Control 136(5), 2014"
@@ -52,6 +53,7 @@ class TorqueDelay(Effect):
     equation = "τ_applied(t) = τ_recorded(t − d)"
     signature = "A residual in proportion to the torque's rate of change."
     confirm = "Fast motions; a step of the reference."
+    simulated = "The motor gets the torque d later than it is recorded."
     reference = "Björklund, Ljung: A review of time-delay estimation techniques, CDC 2003"
     parameters = (
         ParameterSpec("delay", "s", lower=-0.1, upper=0.1, explanation="how much later it acts", symbol="d"),

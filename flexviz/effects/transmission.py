@@ -14,8 +14,6 @@ from flexviz.effects.base import Array, JointMotion, LawEffect, ParameterSpec
 from flexviz.effects.elastic import ElasticJoint
 from flexviz.effects.motor import ORDER, PHASE, Ripple
 
-_SPONG = "Spong: Modeling and control of elastic joint robots, ASME J. Dyn. Syst. Meas. Control 109(4), 1987"
-
 
 def _joint(motion: JointMotion, cubic: float, damping: float) -> ElasticJoint:
     return ElasticJoint(
@@ -113,7 +111,7 @@ class JointDamping(LawEffect):
     equation = "τ_j = K δ + D δ̇"
     signature = "Position error in proportion to the transmitted torque's rate of change."
     confirm = "Fast motions that excite the joint's resonance."
-    reference = _SPONG
+    reference = "De Luca, Farina, Lucibello: On the control of robots with visco-elastic joints, ICRA 2005"
     parameters = (ParameterSpec("damping", "Nm s/rad", 0.0, explanation="of the deflection", symbol="D"),)
     state = True
     smooth = True
