@@ -36,12 +36,27 @@ NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
 
 @dataclass(frozen=True)
 class Band:
-    """One bandwidth's data."""
+    """One bandwidth's data.
+
+    Attributes:
+        bandwidth: [rad/s].
+        signals: of a single observer, or of the wide one of two.
+        equation: of a single observer, or of the narrow one of two.
+        refinement: the two; None for a single observer.
+        own_error: shape (N, n), what this bandwidth alone adds to the residual [Nm].
+    """
 
     bandwidth: float
     signals: Signals
     equation: Equation
     refinement: Refinement | None
+    own_error: Array | float = 0.0
+
+    def residual(self, x: Array) -> Array:
+        """The residual at x, shape (N, n)."""
+        equation = self.equation if self.refinement is None else self.refinement.wide
+        equation.prepare(x)
+        return equation.residual(x) - self.own_error
 
 
 @dataclass(frozen=True)
@@ -70,16 +85,34 @@ class Fitted:
 def refined_bands(
     measurements: MeasurementSet, groups: list[Group], layout: Layout, factors: list[float]
 ) -> list[Band]:
-    out = []
+    found: dict[float, Band] = {}  # coarse records hold no wide band: there some factors mean the same one
     for factor in factors:
         refinement = Refinement(measurements, groups, layout, WIDE_HERTZ * factor)
         refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
         signals = refinement.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
-        if out and bandwidth <= out[-1].bandwidth:
-            break  # the records are too coarse for wider ones
-        out.append(Band(bandwidth, signals, refinement.narrow, refinement))
-    return out
+        found.setdefault(bandwidth, Band(bandwidth, signals, refinement.narrow, refinement))
+    return list(found.values())
+
+
+def without_own_error(band: Band, wider: Band, x: Array) -> Band:
+    """The band as if its residual had been formed in the wider band and low-passed afterwards.
+
+    Products of narrowly filtered signals are not the filtered products. That is an error of the narrow band;
+    it must not be held against the parameters that the wider one gave.
+    """
+    assert isinstance(band.signals.observer, FlatZeroPhase)
+    residual, wide = band.residual(x), wider.residual(x)
+    there = {key_of(wider, k): b for k, b in enumerate(wider.signals.blocks)}
+    error = np.zeros_like(residual)
+    for index, own in enumerate(band.signals.blocks):
+        if (source := there.get(key_of(band, index))) is None:
+            continue
+        step = source.segment.step * source.stride
+        slow = band.signals.observer.derivatives(wide[source.rows], step, 1)[0]
+        formed = CubicSpline(wider.signals.time[source.rows], slow)(band.signals.time[own.rows])
+        error[own.rows] = residual[own.rows] - formed
+    return replace(band, own_error=error)
 
 
 def plain_bands(
@@ -171,6 +204,7 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
     iteration = 0
     while True:
         residual, narrow = evaluated(refinement, x)
+        residual = residual - band.own_error
         if metrics is None:
             metrics = refinement.metrics(x, narrow, refinement.whiteners(x, narrow.link))
         point = weighted_point(refinement, residual, narrow, metrics)
@@ -272,9 +306,7 @@ def compared(band: Band, x: Array, other: Band, common: Spans, low: FlatZeroPhas
     Where it is faded fully in, over all but a cycle of the low-pass, nothing is changed; the size is that of
     an unfaded stretch.
     """
-    equation = band.equation if band.refinement is None else band.refinement.wide
-    equation.prepare(x)
-    residual = equation.residual(x)
+    residual = band.residual(x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
     there = {key_of(other, k): b for k, b in enumerate(other.signals.blocks)}
     out = []

@@ -34,10 +34,12 @@ from flexviz.diagnosis.bands import (
     slow_noise,
     spans,
     unfitted,
+    without_own_error,
 )
 from flexviz.equation import Layout
 from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.prior import Prior
+from flexviz.identification.refinement import WIDE_HERTZ
 from flexviz.identification.result import ParameterEstimate
 from flexviz.identification.start import start_values
 from flexviz.identification.summary import combinations, parameter_estimates
@@ -47,14 +49,14 @@ from flexviz.observers import FlatZeroPhase, Observer
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FACTORS = (0.3, 0.5, 1.0, 1.25)  # of the two bands' bandwidth
+FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # of the two bands' bandwidth
 PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of a single observer's
 # of the narrowest bandwidth: up to there the residuals are compared; the two bands are flat up to their end
 COMMON, COMMON_FLAT = 0.5, 1.0
 INTERVAL = 1.96  # standard errors: half of a 95 % interval
 MOVED = 3.0  # standard errors of the difference itself
 CHANGED = 1.0  # times the noise by which a residual has to change
-WORTH = 0.2  # of the residual, and by that much of it
+WORTH = 0.1  # of the residual, and by that much of it
 
 
 @dataclass(frozen=True)
@@ -164,10 +166,12 @@ def guard(
     chosen = [g for g in measurements.groups if not g.validation] if groups is None else list(groups)
     factors = (FACTORS if observer is None else PLAIN_FACTORS) if factors is None else factors
     tried = sorted({1.0, *factors})
-    in_use = tried.index(1.0)
-    bands = refined_bands(measurements, chosen, layout, tried) if observer is None else plain_bands(
-        measurements, chosen, layout, observer, tried
-    )  # fmt: skip
+    if observer is None:
+        bands = refined_bands(measurements, chosen, layout, tried)
+        widest = max(b.bandwidth for b in bands)
+        in_use = [b.bandwidth for b in bands].index(min(2 * np.pi * WIDE_HERTZ, widest))
+    else:
+        bands, in_use = plain_bands(measurements, chosen, layout, observer, tried), tried.index(1.0)
     start = start_values(measurements, bands[in_use].equation)
     prior, bounds = start.prior, loose(start, layout)
     common_spans = spans(bands)
@@ -177,6 +181,8 @@ def guard(
     fitted: list[Fitted] = []
     for band, used in zip(bands, when, strict=True):
         check()
+        if observer is None and FlatZeroPhase.ratio * band.bandwidth <= bands[in_use].bandwidth:
+            band = without_own_error(band, bands[in_use], begin.x)
         fitted.append(fit(band, prior, bounds, begin, used, True))
     common = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
     low = FlatZeroPhase(common / FlatZeroPhase.ratio)
@@ -206,15 +212,24 @@ def guard(
         explained,
         common,
         beyond.any(axis=0),
-        _curves(measurements, layout, fitted, in_use, prior),
+        _curves(measurements, layout, fitted, in_use, prior, wider=observer is not None),
         time.perf_counter() - began,
     )
 
 
 def _curves(
-    measurements: MeasurementSet, layout: Layout, fitted: list[Fitted], in_use: int, prior: Prior
+    measurements: MeasurementSet,
+    layout: Layout,
+    fitted: list[Fitted],
+    in_use: int,
+    prior: Prior,
+    wider: bool,
 ) -> tuple[ParameterCurve, ...]:
-    """What the data determine, over the bandwidth: of the inertias only their identifiable combinations."""
+    """What the data determine, over the bandwidth: of the inertias only their identifiable combinations.
+
+    `wider` says whether wider bands than the one in use may accuse a parameter. The two bands' is as wide as
+    it can be: beyond it, noise begins to pull at the parameters, which is no fault of theirs.
+    """
     base = base_parameters(measurements.robot)
     inertial = layout.inertial.stop
     rows, differences = [], []
@@ -242,8 +257,11 @@ def _curves(
         joint, place = None, None
         if isinstance(first, ParameterEstimate):
             joint, place = first.joint, first.payload or first.group
-        trusted = not bool(np.any((moved > INTERVAL) & (excuse > MOVED)))
-        worst = int(np.nanargmax(np.minimum(moved / INTERVAL, excuse / MOVED)))
+        beyond = np.nan_to_num(np.minimum(moved / INTERVAL, excuse / MOVED))
+        if not wider:
+            beyond[in_use + 1 :] = 0.0
+        worst = int(np.argmax(beyond))
+        trusted = bool(beyond[worst] < 1.0)
         out.append(
             ParameterCurve(
                 first.name, joint, first.unit, place, values, std, float(moved[worst]), float(excuse[worst]),
