@@ -212,5 +212,9 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
             "Nm s²/rad²": 10 * torque / motion**2,
             "kg m²": 10 * float(np.max(x[lay.motor_inertia][j])),
         }
-        spread[where] = [units.get(p.unit, 30.0) for p in EFFECTS[effect.effect].parameters]
+        law = EFFECTS[effect.effect]
+        own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # a user knows their sizes
+        spread[where] = [
+            units.get(p.unit, 30.0 * max(1.0, size)) for p, size in zip(law.parameters, own, strict=True)
+        ]
     return spread
