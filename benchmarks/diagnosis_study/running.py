@@ -191,10 +191,10 @@ def _spread(
 def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # spawned, so that they see one thread a process; Ctrl+C ends what waits, not what is being done
+    ignore = (signal.SIGINT, signal.SIG_IGN)
     pool = ProcessPoolExecutor(
-        jobs, mp_context=get_context("spawn"), initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN), max_tasks_per_child=40,
-    )  # fmt: skip
+        jobs, mp_context=get_context("spawn"), initializer=signal.signal, initargs=ignore
+    )
     try:
         yield pool
     finally:

@@ -32,8 +32,8 @@ SIZES: dict[str, tuple[str, float, bool]] = {
     "motor_coupling": ("inertia", 3.0, True),
 }
 # Detection limit in natural units at noise 1: the size at which a fit that knows the truth gains 300, about
-# the median over joints and sets. It differs a hundredfold between joints; hardening, damping and gear errors of
-# an arm's stiff joints are often never seen. The study's table shows it anew.
+# the median over joints and sets. It differs a hundredfold between joints; hardening, damping and gear errors
+# of an arm's stiff joints are often never seen. The study's table shows it anew.
 LIMITS: dict[str, tuple[float, float]] = {  # (planar arm, Panda and UR5)
     "coulomb_friction": (0.00011, 0.0008),
     "stribeck_friction": (0.0006, 0.005),
