@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.judging import GAIN, WORTH, credible, excess, needed_gain, removed
+from flexviz.diagnosis.judging import GAIN, STRUCTURED, WORTH, credible, excess, needed_gain, removed
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.identification.interval import best_intervals
 from flexviz.identification.projection import Projection, Weigh
@@ -25,6 +25,7 @@ EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there 
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
 HOPE = 3.0  # times its score is the most that a refit is expected to gain
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
+WORST = 2  # joints whose own laws are tried whatever their score
 SHORT, LONGER, FULL = 3, 6, 14  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
 RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
@@ -105,12 +106,37 @@ class Search:
         chosen = [s for s in self.leading(scores) if HOPE * s.gain > needed_gain(s.effect, gained)]
         if not chosen:
             return []
-        first = self.refit(fit, chosen[0], FULL)
-        if excess(first.fit) < max(EXPLAINED * excess(fit), 0.05) and first.fit.objective < fit.objective:
+        first = self.leader(fit, chosen[0])
+        if self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
         else:
-            tried = self.tournament(fit, first, chosen[1:])
+            tried = self.tournament(fit, first, [*chosen[1:], *self.underrated(fit, scores, chosen)])
         return sorted(tried, key=lambda t: t.fit.objective)
+
+    def explains(self, before: Fit, after: Fit) -> bool:
+        """Whether hardly anything is left."""
+        enough = excess(after) < max(EXPLAINED * excess(before), 0.05) and excess(after) < STRUCTURED
+        return enough and after.objective < before.objective
+
+    def leader(self, fit: Fit, scored: Scored) -> Tried:
+        """The best score refitted to the end; from afresh too where that leaves much."""
+        direct = self.refit(fit, scored, FULL)
+        if excess(fit) < FAR or self.explains(fit, direct.fit):
+            return direct
+        layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        x = self.bench.roughly(layout, x, self.check)
+        afresh = self.bench.fit(layout, x, iterations=FULL, check=self.check)
+        return min(direct, Tried(scored, afresh), key=lambda t: t.fit.objective)
+
+    def underrated(self, fit: Fit, scores: Scores, chosen: list[Scored]) -> list[Scored]:
+        """Laws of the joints with the largest residual: where stiffness is wrong, their score says little."""
+        worst = np.argsort(-fit.chi)[:WORST]
+        return [
+            s
+            for s in scores.ranked
+            if EFFECTS[s.effect.effect].where == "joint" and s.effect.joint in worst and s not in chosen
+            and not EFFECTS[s.effect.effect].flexible
+        ]  # fmt: skip
 
     def leading(self, scores: Scores) -> list[Scored]:
         """The candidates worth a refit, best score first."""
@@ -127,13 +153,10 @@ class Search:
         return chosen
 
     def refit(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
-        """One candidate, refitted from where the data of a much simpler model lead."""
+        """One candidate, refitted from where the model stands."""
         self.say(f"trying {EFFECTS[scored.effect.effect].title.lower()}")
         layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        near = fit
-        if excess(fit) > FAR:
-            x, near = self.bench.roughly(layout, x, self.check), None
-        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check, near=near))
+        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check, near=fit))
 
     def rivals(self, fit: Fit, leader: Tried, others: list[Scored]) -> list[Tried]:
         """The others, where the leader explains all: can one of them do the same from the same start?"""
