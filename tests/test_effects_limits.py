@@ -42,7 +42,7 @@ def test_wrong_signs_are_out_of_bounds_and_gain_nothing(name: str) -> None:
 @pytest.mark.parametrize("name", ["torque_ripple", "transmission_error"])
 def test_a_ripple_has_at_least_one_cycle_a_turn(name: str) -> None:
     order = next(p for p in EFFECTS[name].parameters if p.name == "order")
-    assert order.lower == 1.0
+    assert order.lower == 1.0 and order.lower_occurs
 
 
 def test_a_contact_never_ends_before_it_begins() -> None:

@@ -34,6 +34,7 @@ class ParameterSpec:
         lower, upper: physical bounds.
         explanation: what it is, in a few words.
         symbol: as in the equation; its name where there is none.
+        lower_occurs: the lower bound is a value that occurs, as one cycle a turn: not where a search ran to.
     """
 
     name: str
@@ -42,6 +43,7 @@ class ParameterSpec:
     upper: float = np.inf
     explanation: str = ""
     symbol: str = ""
+    lower_occurs: bool = False
 
     def __post_init__(self) -> None:
         if not self.symbol:

@@ -41,7 +41,7 @@ class TorqueOffset(LinearEffect):
         return np.ones((1, len(motion.time)))
 
 
-ORDER = ParameterSpec("order", "-", lower=1.0, upper=400.0, explanation="cycles a joint turn", symbol="n")
+ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles a joint turn", "n", lower_occurs=True)
 PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
 
 
