@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.crossval import Ints
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.equation import Evaluation
 from flexviz.equation.residual import Chain
 from flexviz.equation.sensitivity import signal_sensitivity
 from flexviz.equation.undecided import pulses
-from flexviz.identification.metric import Metric
 from flexviz.identification.refine import CONSISTENT, Point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import bounded_step
-from flexviz.identification.whitening import noise_kernel, whitener
+from flexviz.identification.whitening import Whitener, noise_kernel, whitener
 from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]
@@ -35,7 +33,7 @@ class JointResiduals:
     Attributes:
         refinement: its signals.
         point: the fit's residual and instruments there.
-        residual: shape (N, n) [Nm], in the wide band.
+        residual: shape (N, n) [Nm], in the wide band, without what is not known of the laws' reversals.
         slow: shape (N, n) [Nm], that, low-passed after it was formed; zero where not shown. A residual formed
             from signals filtered as narrowly would also hold what the filter does to their products.
         shown: shape (N,), samples of `slow` that are not next to an end of the stretch.
@@ -77,12 +75,18 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
         refinement.wide.prepare(fit.x)
         residual = refinement.wide.residual(fit.x)
         sensitivity = signal_sensitivity(fit.layout, fit.x, point.narrow.link)
-        metrics = joint_metrics(refinement, fit.x, point.narrow, sensitivity)
+        whiteners = joint_whiteners(refinement, sensitivity)
+        chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.narrow.link)
+        unknown = {p.block: p.columns for p in pulses(refinement.wide, fit.x, chain)}
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
         shown = np.zeros(len(residual), bool)
-        for block, row in zip(refinement.blocks, metrics, strict=True):
-            for j, metric in enumerate(row):
-                white[block.rows, j] = metric.apply(residual[block.rows, j : j + 1])[:, 0]
+        for index, block in enumerate(refinement.blocks):
+            rows = block.rows
+            for j, whitener_j in enumerate(whiteners[index]):
+                free = unknown[index][:, j] if index in unknown else None
+                residual[rows, j], white[rows, j] = settled_reversals(
+                    whitener_j, residual[rows, j], point.used[rows], free
+                )
             kept = block.rows.start + np.flatnonzero(point.used[block.rows])
             step = block.segment.step * block.stride
             edge = int(np.ceil(SLOW_EDGE / step))
@@ -94,18 +98,45 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
     return out
 
 
-def joint_metrics(
-    refinement: Refinement, x: Array, narrow: Evaluation, sensitivity: tuple[Array, Array]
-) -> list[list[Metric]]:
-    """For every block one metric a joint, of that joint's residual alone.
+def settled_reversals(
+    whitener: Whitener, residual: Array, used: NDArray[np.bool_], pulses: Array | None
+) -> tuple[Array, Array]:
+    """A joint's residual without what is not known of its laws' reversals, and that in units of the noise.
+
+    Args:
+        whitener: of that joint alone.
+        residual: shape (N,) [Nm].
+        used: shape (N,).
+        pulses: shape (N, M), ∂r for pulses of one standard deviation each; None without any.
+
+    Returns:
+        the residual less the most probable pulses, and its whitened form P W r (as `Metric`), shape (N,)
+        each.
+    """
+    white = whitener.apply(residual[:, None])[:, 0] * used
+    if pulses is None:
+        return residual, white
+    seen = whitener.apply(pulses[:, None, :])[:, 0] * used[:, None]
+    squares, turn = np.linalg.eigh(seen.T @ seen)
+    along = turn.T @ (seen.T @ white)
+    kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
+    shrink = (1 - 1 / np.sqrt(1 + squares[kept])) / squares[kept]
+    white -= seen @ (turn[:, kept] @ (shrink * along[kept]))
+    # where more is wrong than the noise, pulses must not be bent to please it
+    chi = max(1.0, float(np.sum(white**2)) / max(int(used.sum()), 1))
+    return residual - pulses @ (turn @ (along / (chi + squares))), white
+
+
+def joint_whiteners(refinement: Refinement, sensitivity: tuple[Array, Array]) -> list[list[Whitener]]:
+    """For every block one whitener a joint, of that joint's residual alone.
 
     The fit's metric also predicts one joint's noise from the others', which is right for estimating; but with
-    it a torque that is missing on one joint shows on every joint that comes after it.
+    it a torque that is missing on one joint shows on every joint that comes after it. A model error that the
+    fit allowed for is no part of it: what it stands for is what is looked for.
     """
-    layout = refinement.layout
     theta, tau = sensitivity
     kernels: dict[tuple[float, float], Array] = {}
-    out: list[list[Metric]] = []
+    out: list[list[Whitener]] = []
     for block in refinement.blocks:
         raw = block.segment.step
         key = (raw * block.stride, raw)
@@ -115,11 +146,8 @@ def joint_metrics(
         cov = _own_covariance(theta[:, rows], kernel, refinement.noise[0] ** 2)
         cov += _own_covariance(tau[:, rows], kernel[:, :3, :3], refinement.noise[1] ** 2)
         cov[0] *= 1 + 1e-9
-        out.append([Metric(whitener(cov[:, :, j, None, None], refinement.every)) for j in range(layout.n)])
-    chain = Chain(x[layout.compliance], x[layout.link_viscous], narrow.link)
-    for unknown in pulses(refinement.wide, x, chain):
-        row = out[unknown.block]
-        out[unknown.block] = [m.with_unknown(unknown.columns[:, j : j + 1]) for j, m in enumerate(row)]
+        joints = range(refinement.layout.n)
+        out.append([whitener(cov[:, :, j, None, None], refinement.every) for j in joints])
     return out
 
 

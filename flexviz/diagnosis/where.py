@@ -20,6 +20,7 @@ from flexviz.diagnosis.crossval import (
     make_folds,
     mean_and_error,
 )
+from flexviz.diagnosis.curves import DIRECTED, explained_by_law
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
 from flexviz.diagnosis.result import Place
@@ -27,7 +28,6 @@ from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectr
 
 Array = NDArray[np.float64]
 
-DIRECTED = "position × direction"
 UNITS = {
     "position": "rad",
     "velocity": "rad/s",
@@ -112,7 +112,10 @@ def joint_maps(data: Samples, joint: int) -> list[ResidualMap]:
         if name == "frequency":
             continue
         against = binned(data, folds, joint, name)
-        found = explained(against.index, residual, folds)
+        if name in ("time", "group"):
+            found = explained(against.index, residual, folds)
+        else:
+            found = explained_by_law(data, folds, joint, name)
         out.append(_map(data, joint, name, against, found, folds))
     return out
 
