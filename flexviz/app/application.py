@@ -156,6 +156,8 @@ class Application:
         after = self.session.analysis
         if after.same_as(before):
             return
+        self.dock.refresh()
+        self.say(*self._message)
         if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
             self.show.plots.show_states()
         for step in self.steps.values():
@@ -164,8 +166,6 @@ class Application:
             self.show.show_model()
         if after.diagnosis is not before.diagnosis or after.stairs != before.stairs:
             self.show.show_diagnosis()
-        self.dock.refresh()
-        self.say(*self._message)
 
     @property
     def running(self) -> bool:

@@ -57,7 +57,10 @@ def serve(workplace: Path) -> Iterator[Callable[..., str]]:
     yield start
     for process in running:
         process.terminate()
-        process.wait(timeout=15)
+        try:
+            process.wait(timeout=15)
+        finally:
+            process.kill()
 
 
 @pytest.fixture
