@@ -9,6 +9,7 @@ any stiffness. Then both pass the low-pass of the residual, so that what is pass
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,19 @@ TURNING = 0.005  # [rad/s] within which a direction passes into the other
 RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)
 STIFFNESSES = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
 SMOOTH, SMALL = 0.03, 0.5  # what the law is held by, in samples: neighbouring knots alike, no knot large
+
+
+class Shape(Protocol):
+    """Functions of one variable, which may jump with the direction of motion."""
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        ...
+
+    def design(self, value: Array, velocity: Array) -> Array:
+        """All of them at M instants, shape (M, size)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -85,10 +99,10 @@ def make_law(values: Array, name: str) -> Law:
     return Law(knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), count), sides)
 
 
-def columns(data: Samples, joint: int, values: Array, law: Law) -> tuple[Array, Array]:
+def columns(data: Samples, joint: int, values: Array, law: Shape) -> tuple[Array, Array]:
     """The law's columns u and ü, low-passed like the residual; shape (N, size) each, zero where not shown.
 
-    `law` has `design` and `size`; values, shape (N,), is the variable.
+    The variable's values have shape (N,).
     """
     velocity = data.theta[1, :, joint]
     out = np.zeros((2, len(values), law.size))

@@ -2,8 +2,8 @@
 
 The residual of one joint as a smooth torque u of one variable: cubic B-splines with a penalty on the
 coefficients' second differences (Eilers and Marx, Statist. Sci. 11, 1996), the penalty's weight chosen by
-cross-validation over blocks of time. The splines pass the same low-pass as the residual, so that a bump which
-is passed quickly is not smeared, and what the model's own parameters would take off them is taken off first.
+cross-validation over blocks of time. The splines pass the flexible joint and the residual's low-pass
+(`curves`), and what the model's own parameters would take off them is taken off first.
 """
 
 from __future__ import annotations
@@ -12,22 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, CubicSpline
+from scipy.interpolate import BSpline
 
 from flexviz._scipy import fft
 from flexviz.diagnosis.crossval import Folds, judged, make_folds, remainder_spectrum
+from flexviz.diagnosis.curves import DIRECTED, STIFFNESSES, columns, in_directions
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.residuals import SLOW, Absorption, Samples, absorption, joint_residuals, samples
+from flexviz.diagnosis.residuals import Absorption, Samples, absorption, joint_residuals, samples
 from flexviz.diagnosis.result import Place
-from flexviz.diagnosis.where import CLEARLY, DIRECTED, DIRECTIONS, UNITS, joint_maps
+from flexviz.diagnosis.where import CLEARLY, DIRECTIONS, UNITS, joint_maps
 
 Array = NDArray[np.float64]
 
 PIECES = 24
 SAMPLES_PER_PIECE = 40  # at least, on average
-FINER = 3  # the curve is evaluated this many times as often as the equation
-TURNING = 0.005  # [rad/s] within which a direction passes into the other
-WEIGHTS = np.logspace(-4, 4, 17)  # of the penalty, relative to the splines' own size
+WEIGHTS = tuple(np.logspace(-4, 4, 9))  # of the penalty, relative to the splines' own size
 RIDGE = 1e-3  # relative too: holds what neither data nor the penalty determine
 POINTS = 81
 NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
@@ -43,7 +42,8 @@ class FreeForm:
         directions: names of the S curves: forward and backward, or "" where there is one.
         centres: shape (M,), of the variable.
         value: shape (S, M), the torque that the model lacks [Nm]; positive like friction at positive speed.
-            NaN where the joint never was.
+            NaN where the joint never was. What the model's own parameters can take is not in it: a patch of
+            friction beside Coulomb friction is known up to a constant.
         std: shape (S, M), its standard error [Nm].
         explained: share of the joint's residual that the curve predicts out of sample.
         explained_std: its standard error.
@@ -78,13 +78,8 @@ class _Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """All splines at M instants, shape (M, size)."""
         inside = np.clip(value, self.knots[3], self.knots[-4])
-        one = BSpline.design_matrix(inside, self.knots, 3).toarray()
-        out = np.empty((len(value), self.size))
-        forward = 0.5 * (1 + np.tanh(velocity / TURNING)) if self.sides == 2 else np.ones(len(value))
-        out[:, : one.shape[1]] = one * forward[:, None]
-        if self.sides == 2:
-            out[:, one.shape[1] :] = one * (1 - forward)[:, None]
-        return out
+        one = np.array(BSpline.design_matrix(inside, self.knots, 3).toarray(), dtype=float)
+        return in_directions(one, velocity, self.sides)
 
     def penalty(self) -> Array:
         """Squared second differences of the coefficients, shape (size, size)."""
@@ -107,17 +102,19 @@ def freeform(bench: Workbench, fit: Fit, place: Place) -> FreeForm:
     splines = _splines(values[data.shown], sides)
     residual = data.residual[:, joint]
     folds = make_folds(residual, data.shown, data.stretches)
-    columns = _columns(data, joint, values, splines)
-    _take_off(columns, data, joint, taken, len(parts[0].shown))
-    size = float(np.sum(columns**2)) / splines.size
+    shapes = columns(data, joint, values, splines)
+    for each in shapes:
+        _take_off(each, data, joint, taken, len(parts[0].shown))
+    size = float(np.sum(shapes[0] ** 2)) / splines.size
     penalty = splines.penalty()
     ridge = RIDGE * size * np.eye(splines.size)
-    weight, prediction = _chosen(columns, penalty * size, ridge, residual, folds)
+    weight, kappa, prediction = _chosen(*shapes, penalty * size, ridge, residual, folds)
+    shown = shapes[0] + kappa * shapes[1]
     found = judged(prediction, residual, folds)
     matrix = weight * size * penalty + ridge
-    hessian = columns.T @ columns + matrix
-    coefficients = np.linalg.solve(hessian, columns.T @ residual)
-    cov = _covariance(columns, hessian, matrix, residual - columns @ coefficients, folds)
+    hessian = shown.T @ shown + matrix
+    coefficients = np.linalg.solve(hessian, shown.T @ residual)
+    cov = _covariance(shown, hessian, matrix, residual - shown @ coefficients, folds)
     centres: Array = np.linspace(splines.knots[3], splines.knots[-4], POINTS)
     value, std = np.empty((sides, POINTS)), np.empty((sides, POINTS))
     for side in range(sides):
@@ -171,57 +168,46 @@ def _splines(values: Array, sides: int) -> _Splines:
     return _Splines(knots, sides)
 
 
-def _columns(data: Samples, joint: int, values: Array, splines: _Splines) -> Array:
-    """The splines along the motion, low-passed like the residual, shape (N, size); zero where not shown."""
-    velocity = data.theta[1, :, joint]
-    out = np.zeros((len(values), splines.size))
-    for rows in data.stretches:
-        count = rows.stop - rows.start
-        fine = np.arange((count - 1) * FINER + 1) / FINER
-        both = CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(fine)
-        design = splines.design(both[:, 0], both[:, 1])
-        out[rows] = SLOW.derivatives(design, float(data.step[rows.start]) / FINER, 1, stride=FINER)[0]
-    out[~data.shown] = 0.0
-    return out
-
-
-def _take_off(columns: Array, data: Samples, joint: int, taken: Absorption, fitted: int) -> None:
-    """Take off the columns, in place, what the model's parameters would take off them."""
+def _take_off(out: Array, data: Samples, joint: int, taken: Absorption, fitted: int) -> None:
+    """Take off columns, in place, what the model's parameters would take off them."""
     own = np.concatenate([j[:, joint] for j in taken.jacobians])
     weight = taken.weight[joint] ** 2
-    right = weight * own[:fitted].T @ columns[:fitted]
+    right = weight * own[:fitted].T @ out[:fitted]
     scale = 1 / np.sqrt(np.maximum(np.diag(taken.hessian), 1e-300))
     scaled = taken.hessian * scale[:, None] * scale
-    columns -= (own * scale) @ np.linalg.solve(scaled, right * scale[:, None])
-    columns[~data.shown] = 0.0
+    out -= (own * scale) @ np.linalg.solve(scaled, right * scale[:, None])
+    out[~data.shown] = 0.0
 
 
 def _chosen(
-    columns: Array, penalty: Array, ridge: Array, residual: Array, folds: Folds
-) -> tuple[float, Array]:
-    """The penalty's weight with the least error out of sample, and the prediction with it, shape (N,)."""
+    u: Array, curved: Array, penalty: Array, ridge: Array, residual: Array, folds: Folds
+) -> tuple[float, float, Array]:
+    """The penalty's weight and the κ with the least error out of sample, and the prediction, shape (N,)."""
     whole = max(int(folds.used.sum()), 1)
-    predictions = np.zeros((len(WEIGHTS), len(residual)))
+    tried = [(weight, kappa) for kappa in STIFFNESSES for weight in WEIGHTS]
+    predictions = np.zeros((len(tried), len(residual)))
     for k, train in enumerate(folds.train):
         test = folds.fold == k
-        here = columns[train]
-        information, right = here.T @ here, here.T @ residual[train]
-        share = len(here) / whole
-        for m, weight in enumerate(WEIGHTS):
-            matrix = information + share * (weight * penalty + ridge)
-            predictions[m, test] = columns[test] @ np.linalg.solve(matrix, right)
+        a, b, r = u[train], curved[train], residual[train]
+        aa, ab, bb = a.T @ a, a.T @ b, b.T @ b
+        ar, br = a.T @ r, b.T @ r
+        share = len(a) / whole
+        for m, (weight, kappa) in enumerate(tried):
+            matrix = aa + kappa * (ab + ab.T) + kappa**2 * bb + share * (weight * penalty + ridge)
+            coefficients = np.linalg.solve(matrix, ar + kappa * br)
+            predictions[m, test] = (u[test] + kappa * curved[test]) @ coefficients
     error = np.sum((residual - predictions)[:, folds.used] ** 2, axis=1)
     best = int(np.argmin(error))
-    return float(WEIGHTS[best]), predictions[best]
+    return *tried[best], predictions[best]
 
 
-def _covariance(columns: Array, hessian: Array, prior: Array, rest: Array, folds: Folds) -> Array:
+def _covariance(shown: Array, hessian: Array, prior: Array, rest: Array, folds: Folds) -> Array:
     """Of the coefficients: from the remainder's own autocovariance, and from what the penalty assumes."""
     length, power = remainder_spectrum(rest, folds)
     colour = np.zeros_like(hessian)
     for rows in folds.stretches:
-        f = fft.rfft(columns[rows], length, axis=0) * np.sqrt(power)[:, None]
+        f = fft.rfft(shown[rows], length, axis=0) * np.sqrt(power)[:, None]
         colour += f.real.T @ f.real + f.imag.T @ f.imag
-    size = float(np.trace(colour)) / max(float(np.sum(columns**2)), 1e-300)
+    size = float(np.trace(colour)) / max(float(np.sum(shown**2)), 1e-300)
     inverse = np.linalg.inv(hessian)
     return inverse @ (colour + size * prior) @ inverse

@@ -69,7 +69,7 @@ def spectra(bench: Workbench, fit: Fit, parts: list[JointResiduals] | None = Non
     observer = parts[0].refinement.wide.signals.observer
     edges = np.linspace(0.0, PASSED * float(np.max(observer.bandwidth)) / (2 * np.pi), BANDS + 1)
     density, floor, lines = np.zeros((BANDS, n)), np.zeros((BANDS, n)), np.zeros(BANDS)
-    waves = np.zeros((LAGS + 1, n))
+    ratios: list[tuple[Array, Array]] = []
     slow_floor, slow_size, scatter = np.zeros(n), np.zeros(n), np.zeros(n)
     for part in parts:
         slow_size += np.sum(part.slow**2, axis=0) / shown
@@ -88,12 +88,12 @@ def spectra(bench: Workbench, fit: Fit, parts: list[JointResiduals] | None = Non
             np.add.at(density, band, power)
             np.add.at(floor, band, noise)
             lines += np.bincount(band, minlength=BANDS)
-            lags = np.pi * np.arange(LAGS + 1) / edges[-1]
-            waves += np.cos(np.outer(lags, hertz)) @ (power / np.maximum(noise, 1e-300))
+            ratios.append((hertz, power / np.maximum(noise, 1e-300)))
     count = np.maximum(lines, 1)[:, None]
     density, floor = density / count, floor / count
-    correlation = waves[1:] / np.maximum(waves[0], 1e-300)
-    statistic = 2 * lines.sum() / HANN_LINES * np.sum(correlation**2, axis=0)
+    statistic, p_value = whiteness(
+        np.concatenate([r for _, r in ratios]), np.concatenate([h for h, _ in ratios]), float(edges[-1])
+    )
     out = []
     for j, name in enumerate(fit.layout.joints):
         run = carrying(density[:, j] - floor[:, j])
@@ -112,7 +112,7 @@ def spectra(bench: Workbench, fit: Fit, parts: list[JointResiduals] | None = Non
                 rms=float(np.sqrt(slow_size[j])),
                 chi_square=float(chi[j]),
                 whiteness=float(statistic[j]),
-                p_value=float(gammaincc(LAGS / 2, statistic[j] / 2)),
+                p_value=float(p_value[j]),
             )
         )
     return tuple(out)
@@ -126,3 +126,19 @@ def periodogram(y: Array, step: float) -> tuple[Array, Array]:
     window = np.hanning(len(y) + 2)[1:-1, None]
     power = np.abs(fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
     return np.arange(len(power)) / (len(y) * step), power
+
+
+def whiteness(ratio: Array, hertz: Array, top: float) -> tuple[Array, Array]:
+    """Portmanteau statistic of spectra divided by their floor, and its p-value, shape (n,) each.
+
+    The autocorrelations are those of the series with these spectra, sampled at 2 · top.
+
+    Args:
+        ratio: shape (F, n), lines of Hann-windowed spectra, of one or more stretches.
+        hertz: shape (F,).
+        top: the lines' highest frequency [Hz].
+    """
+    waves = np.cos(np.outer(np.pi * np.arange(LAGS + 1) / top, hertz)) @ ratio
+    correlation = waves[1:] / np.maximum(waves[0], 1e-300)
+    statistic = 2 * len(hertz) / HANN_LINES * np.sum(correlation**2, axis=0)
+    return statistic, np.asarray(gammaincc(LAGS / 2, statistic / 2), float)
