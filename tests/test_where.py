@@ -303,7 +303,8 @@ def test_maps_have_every_variable_and_one_group_alone(clean):
 
 
 def test_free_form_draws_the_hidden_law(patched):
-    curve = freeform(*patched, places(*patched)[0])
+    bench, fit = patched
+    curve = freeform(bench, fit, places(bench, fit)[0])
     assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOTE
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
@@ -316,16 +317,18 @@ def test_free_form_draws_the_hidden_law(patched):
 
 
 def test_free_form_of_noise_is_nothing(clean):
-    place = next(p for p in places(*clean) if p.variable == "position")
-    curve = freeform(*clean, place)
+    bench, fit = clean
+    place = next(p for p in places(bench, fit) if p.variable == "position")
+    curve = freeform(bench, fit, place)
     seen = np.isfinite(curve.value)
     assert abs(curve.explained) < 0.1
     assert np.mean(np.abs(curve.value[seen]) < 3 * curve.std[seen]) > 0.9
 
 
 def test_free_form_of_a_frequency_takes_another_variable(patched):
-    place = next(p for p in places(*patched) if (p.joint, p.variable) == ("joint2", "frequency"))
-    assert freeform(*patched, place).variable == "position"
+    bench, fit = patched
+    place = next(p for p in places(bench, fit) if (p.joint, p.variable) == ("joint2", "frequency"))
+    assert freeform(bench, fit, place).variable == "position"
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")

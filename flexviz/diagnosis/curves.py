@@ -75,7 +75,7 @@ class Law:
     def penalty(self) -> Array:
         """Squared differences of neighbours, shape (size, size)."""
         step: Array = np.diff(np.eye(len(self.knots)), axis=0)
-        return np.kron(np.eye(self.sides), step.T @ step)
+        return np.kron(np.eye(self.sides), step.T @ step).astype(np.float64)
 
 
 def in_directions(one: Array, velocity: Array, sides: int) -> Array:
