@@ -12,6 +12,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
+    from flexviz.diagnosis.result import Absorbed
 
 
 def diagnose(
@@ -21,6 +22,14 @@ def diagnose(
     ] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+    ] = None,
+    guard: Annotated[
+        bool | None,
+        typer.Option(
+            "--guard/--no-guard",
+            help="Also look at what moves with the observer's bandwidth (without either: only where the "
+            "model does not reach the measurement noise).",
+        ),
     ] = None,
     effects_from: EffectsFromOption = None,
 ) -> int:
@@ -37,6 +46,7 @@ def diagnose(
         result = search(
             measurements,
             apply=apply,
+            guarded=guard,
             progress=lambda p: report(p.text, fraction=p.share),
             should_stop=should_stop,
         )
@@ -59,21 +69,33 @@ def show(result: Diagnosis) -> None:
 
 
 def lines(result: Diagnosis) -> list[str]:
-    """The answer as lines of text: verdict, findings, staircase."""
+    """The answer as lines of text: verdict, findings, staircase, what else there is to know."""
     out = [sentence(result)]
     for number, finding in enumerate(result.findings, 1):
         out.append(f"{number:3d}. {described(finding)}")
         for tie in finding.inseparable_from:
             place = f" on {tie.joint}" if tie.joint else ""
             out.append(f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})")
+            if tie.breaks:
+                out.append(f"     {tie.breaks}")
     for step in result.steps:
-        label = "as it is" if step.added is None else f"with {step.added.effect}"
-        where = "" if step.added is None or step.added.joint is None else f" on {step.added.joint}"
+        label = "as it is" if step.added is None else f"with {step.added.text}"
         held_out = "" if step.rms_validation is None else f", held out {_numbers(step.rms_validation)}"
-        out.append(f"{label}{where}: rms {_numbers(step.rms)} Nm{held_out} Nm → {step.verdict}")
+        out.append(f"{label}: rms {_numbers(step.rms)} Nm{held_out} Nm → {step.verdict}")
+        if step.added is not None and step.added.absorbed:
+            out.append(f"     until then it had moved {'; '.join(map(_moved, step.added.absorbed[:3]))}")
+    if result.steps and result.steps[-1].noise_floor:
+        out.append(f"the measurement noise alone leaves {_numbers(result.steps[-1].noise_floor)} Nm")
+    out.extend(f"note: {text}" for text in result.notes)
     if result.stopped:
         out.append("stopped; this is what was found so far")
     return out
+
+
+def _moved(absorbed: Absorbed) -> str:
+    place = f" of {absorbed.joint}" if absorbed.joint else ""
+    change = f"{absorbed.before:.4g} → {absorbed.after:.4g} {absorbed.unit}"
+    return f"{absorbed.name.replace('_', ' ')}{place} ({change}, {absorbed.deviations:.0f} standard errors)"
 
 
 def sentence(result: Diagnosis) -> str:

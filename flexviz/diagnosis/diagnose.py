@@ -16,7 +16,7 @@ from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.freeform import freeform
 from flexviz.diagnosis.freely import free_curve
 from flexviz.diagnosis.guard import guard
-from flexviz.diagnosis.judging import NAMED, verdict
+from flexviz.diagnosis.judging import BEYOND, NAMED, excess, verdict
 from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
@@ -120,7 +120,7 @@ class _Diagnosing:
         final = base
         try:
             final = self.rounds(base, apply)
-            if verdict(final) == "unknown":
+            if verdict(final, base) == "unknown":
                 final = self.beyond(base, final, apply)
         except Interrupted:
             final = self.chain[-1].chosen.fit if self.chain else base
@@ -182,7 +182,7 @@ class _Diagnosing:
                 del self.chain[k:]
                 final = link.before
                 break
-        if not apply and self.chain:
+        if excess(final) < BEYOND or (not apply and self.chain):
             return final
         beyond = ModelErrorSearch(self.search, longest=14 if apply else 1)
         steps = beyond.run(final)
@@ -211,7 +211,7 @@ class _Diagnosing:
         ]
         if self.tolerance is not None:  # judged in units of the noise all the same
             final = self.bench.fit(final.layout, final.x, iterations=0)
-        last = verdict(final)
+        last = verdict(final, base)
         steps = [
             self.step(added, fit, error, "missing" if k + 1 < len(fits) else last)
             for k, (added, fit, error) in enumerate(zip([None, *found], fits, errors, strict=True))

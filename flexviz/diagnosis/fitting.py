@@ -25,10 +25,13 @@ Array = NDArray[np.float64]
 PLAIN_HERTZ = 7.0
 STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
+WORSE = 100.0  # rise of the objective over the best on the way after which a fit is damped
+HALVINGS = 4  # of a step
 NOISE_MOVED = 0.01  # relative change of the residual's noise variance after which it is whitened anew
 EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
 # samples before each that predict it, and how often the prediction is solved for: enough for a judgement
 ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
+RIDGE = 1e-6  # of the residual's noise variance, in the prediction
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,15 @@ class Workbench:
         self._plain: tuple[Signals, Start] | None = None
         self._plain_shared: dict[object, Any] = {}
 
+    @property
+    def rough_compliance(self) -> Array:
+        """1/K of the set's rough stiffness, or of a guess, shape (n,)."""
+        return self._start.x[self._start.prior.layout.compliance]
+
     def _refinement(self, groups: list[Group], layout: Layout) -> Refinement:
         refinement = Refinement(self.measurements, groups, layout)
         refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
+        refinement.ridge = RIDGE
         return refinement
 
     def with_tolerance(self, tolerance: Array) -> Workbench:
@@ -119,31 +128,14 @@ class Workbench:
             near: another model's fit with nearly the same stiffnesses and motor inertias as x, whose
                 whiteners may be taken.
         """
-        refinement = self.refinement.with_layout(layout)
-        prior, bounds = self.assumptions(layout)
-        x = bounds.clip(x)
-        whitened = _Whitened(layout, near)
-        point, converged = None, False
-        best: tuple[float, Array, Point] | None = None
-        for iteration in range(iterations + 1):
-            check()
-            point = whitened.point(refinement, x)
-            size = _objective(point)
-            if best is None or size < best[0]:
-                best = size, x, point
-            gradient, prior_hessian = prior.gradient_and_hessian(x)
-            flat = point.z.reshape(-1, layout.size)
-            hessian = flat.T @ flat + prior_hessian
-            step, _ = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
-            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-            converged = length < NEGLIGIBLE and iteration >= 1
-            if converged or iteration == iterations:
-                break
-            x = feasible_step(prior, bounds, x, step)
-        assert best is not None and point is not None
-        if not converged:
-            x, point = best[1], best[2]
-        return self._judged(layout, x, point, converged, near, whitened.noise_at)
+        descent = _Descent(self, layout, near, check)
+        x, point, converged, best = descent.run(x, iterations, damped=False)
+        if _objective(point) > best[0] + WORSE and iterations:
+            # the steps led far uphill from where they had been
+            again = descent.run(best[1], iterations, damped=True)
+            if _objective(again[1]) < _objective(point):
+                x, point, converged, _ = again
+        return self._judged(layout, x, point, converged, near, descent.whitened.noise_at)
 
     def _judged(
         self, layout: Layout, x: Array, point: Point, converged: bool, near: Fit | None, noise_at: Array
@@ -207,6 +199,58 @@ def _noise_objective(point: Point) -> float:
 
 def _objective(point: Point) -> float:
     return _noise_objective(point) + sum(m.log_determinant for m in point.metrics)
+
+
+class _Descent:
+    """Gauss–Newton steps of one model."""
+
+    def __init__(self, bench: Workbench, layout: Layout, near: Fit | None, check: Callable[[], None]) -> None:
+        self.layout, self.check = layout, check
+        self.refinement = bench.refinement.with_layout(layout)
+        self.prior, self.bounds = bench.assumptions(layout)
+        self.whitened = _Whitened(layout, near)
+
+    def run(
+        self, x: Array, iterations: int, damped: bool
+    ) -> tuple[Array, Point, bool, tuple[float, Array, Point]]:
+        """Where the steps end, whether that is for good, and the best (objective, x, point) on the way.
+
+        Args:
+            x: start, shape (P,).
+            iterations: at most this many steps.
+            damped: a step that raises the objective is halved. The instruments do not follow the objective's
+                slope exactly, so that steps may well lead a little uphill on the way to a better place.
+        """
+        prior, bounds, size = self.prior, self.bounds, self.layout.size
+        x = bounds.clip(x)
+        point, converged = None, False
+        best: tuple[float, Array, Point] | None = None
+        step, halvings = np.zeros(size), 0
+        for iteration in range(iterations + 1):
+            self.check()
+            point = self.whitened.point(self.refinement, x)
+            objective = _objective(point)
+            if damped and best is not None and objective > best[0] and halvings < HALVINGS:
+                halvings += 1
+                step = 0.5 * step
+                x = feasible_step(prior, bounds, best[1], step)
+                continue
+            if best is None or objective < best[0]:
+                best = objective, x, point
+            halvings = 0
+            gradient, prior_hessian = prior.gradient_and_hessian(x)
+            flat = point.z.reshape(-1, size)
+            hessian = flat.T @ flat + prior_hessian
+            step, _ = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
+            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
+            converged = length < NEGLIGIBLE and iteration >= 1
+            if converged or iteration == iterations:
+                break
+            x = feasible_step(prior, bounds, x, step)
+        assert best is not None and point is not None
+        if not converged:
+            x, point = best[1], best[2]
+        return x, point, converged, best
 
 
 class _Whitened:

@@ -11,9 +11,12 @@ GAIN = 100.0  # fall of the objective that an effect has to bring
 GAIN_LATER = 0.01  # and this share of what was gained before it: a law that is nearly right leaves traces
 GAIN_EPISODE = 0.03  # the same for an episode, which can imitate much
 WORTH = 0.1  # of the excess, or it is not worth a name
-STRUCTURED = 3.0  # χ² per sample above the noise from which on what is left is not noise
+STRUCTURED = 1.5  # χ² per sample above the noise from which on what is left is not noise
+TRACES = 2e-6  # of the first excess: what a law that is nearly right may leave besides
+BEYOND = 20.0  # χ² per sample above the noise from which on the model, not the noise, is the measure
 NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
 SHARPEST = 0.1  # of the record's step: time stamps are not known better
+SMALLEST_EPISODE = 3e-4  # of the joint's rms torque: a contact that small is the trace of something else
 LARGEST_GAIN = 0.4  # a drive whose torque is further off would have been noticed
 
 
@@ -41,12 +44,17 @@ def at_bound(fit: Fit, effect: ChosenEffect) -> bool:
     """Whether a parameter ended at a bound: a gain of −80 % is a search that ran away, not a finding."""
     values = fit.x[dict(fit.layout.effect_slices())[effect]]
     specs = EFFECTS[effect.effect].parameters
-    edges = [(v, edge) for v, p in zip(values, specs, strict=True) for edge in (p.lower, p.upper) if edge]
+    edges = [
+        (v, edge)
+        for v, p in zip(values, specs, strict=True)
+        for edge in (0.0 if p.lower_occurs else p.lower, p.upper)
+        if edge
+    ]
     return any(np.isfinite(edge) and abs(v - edge) <= 1e-6 * abs(edge) for v, edge in edges)
 
 
 def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
-    """Whether the values of an effect could be real: inside their bounds, and not finer than time stamps are.
+    """Whether the values of an effect could be real: inside their bounds, not finer than time stamps.
 
     Args:
         fit: with the effect.
@@ -59,6 +67,9 @@ def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
     by_name = {p.name: abs(v) for p, v in zip(EFFECTS[effect.effect].parameters, values, strict=True)}
     if effect.effect == "torque_delay":
         return by_name["delay"] > SHARPEST * raw_step
+    if EFFECTS[effect.effect].scope == "episode" and effect.joint is not None:
+        torque = fit.point.narrow.torque[0][:, effect.joint]
+        return by_name["torque"] > SMALLEST_EPISODE * float((torque**2).mean()) ** 0.5
     return effect.effect != "torque_gain" or by_name["gain_error"] < LARGEST_GAIN
 
 
@@ -68,6 +79,11 @@ def needed_gain(effect: ChosenEffect, gained: float) -> float:
     return max(GAIN, share * gained)
 
 
-def verdict(fit: Fit) -> str:
-    """On a model to which nothing worth a name could be added."""
-    return "unknown" if excess(fit) > STRUCTURED else "nothing-missing"
+def structured(fit: Fit, base: Fit) -> bool:
+    """Whether what is left of what `base` left is not noise."""
+    return excess(fit) > STRUCTURED + TRACES * excess(base)
+
+
+def verdict(fit: Fit, base: Fit) -> str:
+    """On a model to which nothing worth a name could be added, where the set's own was `base`."""
+    return "unknown" if structured(fit, base) else "nothing-missing"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.judging import GAIN, STRUCTURED, WORTH, credible, excess, needed_gain, removed
+from flexviz.diagnosis.judging import GAIN, WORTH, credible, excess, needed_gain, removed, structured
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.identification.interval import best_intervals
 from flexviz.identification.projection import Projection, Weigh
@@ -22,11 +22,15 @@ TRIED = 6  # refitted
 EPISODES = 2  # of them at most
 CLOSE = 0.03  # of the best score: what scores less is not refitted once the best one explains all
 EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there is
+REACHED = 0.15  # excess at which the noise is reached
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
 HOPE = 3.0  # times its score is the most that a refit is expected to gain
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
+BACKLASH = "backlash"
+SHARES = (0.1, 0.3, 0.7)  # of the rms deflection, where a backlash starts
+PLAIN = 0.5  # excess that no noise makes
 WORST = 2  # joints whose own laws are tried whatever their score
-SHORT, LONGER, FULL = 3, 6, 14  # iterations of a refit
+SHORT, LONGER, FULL, LAST = 3, 6, 14, 20  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
 RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
 
@@ -104,42 +108,81 @@ class Search:
     def refits(self, fit: Fit, scores: Scores, gained: float) -> list[Tried]:
         """The leading candidates refitted, best first; `gained` was gained before by others."""
         chosen = [s for s in self.leading(scores) if HOPE * s.gain > needed_gain(s.effect, gained)]
-        if not chosen:
-            return []
-        first = self.leader(fit, chosen[0])
-        if self.explains(fit, first.fit):
+        first = self.leader(fit, chosen[0]) if chosen else None
+        if first is not None and self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
+        elif excess(fit) > PLAIN and gained == 0:
+            tried = [*([first] if first else []), *self.attempts(fit, chosen[1:])]
+            tried = self.tournament([*tried, *self.underrated(fit, scores)])
         else:
-            tried = self.tournament(fit, first, [*chosen[1:], *self.underrated(fit, scores, chosen)])
+            tried = self.tournament([*([first] if first else []), *self.attempts(fit, chosen[1:])])
         return sorted(tried, key=lambda t: t.fit.objective)
 
     def explains(self, before: Fit, after: Fit) -> bool:
         """Whether hardly anything is left."""
-        enough = excess(after) < max(EXPLAINED * excess(before), 0.05) and excess(after) < STRUCTURED
-        return enough and after.objective < before.objective
+        enough = excess(after) < max(EXPLAINED * excess(before), 0.05)
+        return enough and not structured(after, before) and after.objective < before.objective
 
     def leader(self, fit: Fit, scored: Scored) -> Tried:
         """The best score refitted to the end; from afresh too where that leaves much."""
-        direct = self.refit(fit, scored, FULL)
-        if excess(fit) < FAR or self.explains(fit, direct.fit):
+        direct = self.finished(self.refit(fit, scored, FULL))
+        if excess(fit) < FAR or excess(direct.fit) < REACHED:
             return direct
+        return min(direct, self.afresh(fit, scored, FULL), key=lambda t: t.fit.objective)
+
+    def afresh(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
+        """One candidate, from where the data of a plain fit lead: the model may stand far off."""
         layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
         x = self.bench.roughly(layout, x, self.check)
-        afresh = self.bench.fit(layout, x, iterations=FULL, check=self.check)
-        return min(direct, Tried(scored, afresh), key=lambda t: t.fit.objective)
+        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check))
 
-    def underrated(self, fit: Fit, scores: Scores, chosen: list[Scored]) -> list[Scored]:
-        """Laws of the joints with the largest residual: where stiffness is wrong, their score says little."""
-        worst = np.argsort(-fit.chi)[:WORST]
-        return [
-            s
-            for s in scores.ranked
-            if EFFECTS[s.effect.effect].where == "joint" and s.effect.joint in worst and s not in chosen
-            and not EFFECTS[s.effect.effect].flexible
-        ]  # fmt: skip
+    def attempts(self, fit: Fit, chosen: list[Scored]) -> list[Tried]:
+        """A few steps of every candidate, from where the model stands and, where that is far off, afresh."""
+        out = []
+        for s in chosen:
+            out.append(self.refit(fit, s, SHORT))
+            if excess(fit) > FAR:
+                out.append(self.afresh(fit, s, SHORT))
+        return out
+
+    def underrated(self, fit: Fit, scores: Scores) -> list[Tried]:
+        """Elastic laws of the joints with the largest residual, from several starts.
+
+        A stiffness that has taken up a part of such a law hides it from the score: the starts give that part
+        back, 1/K = 1/K' − b E|s|/E s² for a backlash b; one of them is that of the set's rough stiffness.
+        """
+        torque = fit.point.narrow.torque[0]
+        ranked = {s.effect: s for s in scores.ranked}
+        out = []
+        for j in np.argsort(-fit.chi)[:WORST]:
+            for effect in candidates(fit.layout, self.bench.fit_groups):
+                law = EFFECTS[effect.effect]
+                if law.where != "joint" or law.flexible or effect.joint != j:
+                    continue
+                nothing = np.zeros(len(law.parameters))
+                scored = ranked.get(effect) or Scored(effect, 0.0, nothing, np.zeros(fit.point.r.size))
+                self.say(f"trying {law.title.lower()} from several starts")
+                layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+                begin = [x]
+                if scored.effect.effect == BACKLASH:
+                    s, c = torque[:, j], fit.x[fit.layout.compliance][j]
+                    lever = float(np.mean(np.abs(s)) / np.mean(s**2))
+                    sizes = [share * c * float(np.sqrt(np.mean(s**2))) for share in SHARES]
+                    sizes.append((c - self.bench.rough_compliance[j]) / lever)
+                    for size in (v for v in sizes if v > 0):
+                        taken = size * lever
+                        start = x.copy()
+                        start[layout.effect_slices()[-1][1]] = size
+                        start[layout.compliance.start + j] = max(c - taken, 0.2 * c)
+                        begin.append(start)
+                fits = [
+                    self.bench.fit(layout, b, iterations=SHORT, check=self.check, near=fit) for b in begin
+                ]
+                out.append(Tried(scored, min(fits, key=lambda f: f.objective)))
+        return out
 
     def leading(self, scores: Scores) -> list[Scored]:
-        """The candidates worth a refit, best score first."""
+        """The candidates with the best scores."""
         chosen: list[Scored] = []
         episodes = 0
         for s in scores.ranked:
@@ -173,9 +216,13 @@ class Search:
             out.append(Tried(s, here))
         return out
 
-    def tournament(self, fit: Fit, first: Tried, others: list[Scored]) -> list[Tried]:
-        """All of them by halving, where the leader leaves much."""
-        tried = [first, *(self.refit(fit, s, SHORT) for s in others)]
+    def tournament(self, tried: list[Tried]) -> list[Tried]:
+        """Candidates that were refitted for a few steps, by halving; the best one of each effect."""
+        best: dict[ChosenEffect, Tried] = {}
+        for t in tried:
+            if t.effect not in best or t.fit.objective < best[t.effect].fit.objective:
+                best[t.effect] = t
+        tried = list(best.values())
         for keep, iterations in ((3, LONGER), (2, FULL)):
             tried.sort(key=lambda t: t.fit.objective)
             for k, t in enumerate(tried[:keep]):
@@ -194,7 +241,15 @@ class Search:
         best = possible[0]
         gain = fit.objective - best.fit.objective
         worth = removed(fit, best.fit) > WORTH or gain > MOST * fit.noise_objective
-        return best if gain >= needed_gain(best.effect, gained) and worth else None
+        return self.finished(best) if gain >= needed_gain(best.effect, gained) and worth else None
+
+    def finished(self, tried: Tried) -> Tried:
+        """The same fitted to the end: what a fit leaves on its way looks like another effect."""
+        if tried.fit.converged:
+            return tried
+        layout, x = tried.fit.layout, tried.fit.x
+        more = self.bench.fit(layout, x, iterations=LAST, check=self.check, near=tried.fit)
+        return replace(tried, fit=more) if more.objective < tried.fit.objective else tried
 
     def simplified(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> tuple[Fit, list[ChosenEffect]]:
         """The model without those earlier effects that have become superfluous, and which those are."""

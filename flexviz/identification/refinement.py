@@ -67,7 +67,7 @@ class Refinement:
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
         self._set(layout)
-        self.order, self.every = ORDER.get(layout.n, LONG_ORDER), 1
+        self.order, self.every, self.ridge = ORDER.get(layout.n, LONG_ORDER), 1, 0.0
         self.tolerance = np.zeros(layout.n)  # [Nm²] white model error a sample, beside the measurement noise
 
     def _set(self, layout: Layout) -> None:
@@ -100,7 +100,7 @@ class Refinement:
             cov += lagged_covariance(tau[:, rows], narrow, self.noise[1] ** 2)
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
             cov[0] += np.diag(1e-9 * size + self.tolerance)
-            out.append(whitener(cov, self.every))
+            out.append(whitener(cov, self.every, self.ridge))
         return out
 
     def noise_level(self, x: Array, link: LinkTerms) -> Array:

@@ -142,13 +142,16 @@ def score_covariance(
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
 
-def whitener(covariance: Array, every: int = 1) -> Whitener:
+def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
     """From Cov(r_t, r_{t−k}), shape (p + 1, N, n, n).
 
     Args:
         covariance: of the residual.
         every: the predictor is solved for at every such sample and interpolated between: it changes as slowly
             as the pose. 1 is exact.
+        ridge: share of the variance by which the samples before are taken to scatter besides. Without it, the
+            predictor weighs up what lies in the filter's stop band, where a sharp reversal leaves more than
+            noise. Unit variance stays exact.
     """
     order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
     every = min(every, max(1, (count - order - 1) // 2))
@@ -160,7 +163,7 @@ def whitener(covariance: Array, every: int = 1) -> Whitener:
     chunk = max(1, int(4e6 / (order * n) ** 2))
     for start in range(0, len(at), chunk):
         part = slice(start, min(start + chunk, len(at)))
-        weights[part], scale[part] = _predict(covariance, at[part])
+        weights[part], scale[part] = _predict(covariance, at[part], ridge)
     predictor = weights.transpose(1, 0, 2, 3)
     if len(at) < count:
         place = np.searchsorted(at, np.arange(count), side="right") - 1
@@ -171,7 +174,7 @@ def whitener(covariance: Array, every: int = 1) -> Whitener:
     return Whitener(np.ascontiguousarray(predictor), scale)
 
 
-def _predict(covariance: Array, t: NDArray[np.intp]) -> tuple[Array, Array]:
+def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:
     """Predictor (T, p, n, n) of the samples t and inverse Cholesky factor (T, n, n) of what remains."""
     order, n = len(covariance) - 1, covariance.shape[2]
     past = np.empty((len(t), order, n, order, n))
@@ -189,8 +192,12 @@ def _predict(covariance: Array, t: NDArray[np.intp]) -> tuple[Array, Array]:
         [covariance[k + 1, t] for k in range(order)], axis=1
     )  # (T, p, n, n): Cov(r_t, r_{t−1−k})
     right = cross.transpose(0, 1, 3, 2).reshape(len(t), order * n, n)
-    weights = np.linalg.solve(past.reshape(len(t), order * n, order * n), right)
-    remaining = covariance[0, t] - right.transpose(0, 2, 1) @ weights
+    flat = past.reshape(len(t), order * n, order * n)
+    size = np.trace(covariance[0].mean(axis=0)) / n
+    weights = np.linalg.solve(flat + ridge * size * np.eye(order * n), right)
+    across = right.transpose(0, 2, 1) @ weights
+    remaining = covariance[0, t] - across - across.transpose(0, 2, 1)
+    remaining += weights.transpose(0, 2, 1) @ flat @ weights
     remaining = 0.5 * (remaining + remaining.transpose(0, 2, 1))
     scale = np.linalg.inv(np.linalg.cholesky(remaining))
     return weights.reshape(len(t), order, n, n).transpose(0, 1, 3, 2), scale

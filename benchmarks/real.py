@@ -1,0 +1,108 @@
+"""What a real robot is missing, step by step: `python -m benchmarks.real SET`.
+
+Diagnoses the set with all steps and prints, after each, the held-out residual divided by the torque's
+standard deviation, of the samples in which a joint moves. Where the set has link encoders, the identified
+deflection is compared with the measured one, which no fit has seen.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.cli.diagnose import lines
+from flexviz.diagnosis import diagnose
+from flexviz.effects import choose_effects
+from flexviz.equation import Equation, Layout, build_signals
+from flexviz.identification.identify import carried
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.model import FlexibleModel
+from flexviz.observers import ButterworthZeroPhase
+
+Array = NDArray[np.float64]
+
+MOVING = 0.01  # [rad/s] slower samples say nothing about friction
+HERTZ = 5.0
+
+
+def texts(model: FlexibleModel) -> list[str]:
+    """The model's effects as they are named on the command line."""
+    out = []
+    for e in model.effects:
+        where = e.joint or e.payload
+        out.append(e.effect + (f":{where}" if where else "") + (f"@{e.group}" if e.group else ""))
+    return out
+
+
+def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
+    """Held-out rms ÷ standard deviation of the torque while moving, shape (n,)."""
+    groups = [g for g in measurements.groups if g.validation]
+    signals = build_signals(measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ))
+    names = [g.name for g in measurements.groups]
+    effects = choose_effects(texts(model), measurements.joints, carried(measurements), names)
+    layout = Layout(measurements.joints, effects)
+    equation = Equation(measurements.robot, signals, layout)
+    x = layout.vector(model)
+    equation.prepare(x)
+    residual = equation.evaluate(x).residual
+    moving = np.abs(signals.theta[1]) > MOVING
+    raw = np.concatenate([s.tau for g in groups for s in g.segments])
+    size = np.sqrt((residual**2 * moving).sum(axis=0) / np.maximum(moving.sum(axis=0), 1))
+    return size / raw.std(axis=0)
+
+
+def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, tuple[float, float]]:
+    """Joint → correlation and ratio of rms of identified and encoded θ − q, both about their mean."""
+    out: dict[str, list[tuple[Array, Array]]] = {}
+    effects = choose_effects(texts(model), measurements.joints, carried(measurements))
+    layout = Layout(measurements.joints, effects)
+    x = layout.vector(model)
+    for group in measurements.groups:
+        if group.q is None or len(group.segments) != 1:
+            continue
+        signals = build_signals(measurements, [group], ButterworthZeroPhase(2 * np.pi * HERTZ))
+        equation = Equation(measurements.robot, signals, layout)
+        equation.prepare(x)
+        identified = signals.theta[0] - equation.evaluate(x).q[0]
+        segment = group.segments[0]
+        for j, joint in enumerate(measurements.joints):
+            if np.isnan(group.q[:, j]).any():
+                continue
+            measured = np.interp(signals.time, group.time, group.q[:, j])
+            encoded = np.interp(signals.time, segment.time, segment.theta[:, j]) - measured
+            out.setdefault(joint, []).append((identified[:, j], encoded))
+    found = {}
+    for joint, parts in out.items():
+        a = np.concatenate([p - p.mean() for p, _ in parts])
+        b = np.concatenate([p - p.mean() for _, p in parts])
+        found[joint] = float(np.corrcoef(a, b)[0, 1]), float(a.std() / b.std())
+    return found
+
+
+def main() -> None:
+    measurements = read_set(sys.argv[1])
+    result: Any = diagnose(measurements, guarded=True, progress=lambda p: print(p.text, file=sys.stderr))
+    for line in lines(result):
+        print(line)
+    print("\nheld-out rms ÷ standard deviation of the torque, motion above 0.01 rad/s: mean, and each joint")
+    for step in result.steps:
+        share = held_out_share(measurements, step.model)
+        label = "as it is" if step.added is None else f"+ {step.added.text}"
+        print(f"{label:34s} {share.mean():.4f}  {np.round(share, 3)}")
+    found = deflection(measurements, result.model)
+    if found:
+        print("\nidentified against encoded deflection (never fitted): correlation, ratio of rms")
+        for joint, (correlation, ratio) in found.items():
+            print(f"{joint:12s} {correlation:6.3f}  {ratio:.3f}")
+    print("\nwhere the final residual lives, largest first")
+    for place in result.where[:12]:
+        low, high = place.range
+        print(f"{place.joint:12s} {place.variable:14s} {place.explained:6.2f}  {low:.3g} … {high:.3g}")
+    print(f"{result.seconds:.1f} s")
+
+
+if __name__ == "__main__":
+    main()
