@@ -69,7 +69,8 @@ def diagnose(
 
     Args:
         measurements: the set.
-        apply: add the found effects one by one and refit after each.
+        apply: add the found effects one by one and refit after each. Without it, what is missing first is
+            named, and everything else describes the model as it is.
         start: values to start from; a plain identification where None.
         guarded: also look at what moves with the observer's bandwidth; only where the noise is not reached
             where None.
@@ -117,14 +118,14 @@ class _Diagnosing:
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         began = time.perf_counter()
         base = self.fitted()
-        final = base
+        final, self.reference = base, self.bench.bare(base)
         try:
             final = self.rounds(base, apply)
-            if verdict(final, base) == "unknown":
+            if verdict(final, self.reference) == "unknown":
                 final = self.beyond(base, final, apply)
         except Interrupted:
             final = self.chain[-1].chosen.fit if self.chain else base
-        return self.answer(base, final, began, guarded)
+        return self.answer(base, final, began, apply, guarded)
 
     def fitted(self) -> Fit:
         """The model the set starts with."""
@@ -141,7 +142,7 @@ class _Diagnosing:
         for number in range(ROUNDS):
             self.say("looking at what is left")
             scores = self.search.scores(fit)
-            gained = base.objective - fit.objective
+            gained = self.reference.objective - fit.objective
             tried = self.search.refits(fit, scores, gained)
             if number == 0:
                 self.first = tried
@@ -202,19 +203,23 @@ class _Diagnosing:
 
     # -- the answer -------------------------------------------------------------------------------------
 
-    def answer(self, base: Fit, final: Fit, began: float, guarded: bool | None) -> Diagnosis:
+    def answer(self, base: Fit, final: Fit, began: float, apply: bool, guarded: bool | None) -> Diagnosis:
         fits = [base, *(link.chosen.fit for link in self.chain)]
         errors = [self.band.errors(fit) for fit in fits]
         found = [
             explain(self.bench, link.before, link.chosen, link.tried, link.scores, (self.band, old, new))
             for link, old, new in zip(self.chain, errors, errors[1:], strict=False)
         ]
-        if self.tolerance is not None:  # judged in units of the noise all the same
-            final = self.bench.fit(final.layout, final.x, iterations=0)
-        last = verdict(final, base)
+        if not apply and found:  # only looked at: the model stays what it is
+            final, last = base, "missing"
+        else:
+            if self.tolerance is not None:  # judged in units of the noise all the same
+                final = self.bench.fit(final.layout, final.x, iterations=0)
+            last = verdict(final, self.reference)
+        added = [None, *found] if apply else [None]
         steps = [
-            self.step(added, fit, error, "missing" if k + 1 < len(fits) else last)
-            for k, (added, fit, error) in enumerate(zip([None, *found], fits, errors, strict=True))
+            self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
+            for k, (finding, fit, error) in enumerate(zip(added, fits, errors, strict=False))
         ]
         cov, share = fit_covariance(self.bench, final)
         prior, _ = self.bench.assumptions(final.layout)
@@ -222,7 +227,7 @@ class _Diagnosing:
             final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
         )
         where, maps = where_it_fails(self.bench, final)
-        reached = last == "nothing-missing"
+        reached = last != "unknown"
         curve = watch = None
         if not self.stopped:
             curve = None if reached else freeform(self.bench, final, where[0])

@@ -158,6 +158,12 @@ class Workbench:
             (noise_at, noise_there),
         )  # fmt: skip
 
+    def bare(self, fit: Fit) -> Fit:
+        """The same values without the effects: what these take is what their laws may leave traces of."""
+        if not fit.layout.effects:
+            return fit
+        return self.fit(Layout(fit.layout.joints), fit.x[: fit.layout.effect_start], iterations=0, near=fit)
+
     def roughly(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
         """A plain fit of a layout: weighted by its own residual, it finds its way from far off.
 

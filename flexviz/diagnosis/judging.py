@@ -16,7 +16,8 @@ TRACES = 2e-6  # of the first excess: what a law that is nearly right may leave 
 BEYOND = 20.0  # χ² per sample above the noise from which on the model, not the noise, is the measure
 NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
 SHARPEST = 0.1  # of the record's step: time stamps are not known better
-SMALLEST_EPISODE = 3e-4  # of the joint's rms torque: a contact that small is the trace of something else
+SMALLEST_EPISODE = 3e-5  # of the joint's rms torque: a contact that small is the trace of something else
+BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
 LARGEST_GAIN = 0.4  # a drive whose torque is further off would have been noticed
 
 
@@ -67,8 +68,10 @@ def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
     by_name = {p.name: abs(v) for p, v in zip(EFFECTS[effect.effect].parameters, values, strict=True)}
     if effect.effect == "torque_delay":
         return by_name["delay"] > SHARPEST * raw_step
-    if EFFECTS[effect.effect].scope == "episode" and effect.joint is not None:
-        torque = fit.point.narrow.torque[0][:, effect.joint]
+    torque = fit.point.narrow.torque[0][:, effect.joint or 0]
+    if effect.effect == "backlash":
+        return min(float((torque > 0).mean()), float((torque < 0).mean())) > BOTH_WAYS
+    if EFFECTS[effect.effect].scope == "episode":
         return by_name["torque"] > SMALLEST_EPISODE * float((torque**2).mean()) ** 0.5
     return effect.effect != "torque_gain" or by_name["gain_error"] < LARGEST_GAIN
 
@@ -79,11 +82,11 @@ def needed_gain(effect: ChosenEffect, gained: float) -> float:
     return max(GAIN, share * gained)
 
 
-def structured(fit: Fit, base: Fit) -> bool:
-    """Whether what is left of what `base` left is not noise."""
-    return excess(fit) > STRUCTURED + TRACES * excess(base)
+def structured(fit: Fit, reference: Fit) -> bool:
+    """Whether what is left of what `reference`, a model without the effects, left is not noise."""
+    return excess(fit) > STRUCTURED + TRACES * excess(reference)
 
 
-def verdict(fit: Fit, base: Fit) -> str:
-    """On a model to which nothing worth a name could be added, where the set's own was `base`."""
-    return "unknown" if structured(fit, base) else "nothing-missing"
+def verdict(fit: Fit, reference: Fit) -> str:
+    """On a model to which nothing worth a name could be added; `reference` is one without any effects."""
+    return "unknown" if structured(fit, reference) else "nothing-missing"

@@ -111,7 +111,7 @@ class Search:
         first = self.leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
-        elif excess(fit) > PLAIN and gained == 0:
+        elif excess(fit) > PLAIN and gained < GAIN:
             tried = [*([first] if first else []), *self.attempts(fit, chosen[1:])]
             tried = self.tournament([*tried, *self.underrated(fit, scores)])
         else:

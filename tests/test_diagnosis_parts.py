@@ -1,0 +1,206 @@
+"""The diagnosis' parts: projections, looked-up pulses, judging, model errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.errors import ErrorBand
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.freely import free_curve
+from flexviz.diagnosis.judging import at_bound, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.telling_apart import breaking
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Equation, Layout, build_signals
+from flexviz.identification import identify
+from flexviz.identification.projection import Projection
+from flexviz.identification.scoring import explained
+from flexviz.identification.whitening import lagged_covariance, noise_kernel, whitener
+from flexviz.measurements import read_set
+from flexviz.observers import FlatZeroPhase
+from flexviz.resources import sessions_dir
+
+KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
+
+
+@pytest.fixture(scope="module")
+def demo() -> Any:
+    return read_set(sessions_dir() / "planar-2r-demo")
+
+
+@pytest.fixture(scope="module")
+def base(demo: Any) -> tuple[Workbench, Fit]:
+    layout = Layout(demo.joints)
+    bench = Workbench(demo, layout)
+    return bench, bench.fit(layout, layout.vector(identify(demo).model), iterations=12)
+
+
+def test_projection_agrees_with_taking_it_out_explicitly() -> None:
+    rng = np.random.default_rng(0)
+    z, h, r = rng.standard_normal((200, 5)), rng.standard_normal((200, 3)), rng.standard_normal(200)
+    h[:50] = 0.0
+    hessian = z.T @ z + np.diag([0.0, 1.0, 2.0, 0.0, 3.0])
+    projection = Projection(r, z, hessian)
+    left = h - z @ np.linalg.solve(hessian, z.T @ h)
+    np.testing.assert_allclose(projection.rest(h[50:], slice(50, 200)), left, atol=1e-12)
+    gram, along = projection.normal(h[50:], slice(50, 200))
+    np.testing.assert_allclose(gram, left.T @ left, atol=1e-10)
+    np.testing.assert_allclose(along, left.T @ r, atol=1e-10)
+    coefficients, gain = explained(gram, along)
+    assert gain == pytest.approx(r @ r - np.sum((r + left @ coefficients) ** 2))
+    assert gain == pytest.approx(r @ r - np.linalg.lstsq(left, r, rcond=None)[1][0])
+
+
+def test_signatures_of_the_model_itself_explain_nothing() -> None:
+    rng = np.random.default_rng(1)
+    z, r = rng.standard_normal((100, 4)), rng.standard_normal(100)
+    gram, along = Projection(r, z, z.T @ z).normal(z[:, :2] @ rng.standard_normal((2, 3)))
+    assert not gram.any() and not along.any()
+
+
+@pytest.mark.parametrize(("every", "ridge"), [(1, 1e-3), (4, 0.0), (4, 1e-6)])
+def test_a_cheaper_whitener_still_gives_unit_variance(every: int, ridge: float) -> None:
+    rng = np.random.default_rng(3)
+    count, n, order = 200, 2, 12
+    kernel = noise_kernel(FlatZeroPhase(2 * np.pi * 8), 0.05, 1e-3, 3, count - 1)
+    slow = np.cos(0.02 * np.arange(count))[None, :, None, None]  # as slow as a pose
+    sensitivity = rng.standard_normal((3, 1, n, n)) * (1 + 0.3 * slow)
+    lagged = lagged_covariance(sensitivity, kernel, np.array([1.0, 2.0]))
+    lagged[0] += 1e-3 * np.eye(n) * np.trace(lagged[0].mean(axis=0))
+    dense = np.zeros((count, n, count, n))
+    for t in range(count):
+        for k in range(t + 1):
+            dense[t, :, t - k] = lagged[k, t]
+            dense[t - k, :, t] = lagged[k, t].T
+    matrix = dense.reshape(count * n, count * n)
+    tool = whitener(lagged[: order + 1], every, ridge)
+    white = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
+    np.testing.assert_allclose(np.diag(white @ matrix @ white.T), 1.0, atol=0.02)
+
+
+def test_pulses_and_steps_are_what_filtering_makes_of_them(demo: Any) -> None:
+    signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 8))
+    equation = Equation(demo.robot, signals, Layout(demo.joints))
+    x = equation.layout.vector(identify(demo, groups=[demo.groups[0].name]).model)
+    equation.prepare(x)
+    context = equation.context
+    motion = context.motions(0)[0]
+    at = np.array([len(motion.time) // 3, len(motion.time) // 2])
+    part = np.zeros((2, len(motion.time)))
+    part[[0, 1], at] = 1.0
+    exact = context.filtered_block(0, part, 0, 3)
+    found = context.pulses_block(0, at, 0, 3)
+    for level in range(3):
+        np.testing.assert_allclose(
+            found[:, level], exact[:, level], atol=2e-3 * np.abs(exact[:, level]).max()
+        )
+    instants = np.array([3.0007, 5.5])
+    step = motion.time[1] - motion.time[0]
+    part = np.clip((motion.time - instants[:, None]) / step + 0.5, 0.0, 1.0)
+    exact = context.filtered_block(0, part, 0, 1)[:, 0]
+    inside = signals.time < signals.time[-1] - 1.0  # beyond, the filter's continuation of a record differs
+    np.testing.assert_allclose(context.steps_block(0, instants, 0)[:, inside], exact[:, inside], atol=3e-3)
+
+
+def test_residual_alone_is_the_residual(demo: Any) -> None:
+    signals = build_signals(demo, demo.groups[:2], FlatZeroPhase(2 * np.pi * 6))
+    for names in ((), (ChosenEffect("coulomb_friction", 1),), (ChosenEffect("presliding_hysteresis", 0),)):
+        layout = Layout(demo.joints, names)
+        equation = Equation(demo.robot, signals, layout)
+        x = np.zeros(layout.size)
+        x[: layout.effect_start] = Layout(demo.joints).vector(identify(demo).model)
+        x[layout.effect_start :] = 2.0
+        equation.prepare(x)
+        np.testing.assert_allclose(equation.residual(x), equation.evaluate(x).residual, atol=1e-9)
+
+
+def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tuple[Workbench, Fit]) -> None:
+    bench, fit = base
+    search = Search(bench, lambda text: None)
+    scores = search.scores(fit)
+    weigh = search.weigh(fit)
+    coulomb = next(s for s in scores.ranked if s.effect == ChosenEffect("coulomb_friction", 1))
+    assert scores.ranked[0] is coulomb
+    right = free_curve(bench, fit, 1, weigh, scores.projection)
+    wrong = free_curve(bench, fit, 0, weigh, scores.projection)
+    assert right.variable in ("velocity", "position × direction")
+    assert coulomb.gain == pytest.approx(right.gain, rel=0.1)
+    assert wrong.gain < 0.5 * right.gain
+
+
+def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
+    bench, fit = base
+    effect = ChosenEffect("torque_gain", 0)
+
+    def with_value(effect: ChosenEffect, value: float) -> Fit:
+        layout, x = with_effect(fit.layout, fit.x, effect, np.array([value]))
+        return replace(fit, layout=layout, x=x)
+
+    assert at_bound(with_value(effect, -0.8), effect) and not at_bound(with_value(effect, -0.1), effect)
+    assert credible(with_value(effect, -0.1), effect, 1e-3)
+    assert not credible(with_value(effect, -0.6), effect, 1e-3)
+    delay = ChosenEffect("torque_delay")
+    assert credible(with_value(delay, 5e-4), delay, 1e-3)
+    assert not credible(with_value(delay, 5e-5), delay, 1e-3)
+    assert needed_gain(effect, 0.0) < needed_gain(effect, 1e5)
+    assert needed_gain(ChosenEffect("external_contact", 0, "g1"), 1e5) > needed_gain(effect, 1e5)
+    assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
+
+
+def test_what_tells_two_effects_apart_is_named(base: tuple[Workbench, Fit]) -> None:
+    bench, fit = base
+    rng = np.random.default_rng(0)
+    mine = np.zeros(fit.point.r.shape)
+    speed = np.abs(bench.refinement.narrow.signals.theta[1, :, 1])
+    fast = speed > np.quantile(speed, 0.9)
+    mine[fast, 1] = 1.0
+    other = mine + 0.0
+    other[fast, 1] += rng.standard_normal(fast.sum())
+    mine, other = (m.ravel() / np.linalg.norm(m) for m in (mine, other))
+    sentence = breaking(bench, fit, ChosenEffect("coulomb_friction", 1), mine, other)
+    assert f"fast motion of {fit.layout.joints[1]}" in sentence
+    assert "same" in breaking(bench, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
+
+
+def test_errors_of_every_group_add_up(demo: Any, base: tuple[Workbench, Fit]) -> None:
+    errors = ErrorBand(demo).errors(base[1])
+    assert [name for name, _, _ in errors.groups] == [g.name for g in demo.groups]
+    assert [held for _, _, held in errors.groups] == [g.validation for g in demo.groups]
+    held_out = [rms for _, rms, held in errors.groups if held]
+    assert errors.rms_validation == pytest.approx(held_out[0])
+    assert all(floor < rms for floor, rms in zip(errors.noise_floor, errors.rms, strict=True))
+
+
+def test_without_apply_the_model_stays_what_it_is(demo: Any) -> None:
+    looked = diagnose(demo, apply=False)
+    assert looked.verdict == "missing" and looked.findings[0].text == "coulomb_friction:joint2"
+    assert looked.effects == () and len(looked.steps) == 1
+    assert looked.where[0].joint == "joint2" and looked.where[0].explained > 0.5
+    evidence = looked.findings[0].evidence
+    assert evidence is not None and evidence.joint == "joint2"
+    left = evidence.residual - evidence.signature
+    assert left.std() < 0.2 * evidence.residual.std()
+    assert looked.findings[0].absorbed
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not KUKA.is_dir(), reason="the real robot's recording is not beside this checkout")
+def test_a_real_robot_step_by_step() -> None:
+    from benchmarks.real import held_out_share
+
+    measurements = read_set(KUKA)
+    result = diagnose(measurements)
+    shares = [held_out_share(measurements, s.model).mean() for s in result.steps if s.model is not None]
+    assert result.verdict == "missing" and result.steps[-1].verdict == "unknown"
+    assert shares[0] > 0.3 and shares[-1] <= 0.13
+    names = [s.added.effect for s in result.steps if s.added is not None]
+    assert {"coulomb_friction", "link_coulomb_friction"} >= set(names) and len(names) >= 5
+    assert any("no model reaches the measurement noise" in note for note in result.notes)
+    assert result.guard is not None and result.free_form is not None
