@@ -48,12 +48,17 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """One step of the chain: what was added to which fit, and what else had been tried."""
+    """One step of the chain: what was added to which fit, what else had been tried, and where it ended."""
 
     before: Fit
     chosen: Tried
     tried: list[Tried]
     scores: Scores
+    settled: Fit | None = None  # under another model error than `chosen`
+
+    @property
+    def after(self) -> Fit:
+        return self.settled or self.chosen.fit
 
 
 def diagnose(
@@ -124,7 +129,7 @@ class _Diagnosing:
             if verdict(final, self.reference) == "unknown":
                 final = self.beyond(base, final, apply)
         except Interrupted:
-            final = self.chain[-1].chosen.fit if self.chain else base
+            final = self.chain[-1].after if self.chain else base
         return self.answer(base, final, began, apply, guarded)
 
     def fitted(self) -> Fit:
@@ -189,7 +194,7 @@ class _Diagnosing:
         steps = beyond.run(final)
         self.tolerance = beyond.tolerance if steps else None
         for added in steps:
-            self.chain.append(Link(added.before, added.tried, [added.tried], added.scores))
+            self.chain.append(Link(added.before, added.tried, [added.tried], added.scores, added.after))
         return steps[-1].after if steps else final
 
     def named(self, link: Link) -> bool:
@@ -204,7 +209,7 @@ class _Diagnosing:
     # -- the answer -------------------------------------------------------------------------------------
 
     def answer(self, base: Fit, final: Fit, began: float, apply: bool, guarded: bool | None) -> Diagnosis:
-        fits = [base, *(link.chosen.fit for link in self.chain)]
+        fits = [base, *(link.after for link in self.chain)]
         errors = [self.band.errors(fit) for fit in fits]
         found = [
             explain(self.bench, link.before, link.chosen, link.tried, link.scores, (self.band, old, new))

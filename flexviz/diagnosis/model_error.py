@@ -8,7 +8,7 @@ half a second.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,11 +34,20 @@ STRETCH = 0.5  # [s]
 CLEAR = 2.0  # standard errors of the held-out improvement
 LEAST = 0.02  # of one joint's held-out variance
 ITERATIONS = 5
+AFRESH = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """One step: the fits without and with the effect, under the same model error."""
+    """One step.
+
+    Attributes:
+        tried: the effect with its refit, under the same model error as `before`.
+        before: the model without it.
+        after: with it, under the model error that is left.
+        scores: of all candidates.
+        improvement: share by which the held-out variance fell.
+    """
 
     tried: Tried
     before: Fit
@@ -62,7 +71,16 @@ class ModelErrorSearch:
         self.bench = search.bench
 
     def settled(self, layout: Layout, x: Array) -> Fit:
-        """A fit under a model error of its own size."""
+        """A fit under a model error of its own size, from x or from where a plain fit leads.
+
+        While an effect is missing, another parameter often stands in for it, far from where it belongs (a
+        soft joint for friction); from there the way back may be closed.
+        """
+        check = self.search.check
+        bench = self.search.bench.with_tolerance(self.tolerance)
+        rough = bench.roughly(layout, x, check)
+        starts = [bench.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
+        x = min(starts, key=lambda f: f.objective).x
         fit = None
         for _ in range(ROUNDS):
             self.bench = self.search.bench.with_tolerance(self.tolerance)
@@ -85,8 +103,8 @@ class ModelErrorSearch:
             added = self.next(search, fit, scores, named)
             if added is None:
                 break
-            steps.append(added)
-            fit = self.settled(added.after.layout, added.after.x)
+            fit = self.settled(added.tried.fit.layout, added.tried.fit.x)
+            steps.append(replace(added, after=fit))
         return steps
 
     def next(self, search: Search, fit: Fit, scores: Scores, named: Named) -> Added | None:
@@ -101,25 +119,28 @@ class ModelErrorSearch:
                 refit = self.bench.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
                 tried.append(Tried(scored, refit))
             for t in sorted(tried, key=lambda t: t.fit.objective):
-                better = self.improvement(fit, t.fit)
+                better = self.improvement(fit, t.fit, t.effect.joint)
                 if better is not None and credible(t.fit, t.effect, search.raw_step):
                     return Added(t, fit, t.fit, scores, better)
         return None
 
-    def improvement(self, before: Fit, after: Fit) -> float | None:
-        """Share by which the held-out variance falls (the fit groups' without any); None if not clearly."""
+    def improvement(self, before: Fit, after: Fit, joint: int | None) -> float | None:
+        """Share by which the held-out variance falls (the fit groups' without any); None if not clearly.
+
+        The effect's own joint must fall clearly beyond what chance does between stretches; the others may
+        scatter, as long as the likelihood of all together rises.
+        """
         a, b = before.held_out or before.point, after.held_out or after.point
         blocks = (self.bench.validation or self.bench.refinement).blocks
         step = float(blocks[0].segment.step * blocks[0].stride)
         length = max(1, round(STRETCH / step))
         old, new = _stretches(a, length), _stretches(b, length)
         falls = (old - new) / np.maximum(old.mean(axis=0), 1e-300)  # relative to each joint's own
-        each = falls.sum(axis=1)
+        each = falls.sum(axis=1) if joint is None else falls[:, joint]
         error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else np.inf
         mean = float(each.mean())
-        if mean < LEAST or mean < CLEAR * error:
-            return None
-        return mean
+        together = float(np.log(new.mean(axis=0) / np.maximum(old.mean(axis=0), 1e-300)).sum())
+        return mean if mean > LEAST and mean > CLEAR * error and together < 0 else None
 
 
 class Named:
