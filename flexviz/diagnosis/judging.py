@@ -8,7 +8,7 @@ from flexviz.diagnosis.fitting import Fit
 from flexviz.effects import EFFECTS, ChosenEffect
 
 GAIN = 100.0  # fall of the objective that an effect has to bring
-GAIN_LATER = 0.01  # and this share of what was gained before it: a law that is nearly right leaves traces
+GAIN_LATER = 0.003  # and this share of what was gained before it: a law that is nearly right leaves traces
 GAIN_EPISODE = 0.03  # the same for an episode, which can imitate much
 WORTH = 0.1  # of the excess, or it is not worth a name
 STRUCTURED = 1.5  # χ² per sample above the noise from which on what is left is not noise
