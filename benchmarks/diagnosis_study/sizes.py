@@ -57,6 +57,7 @@ LIMITS: dict[str, tuple[float, float]] = {  # (planar arm, Panda and UR5)
     "motor_coupling": (0.00048, 0.005),
 }
 AROUND = (0.4, 3.0)  # cases around the detection limit, in detection limits
+LONGEST_DELAY = 1.05  # [rad] phase that it may cost the controller at the speed loop's bandwidth k_d / B
 NARROWEST = 3.0  # the largest size is at least this many times the smallest
 
 
@@ -79,6 +80,9 @@ def draw(
     if name == "presliding_hysteresis":
         values["presliding_stiffness"] *= factor  # the distance before it slides stays
     values[parameter] *= factor * sign
+    if name == "torque_delay":  # a controller that becomes unstable is another story
+        bandwidth = float(np.max(plan.controller.kd / plan.model.motor_inertia))  # [rad/s]
+        values["delay"] = min(values["delay"], LONGEST_DELAY / bandwidth)
     group = payload = None
     fitted = [g for g in plan.groups if not g.validation]
     if name == "external_contact":
