@@ -10,6 +10,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict
 from multiprocessing import get_context
@@ -180,11 +181,22 @@ def _spread(
     work: Callable[..., Any], arguments: list[tuple[Any, ...]], labels: list[Any], jobs: int
 ) -> Iterator[tuple[Any, Any]]:
     """Call `work` on each in worker processes; (label, what it gave or why it failed) as they are done."""
-    with _pool(jobs) as pool:
-        waiting = {pool.submit(work, *given): label for label, given in zip(labels, arguments, strict=True)}
-        for future in as_completed(waiting):
-            error = future.exception()
-            yield waiting[future], future.result() if error is None else f"failed, {error!r}"
+    remaining = list(zip(labels, arguments, strict=True))
+    while remaining:
+        lost: list[tuple[Any, tuple[Any, ...]]] = []
+        with _pool(jobs) as pool:
+            waiting = {pool.submit(work, *given): (label, given) for label, given in remaining}
+            for future in as_completed(waiting):
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):  # a worker was killed, and took the others with it
+                    lost.append(waiting[future])
+                else:
+                    yield waiting[future][0], future.result() if error is None else f"failed, {error!r}"
+        if len(lost) == len(remaining):
+            for label, _ in lost:
+                yield label, "failed, a worker was killed"
+            return
+        remaining = lost
 
 
 @contextmanager
