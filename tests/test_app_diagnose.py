@@ -70,7 +70,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     act(app, "undo")
     assert not app.running  # nothing is computed again
     assert app.session.analysis is first and "Missing:" in app.diagnose._verdict.content
-    assert not app.dock._redo.disabled and "added Coulomb friction" in app.dock._redo.hint
+    assert not app.dock._redo.disabled and "added Coulomb friction" in str(app.dock._redo.hint)
     act(app, "redo")
     assert app.session.analysis is added and app.dock._redo.disabled
 

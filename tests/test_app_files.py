@@ -147,7 +147,7 @@ def test_what_may_be_uploaded(app: Application) -> None:
         {"size_bytes": 2**40}, {"size_bytes": -1}, {"size_bytes": "3"}, {"size_bytes": True},
         {"part_count": 99}, {"filename": ""}, {"filename": "x" * 999}, {"filename": 3}, {"transfer_uuid": 3},
     ):  # fmt: skip
-        assert refusal(**changes), changes
+        assert refusal(button, 0, **changes), changes
 
 
 def test_the_downloaded_zip_is_plain(app: Application) -> None:

@@ -136,7 +136,7 @@ def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tu
 
 
 def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
-    bench, fit = base
+    fit = base[1]
     effect = ChosenEffect("torque_gain", 0)
 
     def with_value(effect: ChosenEffect, value: float) -> Fit:

@@ -230,6 +230,7 @@ def test_joints_are_named_shortly_where_that_is_clear() -> None:
 
 
 def test_truth_is_told_only_when_asked_for() -> None:
+    truth: dict[tuple[str, str | None], float]
     truth = {("stiffness", "j1"): 900.0, ("coulomb_friction.coulomb", "j1"): 3.0}
     assert truth_html(None) == ""
     assert "coulomb friction of j1 3" in truth_html(truth)
