@@ -131,3 +131,18 @@ def test_a_spoiled_one_says_so(
         file.write_text(json.dumps(spoil(json.loads(file.read_text()), what)))
     with pytest.raises(InputError, match=SESSION_FILE.replace(".", r"\.")):
         load_session(read_set(folder))
+
+
+def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
+    from flexviz.diagnosis import diagnose
+    from flexviz.measurements import read_set
+    from flexviz.resources import sessions_dir
+    from flexviz.session.packing import Packer, Unpacker
+
+    found = diagnose(read_set(sessions_dir() / "planar-2r-demo"), guarded=True)
+    packer = Packer(tmp_path)
+    packed = packer.pack(found)
+    again = Unpacker(tmp_path, packer.arrays, packer.shared).unpack(packed)
+    assert again.to_json() == found.to_json() and found.maps and found.guard is not None
+    assert [m.variable for m in again.maps] == [m.variable for m in found.maps]
+    assert [p.name for p in again.guard.parameters] == [p.name for p in found.guard.parameters]

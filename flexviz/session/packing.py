@@ -14,8 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.diagnosis.freeform import FreeForm
+from flexviz.diagnosis.guard import Guard, ParameterCurve
 from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, Place, Tie
 from flexviz.diagnosis.result import Step as DiagnosisStep
+from flexviz.diagnosis.where import ResidualMap
 from flexviz.errors import InputError
 from flexviz.identification import Identification, Iteration, ParameterEstimate, ResidualSummary
 from flexviz.identification.result import Combination, ResidualSeries
@@ -25,9 +28,9 @@ from flexviz.session.state import Analysis, Stair, Step
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel,
-        Identification, Iteration, ParameterEstimate, Place, ResidualSeries, ResidualSummary, Stair, Step,
-        Tie,
+        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeForm,
+        Guard, Identification, Iteration, ParameterCurve, ParameterEstimate, Place, ResidualMap,
+        ResidualSeries, ResidualSummary, Stair, Step, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
 NAMES = {kind: name for name, kind in KINDS.items()}
