@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
-from rerun.chunk import RrdReader
+from recorded import Read, newest_blueprint
 from small_set import write_small_set
 
 from flexviz._pinocchio import pin
-from flexviz.errors import Cancelled, ConvergenceError, InputError
+from flexviz.errors import ConvergenceError, InputError
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, read_set, write_set
 from flexviz.observers import make_observer
@@ -33,36 +30,6 @@ from flexviz.view.motion import measured_motion, with_replay
 
 FIRST = "t1p1"
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")  # it replaces exceptions
-
-
-class Read:
-    """A recording's content by entity."""
-
-    def __init__(self, file: Path) -> None:
-        self.reader = RrdReader(str(file))
-        self.batches: dict[str, list[pa.RecordBatch]] = {}
-        for chunk in self.reader.stream():
-            self.batches.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
-
-    def component(self, entity: str, name: str) -> Any:
-        """All rows of a component, the lists of one row flattened."""
-        for batch in self.batches[entity]:
-            if name in batch.schema.names:
-                return np.array(batch.column(name).flatten().to_pylist())
-        raise KeyError((entity, name))
-
-    def line(self, entity: str, timeline: str = "time") -> tuple[np.ndarray, np.ndarray]:
-        """Instants ([s], or a sequence) and values of a scalar entity."""
-        for batch in self.batches[entity]:
-            if "Scalars:scalars" in batch.schema.names:
-                index = batch.column(timeline)
-                ticks = np.asarray(index.cast(pa.int64()))
-                instants = ticks * 1e-9 if pa.types.is_duration(index.type) else ticks
-                return instants, np.array(batch.column("Scalars:scalars").flatten())
-        raise KeyError(entity)
-
-    def text(self, entity: str) -> str:
-        return str(self.component(entity, "TextDocument:text")[0])
 
 
 @pytest.fixture(scope="module")
@@ -105,6 +72,7 @@ def test_measured_signals(demo: Any, content: Read) -> None:
 def test_all_observer_states(demo: Any, result: Any, content: Read) -> None:
     observer = make_observer(result.observer_name, result.bandwidth)
     names = [("theta", k) for k in range(5)] + [("tau", k) for k in range(3)]
+    used = f"butterworth-zero-phase-{result.bandwidth:.6g}"
     for group in demo.groups:
         states = observer.states(group.segments[0], demo.torque_hold)
         stride = stride_for(group.samples, 10_000)
@@ -113,7 +81,8 @@ def test_all_observer_states(demo: Any, result: Any, content: Read) -> None:
             assert len(rows) > 10
             for name, order in names:
                 for j, joint in enumerate(demo.joints):
-                    entity = path("groups", group.name, kind, f"{name}_{order}", joint)
+                    apart = ("transients",) if kind == "transients" else ()
+                    entity = path("observers", used, group.name, *apart, f"{name}_{order}", joint)
                     instants, values = content.line(entity)
                     expected = getattr(states, name)[order][rows, j]
                     if kind == "states":
@@ -128,24 +97,26 @@ def test_residual_and_iterations(demo: Any, result: Any, content: Read) -> None:
     for name, series in result.residuals.items():
         for j, joint in enumerate(demo.joints):
             for signal_name in ("residual", "torque", "q"):
-                instants, values = content.line(path("groups", name, "identification", signal_name, joint))
+                instants, values = content.line(path("results", "1", "groups", name, signal_name, joint))
                 np.testing.assert_allclose(instants, series.time, atol=2e-9)
                 np.testing.assert_array_equal(values, getattr(series, signal_name)[:, j])
     numbers = np.arange(len(result.iterations)) + 1
     for name in ("cost", "step"):
-        index, values = content.line(f"/optimiser/{name}", "iteration")
+        index, values = content.line(f"/results/1/optimiser/{name}", "iteration")
         np.testing.assert_array_equal(index, numbers)
         np.testing.assert_array_equal(values, [getattr(iteration, name) for iteration in result.iterations])
-        seconds, _ = content.line(f"/optimiser/{name}")
+        seconds, _ = content.line(f"/results/1/optimiser/{name}")
         assert np.all(np.diff(seconds) > 0) and seconds[-1] == pytest.approx(result.seconds)
     last = result.iterations[-1]
     for name, value in zip(last.names, last.values, strict=True):
         parameter, _, joint = name.partition(":")
-        index, values = content.line(path("optimiser", "parameters", parameter, joint), "iteration")
+        index, values = content.line(
+            path("results", "1", "optimiser", "parameters", parameter, joint), "iteration"
+        )
         rows = [i for i, iteration in enumerate(result.iterations) if name in iteration.names]
         np.testing.assert_array_equal(index, numbers[rows])
         assert values[-1] == value
-    stages = content.component("/optimiser/stage", "TextLog:text")
+    stages = content.component("/results/1/optimiser/stage", "TextLog:text")
     assert list(stages) == [iteration.stage for iteration in result.iterations]
 
 
@@ -173,7 +144,7 @@ def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
     offsets = [content.component(root, "Transform3D:translation")[0] for root in roots]
     assert np.linalg.norm(offsets[0] - offsets[1]) > 1.0
     for j, joint in enumerate(demo.joints):
-        instants, values = content.line(path("groups", FIRST, "identified", "theta", joint))
+        instants, values = content.line(path("results", "1", "groups", FIRST, "simulated", "theta", joint))
         stride = stride_for(len(run.time), 10_000)
         np.testing.assert_array_equal(values, run.theta[::stride, j])
         assert len(instants) == len(values)
@@ -184,14 +155,14 @@ def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
 def test_simulated_data_are_called_simulated(content: Read) -> None:
     assert "simulated data" in content.component("/__properties", "RecordingInfo:name")[0].lower()
     assert content.component("/__properties/flexviz", "simulated")[0]
-    assert "Simulated data" in content.text("/summary")
+    assert "Simulated data" in content.text("/about")
     assert "Simulated data" in content.text(path("groups", FIRST, "about"))
     label = content.component(path("groups", FIRST, "robots", "measured", "label"), "Points3D:labels")
     assert label[0] == "measured (simulated data)"
 
 
 def test_words(demo: Any, result: Any, content: Read) -> None:
-    summary = content.text("/summary")
+    summary = content.text("/results/1/about")
     assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
     assert "validation, never fitted" in content.text(path("groups", "t4p2", "about"))
     assert "closed loop" in content.text(path("groups", FIRST, "about")) or demo.kp is None
@@ -199,14 +170,7 @@ def test_words(demo: Any, result: Any, content: Read) -> None:
 
 
 def test_blueprint(recorded: Any) -> None:
-    reader = RrdReader(str(recorded.file))
-    (stored,) = reader.blueprints()
-    values: dict[str, list[Any]] = {}
-    for chunk in reader.stream(store=stored):
-        batch = chunk.to_record_batch()
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            if not pa.types.is_timestamp(column.type):
-                values.setdefault(name, []).extend(column.to_pylist())
+    values = newest_blueprint(recorded.file)
     assert ["time"] in values["TimePanelBlueprint:timeline"]
     assert ["iteration"] in values["DataframeQuery:timeline"]
     views = [entry[0] for entry in values["ViewBlueprint:class_identifier"] if entry]
@@ -214,7 +178,7 @@ def test_blueprint(recorded: Any) -> None:
         views.count("3D") == 4 and "TimeSeries" in views and "Dataframe" in views and "TextDocument" in views
     )
     names = " ".join(entry[0] for entry in values["ViewBlueprint:display_name"] if entry)
-    for words in ("3D t1p1", "d⁴θ/dt⁴", "Residual [Nm]", "Cost", "Step", "Parameters", "Summary"):
+    for words in ("3D t1p1", "d⁴θ/dt⁴", "Residual [Nm]", "Cost", "Step", "Parameters", "About"):
         assert words in names
 
 
@@ -244,13 +208,29 @@ def test_checksum_and_damage(recorded: Any, tmp_path: Path) -> None:
         check_recording(tmp_path / "nothing.rrd")
 
 
-def test_stopping_leaves_nothing(demo: Any, result: Any, tmp_path: Path) -> None:
-    (tmp_path / "old.rrd").write_text("what was there")
-    asked = iter(range(1000))
-    with pytest.raises(Cancelled):
-        record_set(demo, result, tmp_path / "old.rrd", should_stop=lambda: next(asked) > 4)
+def test_stopping_keeps_what_was_recorded(demo: Any, result: Any, tmp_path: Path) -> None:
+    for file, place in (("x.rrd", "x.rrd"), ("old.rrd", "old.unfinished.rrd")):
+        (tmp_path / "old.rrd").write_text("what was there")
+        asked = iter(range(1000))
+        written = record_set(demo, result, tmp_path / file, should_stop=lambda asked=asked: next(asked) > 6)
+        assert not written.complete and written.file == tmp_path / place
+        content = Read(written.file)
+        assert path("groups", FIRST, "measured", "theta", "joint1") in content.batches
+        assert not any("simulated" in entity for entity in content.batches)
     assert (tmp_path / "old.rrd").read_text() == "what was there"
+
+
+def test_a_failure_leaves_what_was_there(demo: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*arguments: Any) -> None:
+        raise ConvergenceError("no shape")
+
+    monkeypatch.setattr("flexviz.recording.recorder.robot_shape", fails)
+    (tmp_path / "old.rrd").write_text("what was there")
+    for file in ("old.rrd", "new.rrd"):
+        with pytest.raises(ConvergenceError):
+            record_set(demo, None, tmp_path / file)
     assert [entry.name for entry in tmp_path.iterdir()] == ["old.rrd"]
+    assert (tmp_path / "old.rrd").read_text() == "what was there"
 
 
 @pytest.mark.parametrize("out", ["", "nowhere/x.rrd"])
@@ -259,21 +239,20 @@ def test_impossible_targets(demo: Any, tmp_path: Path, out: str) -> None:
         record_set(demo, None, tmp_path / out)
 
 
-def test_terminated_program_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_terminated_program_keeps_what_was_recorded(tmp_path: Path, number: int) -> None:
     command = [sys.executable, "-m", "flexviz", "record", str(sessions_dir() / "planar-2r-demo"), "--out"]
     process = subprocess.Popen([*command, str(tmp_path / "x.rrd")], stderr=subprocess.PIPE, text=True)
     assert process.stderr is not None
     for line in process.stderr:
         if "simulating" in line:
             break
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     process.communicate(timeout=60)
-    assert process.returncode not in (0, None)
-    for _ in range(50):
-        if not os.listdir(tmp_path):
-            break
-        time.sleep(0.1)
-    assert os.listdir(tmp_path) == []
+    assert process.returncode == (130 if number == signal.SIGINT else 128 + signal.SIGTERM)
+    content = Read(tmp_path / "x.rrd")
+    assert "converged" in content.text("/results/1/about").lower()
+    assert check_recording(tmp_path / "x.rrd").sha256 in (tmp_path / "x.rrd.sha256").read_text()
 
 
 # -- other sets --------------------------------------------------------------------------------------
@@ -306,15 +285,13 @@ def test_without_identification_and_with_gaps(tmp_path: Path) -> None:
     assert np.isfinite(q).sum() == 475
     assert path("groups", name, "measured", "q", "joint2") not in content.batches
     states = [observer.states(segment) for segment in odd.groups[0].segments]
-    _, disturbance = content.line(path("groups", name, "states", "disturbance", "joint2"))
+    _, disturbance = content.line(path("observers", "eso-100", name, "disturbance", "joint2"))
     expected = np.concatenate(
         [s.disturbance[np.flatnonzero(s.valid)[::4], 1] for s in states if s.disturbance is not None]
     )
     np.testing.assert_array_equal(disturbance[np.isfinite(disturbance)], expected)
-    assert not any("optimiser" in entity or "identified" in entity for entity in content.batches)
-    assert "Nothing was identified" in content.text("/summary") and "Simulated" not in content.text(
-        "/summary"
-    )
+    assert not any("results" in entity or "identified" in entity for entity in content.batches)
+    assert "Nothing is identified" in content.text("/about") and "Simulated" not in content.text("/about")
     assert not content.component("/__properties/flexviz", "simulated")[0]
 
 

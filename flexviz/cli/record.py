@@ -20,7 +20,6 @@ from flexviz.cli.identifying import (
     run_identification,
 )
 from flexviz.cli.own import EffectsFromOption, load_own
-from flexviz.errors import Cancelled
 
 
 def record(
@@ -40,10 +39,11 @@ def record(
     load_own(effects_from)
     output.check_output_file(out)
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
-    with Reporter(f"reading {measurement_set}") as report, interruptible("nothing is written") as should_stop:
+    with (
+        Reporter(f"reading {measurement_set}") as report,
+        interruptible("the recording is kept") as should_stop,
+    ):
         measurements, result = run_identification(wanted, report, should_stop)
-        if result.stopped:
-            raise Cancelled("stopped by the user; nothing was written")
         from flexviz.recording import record_set
 
         written = record_set(
@@ -57,4 +57,4 @@ def record(
     for line in tables.summary(result):
         console.print(line, soft_wrap=True)
     console.print(f"{written.file}: {written.bytes / 1e6:.1f} MB, {written.chunks} chunks", soft_wrap=True)
-    return exit_code(result)
+    return exit_code(result) if written.complete else 130

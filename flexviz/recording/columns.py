@@ -10,6 +10,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from flexviz.recording.paths import TIME, path
+from flexviz.recording.stream import Stream
 from flexviz.view.colours import SERIES, rgb
 
 Array = NDArray[Any]
@@ -34,7 +35,7 @@ def broken_at_gaps(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def send_signal(
-    recording: rr.RecordingStream,
+    recording: Stream,
     where: Sequence[str],
     joints: Sequence[str],
     time: Array,
@@ -69,7 +70,7 @@ def send_signal(
 
 
 def send_line(
-    recording: rr.RecordingStream,
+    recording: Stream,
     entity: str,
     indexes: Sequence[rr.TimeColumn],
     values: Array,

@@ -1,23 +1,37 @@
 """Where things lie in a recording: entity paths and timelines.
 
-    /summary                                     text: the result
-    /groups/<group>/about                        text: what the group is, how it was simulated
-    /groups/<group>/measured/<signal>/<joint>    as recorded: theta, tau, and q, tau_joint, theta_ref if there
-    /groups/<group>/states/<state>/<joint>       the observer's: theta_0 … theta_4, tau_0 … tau_2, disturbance
-    /groups/<group>/transients/<state>/<joint>   the same, within the start-up and end transients
-    /groups/<group>/identified/<signal>/<joint>  the simulated identified model: theta, q, tau
-    /groups/<group>/identification/<signal>/<joint>   the equation's residual, transmission torque, link q
-    /groups/<group>/robots/<robot>/<body>        "measured" and "identified" in 3D
-    /optimiser/cost, /optimiser/step, /optimiser/stage, /optimiser/parameters/<parameter>/<joint>,
-    /optimiser/relative/<parameter>/<joint>      each parameter divided by its last value
+    /about                                            text: the set, what was found, step by step
+    /log                                              text: what happened, line by line
+    /groups/<group>/about                             text: what the group is, how its model was simulated
+    /groups/<group>/measured/<signal>/<joint>         as recorded: theta, tau, and q, tau_joint, theta_ref
+    /groups/<group>/robots/<robot>/<body>             "measured" and "identified" in 3D; the newest result's
+    /observers/<observer>/<group>/<state>/<joint>     theta_0 … theta_4, tau_0 … tau_2, disturbance
+    /observers/<observer>/<group>/transients/<state>/<joint>   the same, within start-up and end transients
+    /results/<number>/about                           text: parameters, errors
+    /results/<number>/json                            text: the same as `identify --json` writes it
+    /results/<number>/groups/<group>/<signal>/<joint>       residual, torque, q of the equation
+    /results/<number>/groups/<group>/simulated/<signal>/<joint>  the simulated model: theta, q, tau
+    /results/<number>/optimiser/cost, step, stage, log10_cost, log10_step
+    /results/<number>/optimiser/parameters/<parameter>/<joint>
+    /results/<number>/optimiser/relative/<parameter>/<joint>    each parameter divided by its last value
+    /diagnoses/<number>/verdict                       text: the verdict and the ranked findings
+    /diagnoses/<number>/json                          text: the same as `diagnose --json` writes it
+    /diagnoses/<number>/staircase, map, curves/<joint>      drawings
+    /diagnoses/<number>/evidence/<rank>/<group>/residual, signature
 
 Groups are on the timeline `time` (each group's own time), the optimiser is on `iteration` and, so that its
-views are never empty, also on `time` (seconds since it started).
+views are never empty, also on `time` (seconds since it started). Results and diagnoses count from 1.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import numpy as np
 import rerun as rr
+
+if TYPE_CHECKING:
+    from flexviz.observers import Observer
 
 TIME = "time"  # [s]
 ITERATION = "iteration"
@@ -40,8 +54,8 @@ TITLES = {
     "torque": "transmission torque s [Nm]",
 }
 
-SUMMARY = "/summary"
-OPTIMISER = "/optimiser"
+ABOUT = "/about"
+LOG = "/log"
 
 
 def path(*parts: str) -> str:
@@ -54,7 +68,27 @@ def group_path(group: str, *parts: str) -> str:
     return path("groups", group, *parts)
 
 
-def parameter_path(kind: str, name: str) -> str:
-    """The entity of a parameter called "stiffness:joint1"; `kind` is "parameters" or "relative"."""
+def observer_name(observer: Observer) -> str:
+    """An observer with its bandwidth: "eso-50", "eso-40-60" with one a joint."""
+    return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
+
+
+def observer_path(observer: str, group: str, *parts: str) -> str:
+    """An entity path of one observer's states of one group."""
+    return path("observers", observer, group, *parts)
+
+
+def result_path(number: int, *parts: str) -> str:
+    """An entity path of one result."""
+    return path("results", str(number), *parts)
+
+
+def diagnosis_path(number: int, *parts: str) -> str:
+    """An entity path of one diagnosis."""
+    return path("diagnoses", str(number), *parts)
+
+
+def parameter_path(number: int, kind: str, name: str) -> str:
+    """The entity of a result's parameter "stiffness:joint1"; `kind` is "parameters" or "relative"."""
     parameter, _, joint = name.partition(":")
-    return path("optimiser", kind, parameter, *([joint] if joint else []))
+    return result_path(number, "optimiser", kind, parameter, *([joint] if joint else []))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.paths import TIME, group_path
+from flexviz.recording.stream import Stream
 from flexviz.robot import Robot
 from flexviz.view.colours import MEASURED, MODEL, rgb
 from flexviz.view.geometry import Shape
@@ -40,7 +41,7 @@ class Stage:
     eye: Array
 
 
-def set_stage(measurements: MeasurementSet, shape: Shape, both: bool) -> Stage:
+def set_stage(measurements: MeasurementSet, shape: Shape, both: bool = True) -> Stage:
     """Room for one robot, or for both side by side as the eye sees them, in all their motion."""
     robot = measurements.robot
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -65,45 +66,52 @@ def set_stage(measurements: MeasurementSet, shape: Shape, both: bool) -> Stage:
     )
 
 
-def send_robots(
-    recording: rr.RecordingStream,
+def send_robot(
+    recording: Stream,
     measurements: MeasurementSet,
     shape: Shape,
     stage: Stage,
     group: Group,
-    motion: Motion,
-) -> None:
-    """The measured robot and, where it was simulated, the identified one, both by their motor angles."""
-    robot, simulated = measurements.robot, measurements.simulated
-    moves = {"measured": motion.theta}
-    if motion.model_theta is not None:
-        moves["identified"] = motion.model_theta
-    labels = {
-        "measured": "measured (simulated data)" if simulated else "measured",
-        "identified": "identified (simulated motion)",
-    }
-    for offset, (name, theta) in zip(stage.offsets, moves.items(), strict=False):
-        root = group_path(group.name, "robots", name)
-        recording.log(root, rr.Transform3D(translation=offset), static=True)
-        send_bodies(recording, robot, shape, group, name, theta, motion.time)
-        label = rr.Points3D(
-            [[0.0, 0.0, stage.top]], labels=[labels[name]], radii=[0.0], colors=[rgb(COLOURS[name])]
-        )
-        recording.log(group_path(group.name, "robots", name, "label"), label, static=True)
-
-
-def send_bodies(
-    recording: rr.RecordingStream,
-    robot: Robot,
-    shape: Shape,
-    group: Group,
     name: str,
-    theta: Array,
-    time: Array,
+    motion: Motion,
+    first: bool,
+    result: int,
 ) -> None:
-    """One robot's bodies with their motion theta (M, n) at `time` (M,), its payload, its tip's path."""
+    """One of the two robots in one group, moved by its motor angles.
+
+    `name` is "measured" or "identified"; `first`: its shape was not sent yet, later only its motion is
+    renewed; `result` is the number of the result that the identified one belongs to.
+    """
+    robot, theta = measurements.robot, motion.theta if name == "measured" else motion.model_theta
+    if theta is None:
+        return
+    label = f"identified, result {result} (simulated motion)"
+    if name == "measured":
+        label = "measured (simulated data)" if measurements.simulated else "measured"
     poses = [robot.link_poses(row) for row in theta]
-    index = rr.TimeColumn(TIME, duration=time)
+    if first:
+        offset = stage.offsets[list(COLOURS).index(name)]
+        recording.log(group_path(group.name, "robots", name), rr.Transform3D(translation=offset), static=True)
+        send_shapes(recording, robot, shape, group, name, poses[0])
+    index = rr.TimeColumn(TIME, duration=motion.time)
+    for body in shape.bodies:
+        if body.joint is not None:
+            frames = np.array([pose[body.link] for pose in poses])
+            columns = rr.Transform3D.columns(
+                translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
+            )
+            recording.send_columns(group_path(group.name, "robots", name, body.link), [index], columns)
+    colour = rgb(COLOURS[name])
+    trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
+    recording.log(group_path(group.name, "robots", name, "trail"), trail, static=True)
+    above = rr.Points3D([[0.0, 0.0, stage.top]], labels=[label], radii=[0.0], colors=[colour])
+    recording.log(group_path(group.name, "robots", name, "label"), above, static=True)
+
+
+def send_shapes(
+    recording: Stream, robot: Robot, shape: Shape, group: Group, name: str, pose: dict[str, Array]
+) -> None:
+    """What does not change: the bodies' meshes, where the base stands, the payload; `pose` is any one."""
     for body in shape.bodies:
         entity = group_path(group.name, "robots", name, body.link)
         mesh = rr.Mesh3D(
@@ -113,21 +121,16 @@ def send_bodies(
             albedo_factor=(*rgb(COLOURS[name]), 255),
         )
         recording.log(entity, mesh, static=True)
-        frames = np.array([pose[body.link] for pose in poses])
         if body.joint is None:
-            fixed = rr.Transform3D(translation=frames[0, :3, 3], mat3x3=frames[0, :3, :3])
+            frame = pose[body.link]
+            fixed = rr.Transform3D(translation=frame[:3, 3], mat3x3=frame[:3, :3])
             recording.log(entity, fixed, static=True)
-            continue
-        columns = rr.Transform3D.columns(
-            translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
-        )
-        recording.send_columns(entity, [index], columns)
     for number, payload in enumerate(group.bodies):
         joint = robot.joint_of_link(payload.link)
         carrier = next((body.link for body in shape.bodies if body.joint == joint), None)
         if carrier is None or payload.mass <= 0.0:
             continue
-        relative = np.linalg.inv(poses[0][carrier]) @ poses[0][payload.link]
+        relative = np.linalg.inv(pose[carrier]) @ pose[payload.link]
         centre = relative[:3, :3] @ payload.com + relative[:3, 3]
         ball = rr.Points3D(
             [centre],
@@ -138,8 +141,6 @@ def send_bodies(
         )
         entity = group_path(group.name, "robots", name, carrier, f"payload {number + 1}")
         recording.log(entity, ball, static=True)
-    trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[rgb(COLOURS[name])])
-    recording.log(group_path(group.name, "robots", name, "trail"), trail, static=True)
 
 
 def normals(vertices: Array, faces: NDArray[np.uint32]) -> NDArray[np.float32]:

@@ -1,0 +1,226 @@
+"""A recording that grows with an analysis: start it, tell it each result as it comes, close it.
+
+    recording = LiveRecording(measurements, "demo.rrd")            # a file; and, or, viewer="9876"
+    recording.observer(make_observer("butterworth-zero-phase"))
+    recording.started("with Coulomb friction")                     # a solve begins
+    result = identify(measurements, progress=recording.iteration)  # every iteration as it comes
+    recording.identified(result)
+    recording.replayed("g1", run)                                  # the identified model's own motion
+    recording.diagnosed(diagnosis)
+    recording.close()
+
+Every call but `flush` and `close` puts its piece into a queue and returns at once; one thread writes the
+pieces in their order and flushes at the latest a second after each. What was flushed
+survives the end of the program, however it ends.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Self
+
+from flexviz.errors import FlexvizError, InputError, one_line
+from flexviz.measurements import MeasurementSet
+from flexviz.observers import Observer
+from flexviz.recording.files import Recorded, Target
+from flexviz.recording.recorder import SAMPLES, Recorder
+from flexviz.recording.stream import Stream, viewer_address
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
+    from flexviz.identification import Identification, Iteration
+    from flexviz.simulation.run import Run
+
+TICK = 1.0  # [s] at most between two flushes
+PATIENCE = 120.0  # [s] that `flush` and `close` wait for what is still to be written
+
+
+class LiveRecording:
+    """A growing recording of one measurement set; all methods may be called from any thread.
+
+    A failure (a full disk, a result that does not fit the set) never reaches the caller of a method but
+    `flush` and `close`: it ends the recording, is kept in `failure`, and `on_failure` is told.
+
+    Attributes
+    ----------
+    file: where it is written, or None.
+    failure: why nothing is written any more; empty while all is well.
+    lost_viewer: why the viewer gets nothing any more; empty while it does.
+    """
+
+    def __init__(
+        self,
+        measurements: MeasurementSet,
+        file: str | Path | None = None,
+        *,
+        viewer: str | None = None,
+        samples: int = SAMPLES,
+        on_failure: Callable[[str], None] | None = None,
+    ) -> None:
+        """Open it and record the set's own signals and the measured robot.
+
+        Parameters
+        ----------
+        file: written from the start, at its own place; one that is there already is kept until this is done:
+            this one is then written beside it (`file` says where) and moved there by `close`.
+        viewer: a running viewer: "" the usual place on this machine, a port, host:port, or an address.
+        samples: recorded at most of each signal and group.
+        on_failure: called once, from the recording's thread, with the reason in one line.
+
+        Raises
+        ------
+        InputError: neither file nor viewer, the file's folder does not exist, no viewer answers.
+        """
+        if file is None and viewer is None:
+            raise InputError("a recording needs a file or a viewer")
+        address = None if viewer is None else viewer_address(viewer)
+        self._target = None if file is None else Target(Path(file))
+        self.file = None if self._target is None else self._target.part
+        self.failure = ""
+        self._on_failure = on_failure
+        self._stream = Stream(self.file, address)
+        self._recorder = Recorder(measurements, self._stream, samples)
+        self._queue: queue.Queue[Callable[[], object] | None] = queue.Queue()
+        self._begun = time.monotonic()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._written: Recorded | None = None
+        self._put(self._recorder.begin)
+        self._thread = threading.Thread(target=self._work, name="flexviz-recording", daemon=True)
+        self._thread.start()
+
+    @property
+    def lost_viewer(self) -> str:
+        return self._stream.lost
+
+    # -- what is recorded ----------------------------------------------------------------------------
+
+    def observer(self, observer: Observer) -> None:
+        """All states of an observer; nothing where it has been recorded already."""
+        self._put(partial(self._recorder.observe, observer))
+
+    def started(self, label: str = "") -> None:
+        """A solve begins: the iterations and the result that follow belong to it."""
+        self._begun = time.monotonic()
+        self._put(partial(self._recorder.start, label))
+
+    def iteration(self, iteration: Iteration) -> None:
+        """One iteration of the running solve."""
+        seconds = time.monotonic() - self._begun
+        self._put(partial(self._recorder.iteration, iteration, seconds))
+
+    def identified(self, result: Identification, label: str = "") -> None:
+        """A result: residuals, parameters, and the iterations that were not told one by one.
+
+        `label` says in a few words what the model is, e.g. "with coulomb_friction:joint2".
+        """
+        self._put(partial(self._recorder.result, result, label))
+
+    def replayed(self, group: str, run: Run) -> None:
+        """The newest result's model simulated along a group: its signals, and the second robot."""
+        self._put(partial(self._recorder.run, group, run))
+
+    def diagnosed(self, diagnosis: Diagnosis) -> None:
+        """A verdict with its findings, evidence, maps and staircase."""
+        self._put(partial(self._recorder.diagnosis, diagnosis))
+
+    def note(self, text: str) -> None:
+        """A line in the recording's log."""
+        self._put(partial(self._recorder.note, text))
+
+    # -- its end -------------------------------------------------------------------------------------
+
+    def flush(self, timeout: float = PATIENCE) -> None:
+        """Wait until everything told so far is in the file.
+
+        Raises
+        ------
+        FlexvizError: the recording has failed, or is not done after `timeout` [s].
+        """
+        done = threading.Event()
+        self._put(lambda: (self._recorder.flush(), done.set()))
+        end = time.monotonic() + timeout
+        while not done.wait(0.05) and not self.failure:
+            if time.monotonic() > end:
+                raise FlexvizError(f"the recording is not written after {timeout:g} s")
+        if self.failure:
+            raise FlexvizError(self.failure)
+
+    def close(self, timeout: float = PATIENCE) -> Recorded | None:
+        """Write what is left and the end of the file, check it, move it to its place; None without a file.
+
+        Raises
+        ------
+        FlexvizError: the recording has failed, or is not done after `timeout` [s].
+        """
+        with self._lock:
+            closed, self._closed = self._closed, True
+        if not closed:
+            self._queue.put(None)
+        self._thread.join(timeout)
+        if self._thread.is_alive():
+            raise FlexvizError(f"the recording is not written after {timeout:g} s")
+        if self.failure:
+            raise FlexvizError(self.failure)
+        return self._written
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # -- the thread ----------------------------------------------------------------------------------
+
+    def _put(self, piece: Callable[[], object]) -> None:
+        with self._lock:
+            if not self._closed and not self.failure:
+                self._queue.put(piece)
+
+    def _work(self) -> None:
+        flushed, dirty = time.monotonic(), False
+        try:
+            while True:
+                try:
+                    piece = self._queue.get(timeout=TICK if dirty else None)
+                except queue.Empty:
+                    piece = self._recorder.flush
+                if piece is None:
+                    break
+                piece()
+                dirty = piece != self._recorder.flush
+                if dirty and time.monotonic() - flushed > TICK:
+                    self._recorder.flush()
+                    flushed, dirty = time.monotonic(), False
+            self._recorder.flush()
+            self._stream.close()
+            if self._target is not None:
+                self._written = self._target.finish(self._stream.entities)
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        if not isinstance(error, FlexvizError | OSError):
+            traceback.print_exc()
+        reason = one_line(
+            str(error) if isinstance(error, FlexvizError) else f"{type(error).__name__}: {error}"
+        )
+        with self._lock:
+            self.failure = f"the recording has ended: {reason}"
+            while not self._queue.empty():  # nobody waits for what is not written any more
+                self._queue.get_nowait()
+        try:
+            self._stream.close()
+        except Exception:
+            traceback.print_exc()
+        if self._on_failure is not None:
+            self._on_failure(self.failure)

@@ -1,0 +1,217 @@
+"""What an analysis consists of, sent to an open recording piece by piece, whole pieces at a time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import rerun as rr
+
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.observers import Observer
+from flexviz.recording import signals, texts
+from flexviz.recording.columns import stride_for
+from flexviz.recording.layout import Shown, blueprint
+from flexviz.recording.optimiser import Optimiser
+from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
+from flexviz.recording.scene import send_robot, set_stage
+from flexviz.recording.stream import Stream
+from flexviz.view.geometry import robot_shape
+from flexviz.view.motion import Motion, measured_motion, with_replay
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
+    from flexviz.identification import Identification, Iteration
+    from flexviz.simulation.run import Run
+
+SAMPLES = 10_000  # recorded at most of each signal and group
+Check = Callable[[str, float], None]  # is told what is done next and the share that is done; may raise
+
+
+@dataclass(eq=False)
+class Solve:
+    """One result, on its way or done; `label` says what its model is."""
+
+    number: int
+    label: str
+    optimiser: Optimiser
+    result: Identification | None = None
+    notes: dict[str, str] = field(default_factory=dict)  # group -> how its model was simulated
+
+
+class Recorder:
+    """Sends everything that belongs to one measurement set; calls may come in any order after `begin`."""
+
+    def __init__(
+        self, measurements: MeasurementSet, stream: Stream, samples: int = SAMPLES, both: bool = True
+    ) -> None:
+        """`both`: room for an identified robot beside the measured one."""
+        self.measurements = measurements
+        self.stream = stream
+        self.samples = samples
+        self._both = both
+        self.solves: list[Solve] = []
+        self.diagnoses: list[Diagnosis] = []
+        self._observers: list[str] = []
+        self._motions: dict[str, Motion] = {}
+        self._drawn: set[tuple[str, str]] = set()  # robots whose shape was sent: group, name
+        self._groups = {group.name: group for group in measurements.groups}
+
+    # -- what is known at the start ------------------------------------------------------------------
+
+    def begin(self, check: Check = lambda what, share: None) -> None:
+        """The set, its signals and the measured robot in every group."""
+        measurements, stream = self.measurements, self.stream
+        stream.name(measurements.name + (" (simulated data)" if measurements.simulated else ""))
+        stream.property(
+            "flexviz",
+            set=measurements.name,
+            simulated=measurements.simulated,
+            robot=measurements.robot.name,
+            joints=list(measurements.joints),
+            groups=[group.name for group in measurements.groups],
+        )
+        for group in measurements.groups:
+            stream.property(
+                f"group {group.name}",
+                trajectory=group.trajectory,
+                payload=group.payload,
+                validation=group.validation,
+                seconds=group.duration,
+                samples=group.samples,
+            )
+        check("reading the robot's shape", 0.0)
+        self._shape = robot_shape(measurements.robot)
+        self._stage = set_stage(measurements, self._shape, self._both)
+        self._describe()
+        self.arrange()
+        for done, group in enumerate(measurements.groups):
+            check(f"{group.name}: measured signals and motion", done / len(measurements.groups))
+            signals.send_measured(stream, measurements, group, self.samples)
+            motion = measured_motion(measurements, group, None)
+            self._motions[group.name] = motion
+            self._robot(group, "measured", motion)
+            self._describe_group(group, motion)
+        self.note(f"measurement set {measurements.name}")
+
+    def observe(self, observer: Observer, check: Check = lambda what, share: None) -> None:
+        """All states of an observer in every group; nothing where they are there already."""
+        name = observer_name(observer)
+        if name in self._observers:
+            return
+        self.note(f"observer {name}")
+        for done, group in enumerate(self.measurements.groups):
+            check(f"{group.name}: observer states", done / len(self.measurements.groups))
+            signals.send_states(self.stream, self.measurements, group, observer, self.samples)
+        self._observers.append(name)
+        self.arrange()
+
+    # -- results -------------------------------------------------------------------------------------
+
+    def start(self, label: str = "") -> Solve:
+        """A solve begins; what comes after this belongs to it."""
+        number = len(self.solves) + 1
+        solve = Solve(number, label, Optimiser(self.stream, number))
+        self.solves.append(solve)
+        self.note(f"result {number}{f' ({label})' if label else ''}: started")
+        self.arrange()
+        return solve
+
+    def iteration(self, iteration: Iteration, seconds: float) -> None:
+        """One iteration of the newest solve, `seconds` [s] after it began."""
+        self._newest().optimiser.add(iteration, seconds)
+
+    def result(self, result: Identification, label: str = "") -> None:
+        """What the newest solve, or where that is done already a new one, has found."""
+        if not self.solves or self.solves[-1].result is not None:
+            self.start(label)
+        solve = self.solves[-1]
+        solve.label, solve.result = label or solve.label, result
+        solve.optimiser.finish(result.iterations, result.seconds)
+        joints = self.measurements.joints
+        for group in result.residuals:
+            signals.send_residual(self.stream, joints, solve.number, group, result)
+        where = result_path(solve.number, "about")
+        self.stream.text(where, texts.result_text(result, solve.number, solve.label))
+        self._json(result_path(solve.number, "json"), result.to_json() | {"label": solve.label})
+        self.note(f"result {solve.number}: {result.message}")
+        self._describe()
+        self.arrange()
+
+    def run(self, group: str, run: Run) -> None:
+        """The newest result's model, simulated along a group."""
+        solve = self._newest()
+        motion = with_replay(self._motions[group], run)
+        solve.notes[group] = motion.model_note
+        joints = self.measurements.joints
+        signals.send_run(self.stream, joints, solve.number, group, run, self.samples)
+        self._robot(self._groups[group], "identified", motion)
+        self._describe_group(self._groups[group], motion)
+
+    def no_run(self, group: str, reason: str) -> None:
+        """Why the newest result's model could not be simulated along a group."""
+        self._newest().notes[group] = reason
+        self._describe_group(self._groups[group], self._motions[group], reason)
+
+    def diagnosis(self, diagnosis: Diagnosis) -> None:
+        """A verdict with everything it stands on."""
+        self.diagnoses.append(diagnosis)
+        number = len(self.diagnoses)
+        self.stream.text(diagnosis_path(number, "verdict"), texts.diagnosis_text(diagnosis))
+        self._json(diagnosis_path(number, "json"), diagnosis.to_json())
+        self.note(f"diagnosis {number}: {texts.verdict(diagnosis)}")
+        self._describe()
+        self.arrange()
+
+    def flush(self) -> None:
+        """Have everything until now in the file."""
+        if self.solves:
+            self.solves[-1].optimiser.flush()
+        self.stream.flush()
+
+    # -- words and layout ----------------------------------------------------------------------------
+
+    def note(self, text: str) -> None:
+        """A line in the log."""
+        self.stream.log(LOG, rr.TextLog(text))
+
+    def arrange(self) -> None:
+        """Show the newest of everything."""
+        newest = self.solves[-1] if self.solves else None
+        shown = Shown(
+            observer=self._observers[-1] if self._observers else None,
+            result=None if newest is None else newest.number,
+            label="" if newest is None else newest.label,
+            residuals=() if newest is None or newest.result is None else tuple(newest.result.residuals),
+            diagnosis=self.diagnoses[-1] if self.diagnoses else None,
+            diagnoses=len(self.diagnoses),
+        )
+        self.stream.blueprint(blueprint(self.measurements, self._stage, shown))
+
+    def _newest(self) -> Solve:
+        return self.solves[-1] if self.solves else self.start()
+
+    def _robot(self, group: Group, name: str, motion: Motion) -> None:
+        first = (group.name, name) not in self._drawn
+        self._drawn.add((group.name, name))
+        label = self.solves[-1].number if self.solves else 0
+        send_robot(
+            self.stream, self.measurements, self._shape, self._stage, group, name, motion, first, label
+        )
+
+    def _describe(self) -> None:
+        done = [
+            (solve.number, solve.label, solve.result) for solve in self.solves if solve.result is not None
+        ]
+        self.stream.text(ABOUT, texts.about_text(self.measurements, done, self.diagnoses))
+
+    def _describe_group(self, group: Group, motion: Motion, reason: str = "") -> None:
+        stride = stride_for(group.samples, self.samples)
+        text = texts.group_text(self.measurements, group, motion, stride, reason)
+        self.stream.text(group_path(group.name, "about"), text)
+
+    def _json(self, entity: str, document: dict) -> None:
+        text = json.dumps(document, ensure_ascii=False, allow_nan=True)
+        self.stream.log(entity, rr.TextDocument(text, media_type="application/json"), static=True)

@@ -1,0 +1,141 @@
+"""An open recording: what is logged goes to a file, to a running viewer, or to both.
+
+The file gets everything up to the last `flush`, whatever happens to the program; `close` adds its footer. A
+viewer that goes away is left alone, the file goes on.
+"""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+from uuid import uuid4
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from flexviz.errors import InputError
+from flexviz.recording.paths import APPLICATION
+
+VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where a viewer started with `rerun` listens
+SCHEMES = ("rerun", "rerun+http", "rerun+https")
+REACH = 2.0  # [s] a viewer may take to answer
+FLUSH = 30.0  # [s] a disk may take
+
+
+def viewer_address(text: str) -> str:
+    """The address of a running viewer, complete: from "", a port, host:port or a whole one.
+
+    Raises
+    ------
+    InputError: it is none of these, or nothing answers there.
+    """
+    if not text:
+        whole = VIEWER
+    elif text.isdigit():
+        whole = f"rerun+http://127.0.0.1:{text}/proxy"
+    else:
+        whole = text if "://" in text else f"rerun+http://{text}/proxy"
+    try:
+        parts = urlsplit(whole)
+        host, port = parts.hostname, parts.port or 9876
+    except ValueError:
+        host, port, parts = None, 0, urlsplit("")
+    if host is None or parts.scheme not in SCHEMES:
+        raise InputError(f'"{text}" is no address of a Rerun viewer; {VIEWER}, or its port, would be right')
+    try:
+        socket.create_connection((host, port), timeout=REACH).close()
+    except OSError:
+        raise InputError(
+            f"no Rerun viewer answers at {host}:{port}: start one with `rerun`, or leave the viewer out"
+        ) from None
+    return whole
+
+
+class Stream:
+    """An open recording; every method of Rerun's that is used here, towards the file and the viewer.
+
+    Attributes
+    ----------
+    file: the file, or None.
+    entities: every entity that was logged.
+    lost: why the viewer gets nothing any more; empty while it does, or where there is none.
+    """
+
+    def __init__(self, file: Path | None, viewer: str | None = None) -> None:
+        """Open it; `viewer` is a complete address (`viewer_address`)."""
+        self.file = file
+        self.entities: set[str] = set()
+        self.lost = ""
+        identity = uuid4()
+        self._file: rr.RecordingStream | None = None
+        self._viewer: rr.RecordingStream | None = None
+        if file is not None:
+            self._file = rr.RecordingStream(APPLICATION, recording_id=identity)
+            self._file.save(file)
+        if viewer is not None:
+            self._viewer = rr.RecordingStream(APPLICATION, recording_id=identity)
+            self._viewer.connect_grpc(viewer)
+
+    @property
+    def _open(self) -> list[rr.RecordingStream]:
+        return [stream for stream in (self._file, self._viewer) if stream is not None]
+
+    def name(self, text: str) -> None:
+        """What the viewer calls the recording."""
+        for stream in self._open:
+            stream.send_recording_name(text)
+
+    def property(self, name: str, **values: Any) -> None:
+        """Something about the recording as a whole."""
+        for stream in self._open:
+            stream.send_property(name, rr.AnyValues(**values))
+
+    def blueprint(self, layout: rrb.Blueprint) -> None:
+        """What the viewer shows from now on."""
+        for stream in self._open:
+            stream.send_blueprint(layout, make_active=True, make_default=True)
+
+    def log(self, entity: str, *what: Any, static: bool = False) -> None:
+        """Log at the present time of the stream, or for all times."""
+        self.entities.add(entity)
+        for stream in self._open:
+            stream.log(entity, *what, static=static)
+
+    def send_columns(self, entity: str, indexes: Iterable[Any], columns: Iterable[Any]) -> None:
+        """Log many instants at once."""
+        self.entities.add(entity)
+        indexes, columns = list(indexes), list(columns)
+        for stream in self._open:
+            stream.send_columns(entity, indexes, columns)
+
+    def text(self, entity: str, markdown: str) -> None:
+        """A text for all times; a later one takes its place."""
+        self.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
+
+    def flush(self) -> None:
+        """Have everything that was logged until now in the file.
+
+        Raises
+        ------
+        OSError: the file cannot be written.
+        """
+        if self._file is not None:
+            try:
+                self._file.flush(timeout_sec=FLUSH)
+            except (RuntimeError, ValueError) as error:
+                raise OSError(str(error)) from None
+        if self._viewer is not None:
+            try:
+                self._viewer.flush(timeout_sec=REACH)
+            except (RuntimeError, ValueError) as error:
+                self.lost = str(error)
+                self._viewer = None  # its connection ends with it
+
+    def close(self) -> None:
+        """Write the footer and let go of the viewer. A closed stream takes nothing any more."""
+        streams, self._file, self._viewer = self._open, None, None
+        for stream in streams:
+            stream.disconnect()
