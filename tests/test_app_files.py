@@ -45,8 +45,12 @@ def test_save_and_reopen_with_history(app: Application) -> None:
     act(app, "save")
     until(app, lambda: "session saved in ./sessions/small-" in status(app))
     name = next(name for name in app.data._sets if name.startswith("small-"))
+    assert app.folder == output_dir() / name and app.data._choice.value == name
+    act(app, "set", "small")
+    until(app, lambda: app.folder is None)
+    assert app.session.analysis.identification is None
     act(app, "set", name)
-    until(app, lambda: app.measurements.path.name == name)
+    until(app, lambda: app.folder is not None)
     again = app.session.analysis
     assert again.effects == ("torque_offset",) and again.up_to_date and "fit" in str(again.roles)
     assert again.identification is not None and list(again.identification.residual.rms) == list(error)
@@ -56,7 +60,7 @@ def test_save_and_reopen_with_history(app: Application) -> None:
     assert app.session.analysis.effects == ()
     act(app, "save")  # over itself
     until(app, lambda: f"saved in ./sessions/{name}" in status(app))
-    assert len(list(output_dir().iterdir())) == 1
+    assert [folder.name for folder in output_dir().iterdir()] == [name]  # nothing is unsaved either
     act(app, "redo")
 
 

@@ -18,7 +18,7 @@ LONGEST = 420  # lines in one Python file
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
-    ("errors", "resources", "jobs"),
+    ("errors", "files", "resources", "jobs"),
     ("_pinocchio", "_scipy", "robot", "robot_files", "robot_settings", "model"),
     ("measurements", "noise"),
     ("observers", "effects"),
@@ -27,6 +27,7 @@ LAYERS = (
     ("diagnosis",),
     ("simulation", "session"),
     ("view",),
+    ("report",),
     ("app", "recording"),
     ("cli", "__main__"),
 )

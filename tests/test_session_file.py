@@ -15,9 +15,9 @@ import pytest
 from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
-from flexviz.session import SESSION_FILE, Session, load_session, save_session, zipped
+from flexviz.session import SESSION_FILE, Session, is_session, open_session, save_session, zipped
+from tests.found import DIAGNOSIS
 from tests.small_set import write_small_set
-from tests.test_view_diagnosis import DIAGNOSIS
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +38,9 @@ def session(measurements: MeasurementSet) -> Session:
 
 def test_everything_comes_back(session: Session, measurements: MeasurementSet, tmp_path: Path) -> None:
     folder = save_session(session, measurements, tmp_path / "kept")
-    opened = read_set(folder)
-    again = load_session(opened)
-    assert again is not None and again.analysis.effects == ("torque_offset:joint1",)
+    opened = open_session(folder)
+    again = opened.session
+    assert again.analysis.effects == ("torque_offset:joint1",)
     assert [s.label for s in again.past] == [s.label for s in session.past] and again.redoes == "width"
     assert again.redo().analysis.bandwidth == (30.0, 40.0)
     before, after = session.analysis.identification, again.analysis.identification
@@ -52,28 +52,31 @@ def test_everything_comes_back(session: Session, measurements: MeasurementSet, t
     assert again.analysis.diagnosis is not None and again.analysis.diagnosis.to_json() == DIAGNOSIS.to_json()
     assert again.past[-1].analysis.diagnosis_up_to_date and again.past[-1].analysis.up_to_date
     assert again.analysis.stairs[0].step.groups == DIAGNOSIS.steps[0].groups
-    assert again.analysis.path == opened.path
+    assert again.analysis.path == opened.measurements.path == measurements.path
+    assert not (folder / "measurements.toml").exists() and not opened.changed
 
 
 def test_a_set_without_session_has_none(measurements: MeasurementSet) -> None:
-    assert load_session(measurements) is None
+    assert not is_session(measurements.path) and not open_session(measurements.path).session.past
 
 
 def test_it_is_saved_again_over_itself_but_over_nothing_else(
     session: Session, measurements: MeasurementSet, tmp_path: Path
 ) -> None:
     folder = save_session(session, measurements, tmp_path / "kept")
-    opened = read_set(folder)
-    again = load_session(opened)
-    assert again is not None
-    save_session(again.undo(), opened, folder)
-    assert (load_session(opened) or again).redoes == "offset"
+    opened = open_session(folder)
+    save_session(opened.session.undo(), opened.measurements, folder)
+    assert open_session(folder / SESSION_FILE).session.redoes == "offset"
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine").write_text("x")
     with pytest.raises(InputError, match="not empty"):
         save_session(session, measurements, tmp_path / "full")
-    with zipfile.ZipFile(io.BytesIO(zipped(folder))) as archive:
-        assert f"kept/{SESSION_FILE}" in archive.namelist() and "kept/measurements.toml" in archive.namelist()
+    save_session(session, measurements, tmp_path / "carried", carry=True)
+    with zipfile.ZipFile(io.BytesIO(zipped(tmp_path / "carried"))) as archive:
+        assert (
+            f"carried/{SESSION_FILE}" in archive.namelist()
+            and "carried/measurements.toml" in archive.namelist()
+        )
 
 
 def spoil(document: Any, what: str) -> Any:
@@ -91,7 +94,7 @@ def spoil(document: Any, what: str) -> Any:
     elif what == "path":
         present["analysis"]["path"] = {"/": "/etc"}
     elif what == "format":
-        document["format"] = 2
+        document["format"] = 99
     elif what == "lacks":
         del present["label"]
     elif what == "deep":
@@ -126,11 +129,11 @@ def test_a_spoiled_one_says_so(
     if what == "text":
         file.write_text("{")
     elif what == "arrays":
-        (folder / "session.npz").write_bytes(b"PK nonsense")
+        next(folder.glob("results/*.npz")).write_bytes(b"PK nonsense")
     else:
         file.write_text(json.dumps(spoil(json.loads(file.read_text()), what)))
     with pytest.raises(InputError, match=SESSION_FILE.replace(".", r"\.")):
-        load_session(read_set(folder))
+        open_session(folder)
 
 
 def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:

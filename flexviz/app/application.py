@@ -7,6 +7,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import viser
@@ -124,6 +125,7 @@ class Application:
             self.worker.stop(key)
         self.measurements = opened.measurements
         self.truth = opened.truth
+        self.folder = opened.folder
         self.session = opened.session or Session.of(self.measurements)
         self.show.opened(opened)
         self.dock.opened()
@@ -131,6 +133,12 @@ class Application:
             step.opened()
         self.say("")
         self.show.show_group()
+
+    def saved(self, session: Session, folder: Path) -> None:
+        """This session has been saved there."""
+        self.folder = folder
+        self.data.unsaved.saved(session)
+        self.data.list_sets()
 
     def change(self, label: str, analysis: Analysis) -> None:
         """A new state of the analysis; everything that depends on it is drawn anew."""
@@ -156,6 +164,7 @@ class Application:
         after = self.session.analysis
         if after.same_as(before):
             return
+        self.data.unsaved.changed(before)
         self.dock.refresh()
         self.say(*self._message)
         if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
@@ -222,8 +231,9 @@ class Application:
             self._dispatcher.guard(Event("tick"), self._tick)
 
     def close(self) -> None:
-        """End the loop, the playback and the worker."""
+        """End the loop, the playback and the worker; keep what is not saved."""
         self._stopped.set()
+        self.data.unsaved.close()
         self.show.playback.close()
         self.worker.close()
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexviz.errors import Cancelled, InputError
-from flexviz.session import SESSION_FILE, Analysis, Session, load_session, with_roles
+from flexviz.session import SESSION_FILE, Analysis, Session, is_session, open_session, with_roles
 from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
 
@@ -32,16 +32,18 @@ class Opened:
     measurements: MeasurementSet
     shape: Shape
     truth: dict[tuple[str, str | None], float] | None
-    session: Session | None = None  # where one was saved beside the set
+    session: Session | None = None  # where a saved one was opened
+    folder: Path | None = None  # where that lies
 
 
 def open_set(path: Path, *, progress: Progress = print, should_stop: Stop = bool) -> Opened:
-    """Read a set and its robot's shape."""
-    from flexviz.measurements import read_set
-
-    measurements = read_set(path.parent if path.name == SESSION_FILE else path)
+    """Read a set, or a session and its set, and the robot's shape."""
+    saved = is_session(path)
+    opened = open_session(path)
+    measurements = opened.measurements
     shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
-    return Opened(measurements, shape, truth, load_session(measurements))
+    session, folder = (opened.session, opened.folder.resolve()) if saved else (None, None)
+    return Opened(measurements, shape, truth, session, folder)
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
@@ -186,14 +188,16 @@ def _read(path: Path, stamp: int) -> MeasurementSet:
     return read_set(path)
 
 
-def sets_beside(path: Path) -> dict[str, Path]:
-    """Name -> folder of the sets one can choose: the bundled ones, and those in the same folder as `path`."""
+def sets_beside(*paths: Path) -> dict[str, Path]:
+    """Name -> folder of what one can choose: `paths`, and sets and sessions bundled, kept, and beside them."""
     from flexviz.resources import sessions_dir
 
     found: dict[str, Path] = {}
-    for parent in (path.parent, Path.cwd() / "sessions", sessions_dir()):
-        for file in sorted(parent.glob("*/measurements.toml"))[:200]:
-            if file.parent.resolve() not in found.values():
-                found.setdefault(file.parent.name, file.parent.resolve())
-    found.setdefault(path.name, path.resolve())
+    for parent in (*(path.parent for path in paths), Path.cwd() / "sessions", sessions_dir()):
+        names = ("measurements.toml", SESSION_FILE)
+        for folder in sorted({file.parent for name in names for file in parent.glob(f"*/{name}")})[:200]:
+            if folder.resolve() not in found.values():
+                found.setdefault(folder.name, folder.resolve())
+    for path in paths:
+        found.setdefault(path.name, path.resolve())
     return found

@@ -37,12 +37,23 @@ def stamped(name: str) -> Path:
     return new_folder(output_dir(), f"{name[:36]}-{time.strftime('%Y%m%d-%H%M%S')}")
 
 
-def save(session: Session, measurements: MeasurementSet, *, progress: Progress, should_stop: Stop) -> Path:
-    """Save a session: over itself where it is one already that lies in the output folder, else anew."""
-    folder = measurements.path
-    if folder.resolve().parent != output_dir().resolve() or not (folder / "session.json").is_file():
+def save(
+    session: Session,
+    measurements: MeasurementSet,
+    folder: Path | None,
+    *,
+    progress: Progress,
+    should_stop: Stop,
+) -> Path:
+    """Save a session: over itself, `folder`, where it lies in the output folder already; else anew."""
+    if folder is None or folder.resolve().parent != output_dir().resolve():
         folder = stamped(measurements.name)
     return save_session(session, measurements, folder)
+
+
+def unsaved_dir() -> Path:
+    """Where unsaved work is kept."""
+    return output_dir() / ".unsaved"
 
 
 def session_zip(
@@ -50,7 +61,8 @@ def session_zip(
 ) -> tuple[str, bytes]:
     """A session as a zip file: its name and content."""
     with tempfile.TemporaryDirectory() as temporary:
-        folder = save_session(session, measurements, Path(temporary) / f"{measurements.name}-session")
+        folder = Path(temporary) / f"{measurements.name}-session"
+        save_session(session, measurements, folder, carry=True)
         return f"{folder.name}.zip", zipped(folder)
 
 

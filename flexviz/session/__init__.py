@@ -1,18 +1,27 @@
-"""The state of one analysis with its history, and how it is kept in a file."""
+"""The state of one analysis with its history, and how it is kept in a folder."""
 
-from flexviz.session.saving import SESSION_FILE, load_session, save_session, zipped
-from flexviz.session.state import HISTORY, ROLES, Analysis, Role, Session, Stair, Step, with_roles
+from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
+from flexviz.session.loading import OpenedSession, is_session, load_session, open_session
+from flexviz.session.saving import SESSION_FILE, save_session, zipped
+from flexviz.session.state import HISTORY, ROLES, Analysis, Note, Role, Session, Stair, Step, with_roles
 
 __all__ = [
     "HISTORY",
     "ROLES",
     "SESSION_FILE",
     "Analysis",
+    "Autosave",
+    "Note",
+    "OpenedSession",
     "Role",
     "Session",
     "Stair",
     "Step",
+    "Unsaved",
+    "find_unsaved",
+    "is_session",
     "load_session",
+    "open_session",
     "save_session",
     "with_roles",
     "zipped",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,13 @@ from flexviz.errors import InputError
 from flexviz.identification import Identification, Iteration, ParameterEstimate, ResidualSummary
 from flexviz.identification.result import Combination, ResidualSeries
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.session.state import Analysis, Stair, Step
+from flexviz.session.state import Analysis, Note, Stair, Step
 
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
         Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeForm,
-        Guard, Identification, Iteration, ParameterCurve, ParameterEstimate, Place, ResidualMap,
+        Guard, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, Place, ResidualMap,
         ResidualSeries, ResidualSummary, Stair, Step, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
@@ -39,7 +40,13 @@ DEEPEST = 40  # of nested values
 
 
 class Packer:
-    """Collects arrays and shared values while it turns objects into JSON."""
+    """Collects arrays and shared values while it turns objects into JSON.
+
+    Attributes
+    ----------
+    arrays: all arrays, in the order of their numbers.
+    shared: the values that are written once.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder  # stands for itself: a session may be moved
@@ -47,6 +54,13 @@ class Packer:
         self.shared: list[Any] = []
         self._numbers: dict[int, int] = {}
         self._kept: list[Any] = []
+        self._depth = 0  # of shared values within one another
+        self._bounds: list[int] = [0]  # where the arrays of each outermost shared value begin and end
+
+    def parts(self) -> list[list[np.ndarray]]:
+        """The arrays in their order, those of one result together; nothing is left out."""
+        bounds = [*self._bounds, len(self.arrays)]
+        return [self.arrays[first:last] for first, last in pairwise(bounds) if last > first]
 
     def pack(self, value: Any) -> Any:
         """The value as JSON."""
@@ -73,7 +87,14 @@ class Packer:
         if not isinstance(value, SHARED):
             return self._fields(value)
         if id(value) not in self._numbers:
+            outermost = self._depth == 0
+            if outermost:
+                self._bounds.append(len(self.arrays))
+            self._depth += 1
             packed = self._fields(value)
+            self._depth -= 1
+            if outermost:
+                self._bounds.append(len(self.arrays))
             self._kept.append(value)  # its id stays its own
             self._numbers[id(value)] = len(self.shared)
             self.shared.append(packed)

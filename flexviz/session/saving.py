@@ -1,122 +1,148 @@
-"""A session as a folder: the measurement set with session.json and session.npz beside it.
+"""Saving: a session as a folder with session.json, the results beside it, and its set by reference and hash.
 
-So a saved session is a measurement set too, can be moved, and holds everything it needs. Undo and redo come
-back with it.
+    session.json            settings, history, results, notes; where the set is and its SHA-256
+    results/<content>.npz   the numbers of one result
+    measurements.toml …     only where the session carries its set
+
+session.json is written last and takes the place of the old one at once. It names results by their content,
+and these are on the disk before it: whatever is interrupted, the folder holds the old session or the new one.
 """
 
 from __future__ import annotations
 
+import fcntl
 import io
 import json
 import os
 import shutil
 import tempfile
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from flexviz import __version__
 from flexviz.errors import InputError
+from flexviz.files import remove_parts, sha256_of, sync_folder, write_whole
 from flexviz.measurements import MeasurementSet
-from flexviz.session.state import HISTORY, Analysis, Session, Step
+from flexviz.session import results
+from flexviz.session.reference import SetReference
+from flexviz.session.state import Session, now
 
 SESSION_FILE = "session.json"
-ARRAYS_FILE = "session.npz"
-FORMAT = 1
-LARGEST_JSON = 200_000_000  # bytes
-LEFT_OUT = shutil.ignore_patterns(".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, ARRAYS_FILE, "__pycache__")
+FORMAT = 2
+OLD_ARRAYS = "session.npz"  # of format 1
+LEFT_OUT = shutil.ignore_patterns(
+    ".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, OLD_ARRAYS, results.FOLDER, "__pycache__"
+)
 
 
-def save_session(session: Session, measurements: MeasurementSet, folder: Path) -> Path:
-    """Keep a session in `folder` (new, or a session's own, which is then renewed); returns the folder."""
-    own = folder.resolve() == measurements.path.resolve()
-    if folder.exists() and not own and any(folder.iterdir()):
-        raise InputError(f"{folder} exists and is not empty")
+def save_session(
+    session: Session, measurements: MeasurementSet, folder: Path, *, carry: bool = False
+) -> Path:
+    """Keep a session in `folder` and return it.
+
+    The folder is new or empty, or holds this set's session, which is then renewed.
+
+    Parameters
+    ----------
+    carry: copy the measurement set into a new folder, so that it needs nothing else; otherwise it is
+        referred to.
+    """
+    renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
+    if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError("exists and is not empty; a new folder would be right", file=folder)
     try:
-        if own:
-            _write(session, measurements.path, folder)
+        if renewed:
+            _same_set(folder, measurements)
+            with locked(folder):
+                _write(session, measurements, folder, folder)
             return folder
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-            copy = Path(temporary) / "copy"
-            shutil.copytree(measurements.path, copy, ignore=LEFT_OUT)
-            _write(session, measurements.path, copy)
+            new = Path(temporary) / "new"
+            if carry:
+                shutil.copytree(measurements.path, new, ignore=LEFT_OUT)
+            else:
+                new.mkdir()
+            _write(session, measurements, new, folder)
             if folder.exists():
                 folder.rmdir()
-            os.replace(copy, folder)
+            os.replace(new, folder)
+            sync_folder(folder.parent)
     except OSError as error:
         raise InputError(f"cannot be saved ({error.strerror or error})", file=folder) from None
     return folder
 
 
-def _write(session: Session, path: Path, folder: Path) -> None:
+def _same_set(folder: Path, measurements: MeasurementSet) -> None:
+    """InputError where a folder holds a session of another set."""
+    from flexviz.session.loading import read_reference
+
+    if not (folder / SESSION_FILE).is_file():
+        return
+    try:
+        reference = read_reference(folder)
+        place = reference.locate(folder)
+    except InputError:
+        return  # what cannot be opened any more may be written anew
+    if place.resolve() != measurements.path.resolve():
+        raise InputError(f'holds a session of another measurement set, "{reference.name}"', file=folder)
+
+
+def _write(session: Session, measurements: MeasurementSet, folder: Path, final: Path) -> None:
+    """Write into `folder`, which will be called `final`."""
     from flexviz.session.packing import Packer  # heavy: it knows every kind of result
 
-    packer = Packer(path)
-    steps = {name: [packer.pack(step) for step in getattr(session, name)] for name in ("past", "future")} | {
-        "present": packer.pack(session.present)
+    carried = (folder / "measurements.toml").is_file()
+    packer = Packer(measurements.path)
+    steps: dict[str, Any] = {"present": packer.pack(session.present)}
+    steps |= {name: [packer.pack(step) for step in getattr(session, name)] for name in ("past", "future")}
+    notes = packer.pack(session.notes)
+    arrays = [results.write(folder, part) for part in packer.parts()]
+    document = {
+        "format": FORMAT,
+        "flexviz": __version__,
+        "saved": now(),
+        "set": SetReference.of(measurements, final, carried).to_json(),
+        "effects_from": _own_effects(),
+        "notes": notes,
+        "recordings": [_beside(file, final) for file in session.recordings],
+        **steps,
+        "shared": packer.shared,
+        "arrays": arrays,
     }
-    document = {"format": FORMAT, **steps, "shared": packer.shared}
-    arrays = io.BytesIO()
-    np.savez_compressed(arrays, **{f"a{i}": a for i, a in enumerate(packer.arrays)})  # type: ignore[arg-type]
-    for name, content in ((ARRAYS_FILE, arrays.getvalue()), (SESSION_FILE, json.dumps(document).encode())):
-        part = folder / f".{name}.part"
-        part.write_bytes(content)
-        os.replace(part, folder / name)
+    write_whole(folder / SESSION_FILE, json.dumps(document, allow_nan=False).encode())
+    results.remove_others(folder, arrays)
+    remove_parts(folder, SESSION_FILE)
+    (folder / OLD_ARRAYS).unlink(missing_ok=True)
 
 
-def load_session(measurements: MeasurementSet) -> Session | None:
-    """The session kept beside a measurement set, or None where there is none."""
-    file = measurements.path / SESSION_FILE
-    if not file.is_file():
-        return None
-    from flexviz.session.packing import Unpacker
+def _own_effects() -> list[dict[str, str]]:
+    """The files that effects of one's own came from; they are named, never loaded by a session."""
+    from flexviz.effects import loaded_files
 
+    return [{"path": str(file), "sha256": sha256_of(file)} for file in loaded_files() if file.is_file()]
+
+
+def _beside(file: Path, folder: Path) -> str:
+    """A file's path, relative where it lies in the session's folder or beside it."""
+    path = file.resolve()
+    if path.is_relative_to(folder.resolve().parent):
+        return Path(os.path.relpath(path, folder.resolve())).as_posix()
+    return str(path)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Wait until nobody else writes into a session's folder."""
+    descriptor = os.open(folder, os.O_RDONLY)
     try:
-        if file.stat().st_size > LARGEST_JSON:
-            raise InputError("larger than any session")
-        document = json.loads(file.read_text(encoding="utf-8"))
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
-            raise InputError(f"format {FORMAT} is needed")
-        with np.load(measurements.path / ARRAYS_FILE, allow_pickle=False) as npz:
-            arrays = [npz[f"a{i}"] for i in range(len(npz.files))]
-        unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
-        past = [_step(unpacker.unpack(step), measurements) for step in document.get("past", [])]
-        future = [_step(unpacker.unpack(step), measurements) for step in document.get("future", [])]
-        present = _step(unpacker.unpack(document["present"]), measurements)
-    except InputError as error:
-        raise InputError(f"not a usable session: {error}", file=file) from None
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, zipfile.BadZipFile) as error:
-        raise InputError(f"not a usable session ({type(error).__name__}: {error})", file=file) from None
-    return Session(present, tuple(past[-HISTORY:]), tuple(future[:HISTORY]))
-
-
-def _step(step: Any, measurements: MeasurementSet) -> Step:
-    """A step whose settings fit the set."""
-    from flexviz.effects import choose_effects
-    from flexviz.observers import make_observer
-
-    if (
-        not isinstance(step, Step)
-        or not isinstance(step.analysis, Analysis)
-        or not isinstance(step.label, str)
-    ):
-        raise InputError("a step of the history is something else")
-    analysis = step.analysis
-    if analysis.path != measurements.path:
-        raise InputError("it belongs to another measurement set")
-    names = [group.name for group in measurements.groups]
-    if [name for name, _ in analysis.roles] != names:
-        raise InputError(f"its groups are not the set's ({', '.join(names)})")
-    for name, role in analysis.roles:
-        analysis.with_role(name, role)
-    payloads = tuple(name for name, bodies in measurements.payloads.items() if bodies)
-    choose_effects(analysis.effects, measurements.joints, payloads, names)
-    make_observer(analysis.observer, analysis.bandwidth)
-    if not isinstance(analysis.refine, bool):
-        raise InputError("refine is neither true nor false")
-    return step
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)  # which unlocks it
 
 
 def zipped(folder: Path) -> bytes:

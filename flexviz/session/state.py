@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from flexviz import __version__
 from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
@@ -137,29 +139,61 @@ class Analysis:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A state and what led to it."""
+    """A state and what led to it.
+
+    Attributes
+    ----------
+    label: what was done.
+    analysis: the state after it.
+    when: the time, ISO 8601 in UTC; empty where it is not known.
+    version: of flexviz; empty where it is not known.
+    """
 
     label: str
     analysis: Analysis
+    when: str = ""
+    version: str = ""
+
+
+@dataclass(frozen=True)
+class Note:
+    """What a person wrote down, and when (ISO 8601 in UTC)."""
+
+    text: str
+    when: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """An analysis with the states before it and, after an undo, the ones that come again."""
+    """An analysis with the states before it and, after an undo, the ones that come again.
+
+    Attributes
+    ----------
+    present, past, future: the states.
+    notes: what was written down about it.
+    recordings: files that were recorded from it.
+    """
 
     present: Step
     past: tuple[Step, ...] = ()
     future: tuple[Step, ...] = field(default=())
+    notes: tuple[Note, ...] = ()
+    recordings: tuple[Path, ...] = ()
 
     @staticmethod
     def of(measurements: MeasurementSet) -> Session:
         """A fresh session on a set."""
-        return Session(Step(f"opened {measurements.name}", Analysis.start(measurements)))
+        return Session(Step(f"opened {measurements.name}", Analysis.start(measurements), now(), __version__))
 
     @property
     def analysis(self) -> Analysis:
         """The present state."""
         return self.present.analysis
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """Past and present, in that order."""
+        return (*self.past, self.present)
 
     @property
     def undoes(self) -> str:
@@ -177,19 +211,35 @@ class Session:
             return self
         merge = bool(self.past) and label == self.present.label
         past = self.past if merge else (*self.past, self.present)[-HISTORY:]
-        return Session(Step(label, analysis), past)
+        return replace(self, present=Step(label, analysis, now(), __version__), past=past, future=())
 
     def undo(self) -> Session:
         """One change back (the same session when there is none)."""
         if not self.past:
             return self
-        return Session(self.past[-1], self.past[:-1], (self.present, *self.future))
+        return replace(self, present=self.past[-1], past=self.past[:-1], future=(self.present, *self.future))
 
     def redo(self) -> Session:
         """One undone change forward (the same session when there is none)."""
         if not self.future:
             return self
-        return Session(self.future[0], (*self.past, self.present), self.future[1:])
+        return replace(self, present=self.future[0], past=(*self.past, self.present), future=self.future[1:])
+
+    def with_note(self, text: str) -> Session:
+        """The same with something written down."""
+        if not text.strip():
+            raise InputError("an empty note; a word or more would be right")
+        return replace(self, notes=(*self.notes, Note(text.strip(), now())))
+
+    def with_recording(self, file: Path) -> Session:
+        """The same with a recording that belongs to it."""
+        others = tuple(other for other in self.recordings if other != file)
+        return replace(self, recordings=(*others, file))
+
+
+def now() -> str:
+    """The present time, ISO 8601 in UTC."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> MeasurementSet:

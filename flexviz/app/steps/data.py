@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
 from flexviz.app.steps.files import Files
+from flexviz.app.steps.unsaved import UnsavedWork
 from flexviz.app.work import open_set, sets_beside
 from flexviz.session import ROLES
 from flexviz.view.tables import set_html
@@ -29,6 +30,7 @@ class DataStep:
         self._roles: dict[str, Any] = {}
         self.folder = gui.add_folder(None)
         with self.folder:
+            self.unsaved = UnsavedWork(app)
             self._choice: Any = gui.add_dropdown("Measurement set", ("–",), initial_value="–")
             self._about = gui.add_html("")
             self._heading = gui.add_html(
@@ -47,6 +49,7 @@ class DataStep:
     def opened(self) -> None:
         """A new set is shown: its name, its facts, a row for each group."""
         measurements = self._app.measurements
+        self.unsaved.opened()
         self.list_sets()
         self.files.opened()
         self._about.content = set_html(measurements)
@@ -70,9 +73,9 @@ class DataStep:
 
     def list_sets(self) -> None:
         """Offer the sets and sessions there are."""
-        measurements = self._app.measurements
-        self._sets = sets_beside(measurements.path)
-        name = next((n for n, p in self._sets.items() if p == measurements.path.resolve()), measurements.name)
+        shown = self._shown()
+        self._sets = sets_beside(shown, self._app.measurements.path)
+        name = next((n for n, p in self._sets.items() if p == shown), shown.name)
         self._choice.options = tuple(self._sets)
         self._choice.value = name
 
@@ -88,13 +91,17 @@ class DataStep:
             "" if fit else '<div class="fv fv-warn">No group is fitted: choose Fit for at least one.</div>'
         )
 
+    def _shown(self) -> Path:
+        """The folder of what is open, a set or a session."""
+        return (self._app.folder or self._app.measurements.path).resolve()
+
     def _row_label(self, group: Any) -> str:
         label = f"{group.name}: {group.trajectory}, {group.payload}"
         return label if len(label) <= 40 else label[:39] + "…"
 
     def _chosen(self, name: str) -> None:
         path = self._sets.get(name)
-        if path is None or path == self._app.measurements.path.resolve():
+        if path is None or path == self._shown():
             return
         self._app.say(f"opening {name}", "busy")
         self._app.submit("open", open_set, path, in_process=False)

@@ -69,7 +69,7 @@ class Files:
             )  # fmt: skip
         app.add_style(half(self._record._impl.uuid))
         app.add_style(in_row(self._save._impl.uuid, self._download._impl.uuid))
-        app.press(self._save, "save", lambda: self._start("save", save, in_process=False))
+        app.press(self._save, "save", lambda: self._start("save", save, app.folder))
         app.press(self._quiz, "quiz", self._simulate)
         app.watch(self._record, "record", lambda _: self._recording())
         app.watch(self._preset, "quiz-robot", lambda _: None)
@@ -108,13 +108,14 @@ class Files:
         elif event.kind == "stopped" and key != "record":
             app.say(f"stopped {WORDS[key]}")
         elif event.kind == "done":
+            if key == "save":
+                app.saved(event.job.args[0], event.value)
             self._done(key, event.value)
 
     def _done(self, key: str, value: Any) -> None:
         app = self._app
         if key == "save":
             app.say(f"session saved in {_short(value)}")
-            app.data.list_sets()
         elif key == "download":
             name, content = value
             client = app.server.get_clients().get(self._asked if self._asked is not None else -1)
@@ -125,14 +126,16 @@ class Files:
             self._open(value)
         elif key == "record":
             self._note.content = f'<div class="fv fv-dim">Recorded in {escape(_short(value))}.</div>'
+            app.session = app.session.with_recording(value)
 
-    def _start(self, key: str, function: Any, in_process: bool) -> None:
-        self._app.say(WORDS[key], "busy")
-        self._app.submit(key, function, self._app.session, self._app.measurements, in_process=in_process)
+    def _start(self, key: str, function: Any, *more: Any) -> None:
+        app = self._app
+        app.say(WORDS[key], "busy")
+        app.submit(key, function, app.session, app.measurements, *more, in_process=False)
 
     def _downloads(self, client_id: int) -> None:
         self._asked = client_id
-        self._start("download", session_zip, in_process=False)
+        self._start("download", session_zip)
 
     def _simulate(self) -> None:
         self._app.say(WORDS["quiz"], "busy")

@@ -1,0 +1,73 @@
+"""Which data exactly: the SHA-256 of every file that a measurement set consists of."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from flexviz.errors import InputError
+from flexviz.files import sha256_of
+from flexviz.measurements.data import MeasurementSet
+from flexviz.measurements.schema import FILE_NAME
+
+
+@dataclass(frozen=True)
+class FileHash:
+    """One file of a set.
+
+    Attributes
+    ----------
+    name: relative to the set's folder; of a robot from a library its name there.
+    sha256: of the content, hexadecimal digits.
+    bytes: its size.
+    """
+
+    name: str
+    sha256: str
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """All files of a set: `measurements.toml`, the robot's description, the tables."""
+
+    files: tuple[FileHash, ...]
+
+    @property
+    def sha256(self) -> str:
+        """One for all: of the lines `<sha256>  <name>` in alphabetical order of the names."""
+        lines = "".join(f"{f.sha256}  {f.name}\n" for f in sorted(self.files, key=lambda f: f.name))
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def changes_since(self, before: Fingerprint) -> tuple[str, ...]:
+        """The names of the files that are not what they were, in the older order; gone and new ones too."""
+        then, now = ({f.name: f.sha256 for f in side.files} for side in (before, self))
+        return tuple(name for name in dict.fromkeys((*then, *now)) if then.get(name) != now.get(name))
+
+
+def fingerprint(measurements: MeasurementSet) -> Fingerprint:
+    """What a set consists of; files that have not changed since they were looked at are not read again."""
+    folder = measurements.path
+    robot = measurements.robot.urdf.encode()  # as it was read
+    files = [
+        _of(folder, FILE_NAME),
+        FileHash(measurements.robot.source, hashlib.sha256(robot).hexdigest(), len(robot)),
+        *(_of(folder, group.file.relative_to(folder).as_posix()) for group in measurements.groups),
+    ]
+    return Fingerprint(tuple(dict.fromkeys(files)))
+
+
+def _of(folder: Path, name: str) -> FileHash:
+    file = folder / name
+    try:
+        status = file.stat()
+        return FileHash(name, _sha256(file, status.st_mtime_ns, status.st_size), status.st_size)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", file=file) from None
+
+
+@lru_cache(maxsize=512)
+def _sha256(file: Path, changed: int, size: int) -> str:
+    return sha256_of(file)

@@ -1,0 +1,237 @@
+"""Autosave: what nobody has saved yet is kept beside the work, and is found again after a crash.
+
+    <root>/<name>-<which set>/<time>-<process>/        a session's folder, by reference
+    <root>/<name>-<which set>/<time>-<process>.lock    locked as long as that process lives
+
+So only what was left behind is offered again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from flexviz.errors import FlexvizError, one_line
+from flexviz.measurements import MeasurementSet
+from flexviz.session.saving import SESSION_FILE, save_session
+from flexviz.session.state import Session
+
+LOCK = ".lock"
+KEPT = 5  # left-behind sessions of one set
+
+
+@dataclass(frozen=True)
+class Unsaved:
+    """A session that was never saved.
+
+    Attributes
+    ----------
+    folder: open it with `open_session`.
+    when: of its last change.
+    """
+
+    folder: Path
+    when: datetime
+
+
+class Autosave:
+    """Keeps the newest state of what is open, in a thread of its own.
+
+    `root` gives the folder for everything that is kept like this (it may raise InputError); `failed` is told
+    in one line, from the thread, what went wrong.
+    """
+
+    def __init__(self, root: Callable[[], Path], failed: Callable[[str], None] = lambda text: None) -> None:
+        self._root = root
+        self._failed = failed
+        self._change = threading.Condition()
+        self._waiting: tuple[Session, MeasurementSet] | None = None
+        self._due = 0.0
+        self._busy = self._closed = False
+        self._folder: Path | None = None
+        self._lock: int | None = None
+        self._inherited: list[Path] = []
+        self._thread: threading.Thread | None = None
+
+    def begin(self) -> None:
+        """Something else is open from now on; what was kept stays."""
+        self.flush()
+        with self._change:
+            self._release()
+            self._folder, self._inherited = None, []
+
+    def keep(self, session: Session, measurements: MeasurementSet, delay: float = 0.0) -> None:
+        """Keep this state, at the latest after `delay` [s]; returns at once. Only the newest is written."""
+        with self._change:
+            if self._closed:
+                return
+            due = time.monotonic() + delay
+            self._due = due if self._waiting is None else min(due, self._due)
+            self._waiting = session, measurements
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="autosave", daemon=True)
+                self._thread.start()
+            self._change.notify_all()
+
+    def inherit(self, unsaved: Unsaved, session: Session, measurements: MeasurementSet) -> None:
+        """Go on with what was found; it is removed when it has been kept anew, or saved."""
+        with self._change:
+            self._inherited.append(unsaved.folder)
+        self.keep(session, measurements)
+
+    def flush(self, timeout: float = 60.0) -> bool:
+        """Write what waits; False where that took longer than `timeout` [s]."""
+        with self._change:
+            self._due = 0.0
+            self._change.notify_all()
+            return self._change.wait_for(lambda: self._waiting is None and not self._busy, timeout)
+
+    def saved(self) -> None:
+        """The user has saved: nothing needs to be kept."""
+        with self._change:
+            self._waiting = None
+            self._change.wait_for(lambda: not self._busy)
+            folders, self._inherited = [*self._inherited, self._folder], []
+            self._release()
+            self._folder = None
+        for folder in folders:
+            if folder is not None:
+                _remove(folder)
+
+    def close(self) -> None:
+        """Write what waits, and end."""
+        self.flush()
+        with self._change:
+            self._closed = True
+            self._release()
+            self._change.notify_all()
+
+    # -- the thread ----------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                while not self._closed and (self._waiting is None or time.monotonic() < self._due):
+                    left = None if self._waiting is None else max(self._due - time.monotonic(), 0.0)
+                    self._change.wait(left)
+                if self._waiting is None:
+                    return
+                (session, measurements), self._waiting, self._busy = self._waiting, None, True
+            try:
+                self._write(session, measurements)
+            except (FlexvizError, OSError) as error:
+                self._failed(one_line(f"unsaved work cannot be kept: {error}"))
+            except Exception as error:  # the next state may be written all the same
+                self._failed(one_line(f"unsaved work cannot be kept: {type(error).__name__}: {error}"))
+            finally:
+                with self._change:
+                    self._busy = False
+                    self._change.notify_all()
+
+    def _write(self, session: Session, measurements: MeasurementSet) -> None:
+        if self._folder is None:
+            self._folder = self._new_folder(measurements.path)
+        save_session(session, measurements, self._folder)
+        for folder in self._inherited:
+            _remove(folder)
+        self._inherited = []
+
+    def _new_folder(self, of: Path) -> Path:
+        place = _place(self._root(), of)
+        place.mkdir(parents=True, exist_ok=True)
+        for old in _left_behind(place)[KEPT - 1 :]:
+            if old not in self._inherited:
+                _remove(old)
+        _remove_interrupted(place)
+        folder = place / f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{os.getpid()}"
+        while folder.exists() or _lock_of(folder).exists():
+            folder = folder.with_name(folder.name + "a")
+        self._lock = os.open(_lock_of(folder), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        return folder
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def find_unsaved(root: Path, of: Path, session: Path | None = None) -> Unsaved | None:
+    """The newest unsaved work on the measurement set in the folder `of` that was left behind, if any.
+
+    What a living process keeps is not meant, nor what is older than the session in the folder `session`.
+    """
+    found = _left_behind(_place(root, of))
+    if not found:
+        return None
+    when = (found[0] / SESSION_FILE).stat().st_mtime
+    saved = None if session is None else session / SESSION_FILE
+    if saved is not None and saved.is_file() and saved.stat().st_mtime >= when:
+        return None
+    return Unsaved(found[0], datetime.fromtimestamp(when, UTC))
+
+
+def _place(root: Path, of: Path) -> Path:
+    of = of.resolve()
+    return root / f"{of.name[:40]}-{hashlib.sha256(str(of).encode()).hexdigest()[:12]}"
+
+
+def _lock_of(folder: Path) -> Path:
+    return folder.with_name(folder.name + LOCK)
+
+
+def _left_behind(place: Path) -> list[Path]:
+    """Sessions whose process has ended, the newest first."""
+    rows = []
+    for file in place.glob(f"*/{SESSION_FILE}"):
+        try:
+            if not _in_use(file.parent):
+                rows.append((file.stat().st_mtime_ns, file.parent))
+        except OSError:
+            continue  # it went away meanwhile
+    return [folder for _, folder in sorted(rows, reverse=True)]
+
+
+def _in_use(folder: Path) -> bool:
+    try:
+        descriptor = os.open(_lock_of(folder), os.O_RDWR | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _remove(folder: Path) -> None:
+    """Remove a session's folder, session.json first, and the folders above it that it leaves empty."""
+    (folder / SESSION_FILE).unlink(missing_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    _lock_of(folder).unlink(missing_ok=True)
+    for above in list(folder.parents)[:2]:
+        try:
+            above.rmdir()
+        except OSError:
+            break
+
+
+def _remove_interrupted(place: Path) -> None:
+    """Remove what processes that are gone left before they had kept anything whole."""
+    for part in place.glob(".*"):
+        if part.is_dir() and not _in_use(place / part.name[1:].rpartition(".")[0]):
+            shutil.rmtree(part, ignore_errors=True)
+    for lock in place.glob(f"*{LOCK}"):
+        folder = place / lock.name.removesuffix(LOCK)
+        if not folder.exists() and not _in_use(folder):
+            lock.unlink(missing_ok=True)

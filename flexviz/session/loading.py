@@ -1,0 +1,199 @@
+"""Opening a session: its set, checked against what it was computed from, and its history."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.errors import InputError
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.session import results
+from flexviz.session.migrating import Document, migrated
+from flexviz.session.reference import SetReference
+from flexviz.session.saving import OLD_ARRAYS, SESSION_FILE
+from flexviz.session.state import HISTORY, Analysis, Note, Session, Step
+
+LARGEST_JSON = 200_000_000  # bytes
+TRIES = 4  # somebody may save while it is read
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedSession:
+    """A session as it was kept, with its measurement set.
+
+    Attributes
+    ----------
+    folder: where it lies.
+    measurements: its set; what has changed in it since stands first in its warnings.
+    session: states, notes, recordings. Where data have changed no result counts as up to date.
+    changed: names of the set's files that are not what they were.
+    saved: when (ISO 8601 in UTC), and by which version of flexviz; empty where it is not known.
+    """
+
+    folder: Path
+    measurements: MeasurementSet
+    session: Session
+    changed: tuple[str, ...] = ()
+    saved: str = ""
+    version: str = ""
+
+
+def is_session(path: Path) -> bool:
+    """True for a session's folder and for its session.json."""
+    return (path / SESSION_FILE).is_file() or (path.name == SESSION_FILE and path.is_file())
+
+
+def open_session(path: str | Path) -> OpenedSession:
+    """Open a session's folder (or its session.json); a measurement set alone is a session that begins.
+
+    Everything that is wrong is one InputError that names the file.
+    """
+    path = Path(path)
+    if not is_session(path):
+        measurements = read_set(path)
+        return OpenedSession(measurements.path, measurements, Session.of(measurements))
+    folder = path.parent if path.name == SESSION_FILE else path
+    return open_with(folder, read_measurements(folder))
+
+
+def read_measurements(folder: Path) -> MeasurementSet:
+    """The measurement set of the session in a folder."""
+    try:
+        reference = read_reference(folder)
+        place = reference.locate(folder)
+        reference.require_files(place)
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(str(error), file=folder / SESSION_FILE, place="set") from None
+    return read_set(place)
+
+
+def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
+    """Open the session in a folder, whose set has been read."""
+    file = folder / SESSION_FILE
+    try:
+        for left in reversed(range(TRIES)):
+            document, before = _document(folder), file.stat().st_mtime_ns
+            try:
+                arrays = _arrays(document, folder)
+                break
+            except FileNotFoundError:
+                if not left or file.stat().st_mtime_ns == before:
+                    raise
+        opened = _unpacked(document, arrays, folder, measurements)
+    except InputError as error:
+        raise InputError(f"not a usable session: {error}", file=file) from None
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        what = getattr(error, "filename", None) or type(error).__name__
+        raise InputError(
+            f"not a usable session ({what}: {getattr(error, 'strerror', None) or error})", file=file
+        ) from None
+    return opened
+
+
+def load_session(measurements: MeasurementSet) -> Session | None:
+    """The session kept in a measurement set's own folder, or None where there is none."""
+    if not (measurements.path / SESSION_FILE).is_file():
+        return None
+    return open_with(measurements.path, measurements).session
+
+
+def read_reference(folder: Path) -> SetReference:
+    """Where the set of the session in a folder lies; InputError where that cannot be read."""
+    try:
+        return SetReference.from_json(_document(folder)["set"])
+    except InputError as error:
+        raise InputError(f"not a usable session: {error}", file=folder / SESSION_FILE) from None
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"not a usable session ({type(error).__name__}: {error})", file=folder / SESSION_FILE
+        ) from None
+
+
+def _document(folder: Path) -> Document:
+    file = folder / SESSION_FILE
+    if file.stat().st_size > LARGEST_JSON:
+        raise InputError("larger than any session")
+    return migrated(json.loads(file.read_text(encoding="utf-8")), folder)
+
+
+def _arrays(document: Document, folder: Path) -> list[np.ndarray]:
+    arrays: list[np.ndarray] = []
+    for entry in document["arrays"]:
+        if entry.get("file") == OLD_ARRAYS:
+            arrays += results.read_npz(folder / OLD_ARRAYS)
+        else:
+            arrays += results.read(folder, entry)
+    return arrays
+
+
+def _unpacked(
+    document: Document, arrays: list[np.ndarray], folder: Path, measurements: MeasurementSet
+) -> OpenedSession:
+    from flexviz.session.packing import Unpacker
+
+    changed = SetReference.from_json(document["set"]).changes(measurements)
+    if changed:
+        text = (
+            f"{', '.join(changed)} changed since the session was saved: its results belong to the older data"
+        )
+        measurements = replace(measurements, warnings=(text, *measurements.warnings))
+    unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
+
+    def steps(name: str) -> list[Step]:
+        return [
+            _checked(unpacker.unpack(step), measurements, document, bool(changed))
+            for step in document.get(name, [])
+        ]
+
+    present = _checked(unpacker.unpack(document["present"]), measurements, document, bool(changed))
+    notes = unpacker.unpack(document["notes"])
+    recordings = document["recordings"]
+    if not all(isinstance(note, Note) for note in notes) or not all(isinstance(r, str) for r in recordings):
+        raise InputError("its notes or recordings are something else")
+    session = Session(
+        present,
+        tuple(steps("past")[-HISTORY:]),
+        tuple(steps("future")[:HISTORY]),
+        notes,
+        tuple((folder / file).resolve() for file in recordings),
+    )
+    saved, version = (str(document.get(key, "")) for key in ("saved", "flexviz"))
+    return OpenedSession(folder, measurements, session, changed, saved, version)
+
+
+def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> Step:
+    """A step whose settings fit the set."""
+    from flexviz.effects import EFFECTS, choose_effects
+    from flexviz.observers import make_observer
+
+    if (
+        not isinstance(step, Step)
+        or not isinstance(step.analysis, Analysis)
+        or not isinstance(step.label, str)
+    ):
+        raise InputError("a step of the history is something else")
+    analysis = step.analysis
+    if analysis.path != measurements.path:
+        raise InputError("it belongs to another measurement set")
+    names = [group.name for group in measurements.groups]
+    if [name for name, _ in analysis.roles] != names:
+        raise InputError(f"its groups are not the set's ({', '.join(names)})")
+    for name, role in analysis.roles:
+        analysis.with_role(name, role)
+    payloads = tuple(name for name, bodies in measurements.payloads.items() if bodies)
+    unknown = [text for text in analysis.effects if text.partition(":")[0] not in EFFECTS]
+    own = [str(entry.get("path")) for entry in document.get("effects_from", [])]
+    if unknown and own:
+        files = " ".join(f"--effects-from {file}" for file in own)
+        raise InputError(f"{', '.join(unknown)} came from a file of one's own; {files} would be right")
+    choose_effects(analysis.effects, measurements.joints, payloads, names)
+    make_observer(analysis.observer, analysis.bandwidth)
+    if not isinstance(analysis.refine, bool):
+        raise InputError("refine is neither true nor false")
+    return replace(step, analysis=replace(analysis, fitted=None, diagnosed=None)) if changed else step

@@ -1,0 +1,92 @@
+"""The measurement set of a session: where it lies, and what exactly was in it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flexviz.errors import InputError
+from flexviz.measurements import MeasurementSet
+from flexviz.measurements.fingerprint import FileHash, Fingerprint, fingerprint
+from flexviz.measurements.schema import FILE_NAME
+
+HERE = "."
+
+
+@dataclass(frozen=True)
+class SetReference:
+    """A set by reference and hash.
+
+    Attributes
+    ----------
+    name: the set's name.
+    path: its folder, relative to the session's; "." where the session carries its set.
+    absolute: the same, absolute; empty where it is carried.
+    fingerprint: what was in it; None where an old session does not tell.
+    """
+
+    name: str
+    path: str
+    absolute: str
+    fingerprint: Fingerprint | None
+
+    @staticmethod
+    def of(measurements: MeasurementSet, folder: Path, carried: bool) -> SetReference:
+        """The reference from a session's `folder` to a set; `carried`: it lies in that folder."""
+        path = measurements.path.resolve()
+        if carried:
+            return SetReference(measurements.name, HERE, "", fingerprint(measurements))
+        relative = Path(os.path.relpath(path, folder.resolve())).as_posix()
+        return SetReference(measurements.name, relative, str(path), fingerprint(measurements))
+
+    def locate(self, folder: Path) -> Path:
+        """The set's folder, seen from the session's `folder`; InputError where there is none."""
+        places = [folder]  # a set beside session.json is the session's own, wherever it says it was
+        if self.path != HERE:
+            places += [folder / self.path, *([Path(self.absolute)] if self.absolute else [])]
+        for place in places:
+            if (place / FILE_NAME).is_file():
+                return place
+        looked = " and ".join(dict.fromkeys(str(place.resolve()) for place in places[-2:]))
+        raise InputError(
+            f'the measurement set "{self.name}" is missing: there is no {FILE_NAME} in {looked}; put it '
+            "back, or name its place with flexviz session SESSION --set FOLDER"
+        )
+
+    def require_files(self, place: Path) -> None:
+        """InputError that names a file of the set that is not there any more."""
+        for file in self.fingerprint.files if self.fingerprint else ():
+            if ":" not in file.name and not (place / file.name).is_file():
+                raise InputError(
+                    f"the data file {file.name} of the measurement set {place} is missing; it had "
+                    f"{file.bytes} bytes, SHA-256 {file.sha256}"
+                )
+
+    def changes(self, measurements: MeasurementSet) -> tuple[str, ...]:
+        """The names of the set's files that are not what they were."""
+        return fingerprint(measurements).changes_since(self.fingerprint) if self.fingerprint else ()
+
+    def to_json(self) -> dict[str, Any]:
+        """As it stands in session.json."""
+        document = {"name": self.name, "path": self.path, "absolute": self.absolute}
+        if self.fingerprint is None:
+            return document
+        files = [{"name": f.name, "sha256": f.sha256, "bytes": f.bytes} for f in self.fingerprint.files]
+        return document | {"sha256": self.fingerprint.sha256, "files": files}
+
+    @staticmethod
+    def from_json(document: Any) -> SetReference:
+        """Read it again; InputError for anything else."""
+        try:
+            rows = document.get("files")
+            name, path = document["name"], document["path"]
+            absolute = document.get("absolute", "")
+            files = tuple(FileHash(f["name"], f["sha256"], f["bytes"]) for f in rows or ())
+        except (AttributeError, KeyError, TypeError, ValueError):
+            raise InputError("its reference to a measurement set cannot be read") from None
+        texts = [name, path, absolute, *(text for f in files for text in (f.name, f.sha256))]
+        if not all(isinstance(text, str) and "\0" not in text for text in texts):
+            raise InputError("its reference to a measurement set holds something else than names")
+        return SetReference(name, path, absolute, None if rows is None else Fingerprint(files))
