@@ -1,7 +1,7 @@
 """The state of one analysis with its history, and how it is kept in a folder."""
 
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
-from flexviz.session.loading import OpenedSession, is_session, load_session, open_session
+from flexviz.session.loading import OpenedSession, is_session, open_session
 from flexviz.session.saving import SESSION_FILE, save_session, zipped
 from flexviz.session.state import HISTORY, ROLES, Analysis, Note, Role, Session, Stair, Step, with_roles
 
@@ -20,7 +20,6 @@ __all__ = [
     "Unsaved",
     "find_unsaved",
     "is_session",
-    "load_session",
     "open_session",
     "save_session",
     "with_roles",

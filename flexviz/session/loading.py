@@ -96,13 +96,6 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
     return opened
 
 
-def load_session(measurements: MeasurementSet) -> Session | None:
-    """The session kept in a measurement set's own folder, or None where there is none."""
-    if not (measurements.path / SESSION_FILE).is_file():
-        return None
-    return open_with(measurements.path, measurements).session
-
-
 def read_reference(folder: Path) -> SetReference:
     """Where the set of the session in a folder lies; InputError where that cannot be read."""
     try:
