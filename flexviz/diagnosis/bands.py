@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from flexviz.diagnosis.fitting import EVERY, LONG_ORDER, ORDER, STIFFNESS_REACH
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.sensitivity import Transfer, noise_ways
 from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.identification.prior import Prior
@@ -327,19 +326,19 @@ def compared(band: Band, x: Array, other: Band, common: Spans, low: FlatZeroPhas
     return np.concatenate(out)
 
 
-def difference(one: Band, other: Band) -> Callable[[Array, int], Array]:
+def difference(one: Band, other: Band) -> Transfer:
     a, b = one.signals.observer, other.signals.observer
     return lambda omega, k: a.transfer(omega, k) - b.transfer(omega, k)
 
 
-def slow_noise(band: Band, transfer: Callable[[Array, int], Array], x: Array, low: FlatZeroPhase) -> Array:
+def slow_noise(band: Band, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation that white measurement noise leaves in the slow residual, shape (n,) [Nm]."""
-    sensitivity = signal_sensitivity(band.equation.layout, x, band.equation.link_terms(x))
+    ways = noise_ways(band.equation.layout, x, band.equation.link_terms(x))
     noise = segments_noise([b.segment for b in band.signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
     total = 0.0
     for block in band.signals.blocks:
-        here = sensitivity[0][:, block.rows], sensitivity[1][:, block.rows]
+        here = [way.rows(block.rows) for way in ways]
         density = noise_density(
             here, noise, lambda w, k: transfer(w, k) * low.transfer(w, 0), block.segment.step, hertz
         )

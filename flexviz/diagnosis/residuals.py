@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.crossval import Ints
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.equation.residual import Chain
-from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.sensitivity import NoiseWay, Transfer, noise_ways
 from flexviz.equation.undecided import pulses
 from flexviz.identification.refine import CONSISTENT, Point
 from flexviz.identification.refinement import Refinement
@@ -38,7 +38,7 @@ class JointResiduals:
             from signals filtered as narrowly would also hold what the filter does to their products.
         shown: shape (N,), samples of `slow` that are not next to an end of the stretch.
         white: shape (N, n), every joint whitened by itself; zero where not used.
-        sensitivity: how noise moves the residual, shapes (5, N, n, n) and (3, N, n, n).
+        ways: of the noise into the residual.
     """
 
     refinement: Refinement
@@ -47,7 +47,7 @@ class JointResiduals:
     slow: Array
     shown: NDArray[np.bool_]
     white: Array
-    sensitivity: tuple[Array, Array]
+    ways: list[NoiseWay]
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -59,7 +59,7 @@ class JointResiduals:
 
         `step` is that of the raw samples [s].
         """
-        here = self.sensitivity[0][:, rows], self.sensitivity[1][:, rows]
+        here = [way.rows(rows) for way in self.ways]
         observer = self.refinement.wide.signals.observer
         wide = noise_density(here, self.refinement.noise, observer.transfer, step, hertz)
         return wide, wide * np.abs(SLOW.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
@@ -74,8 +74,8 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
         refinement = source.with_layout(fit.layout)
         refinement.wide.prepare(fit.x)
         residual = refinement.wide.residual(fit.x)
-        sensitivity = signal_sensitivity(fit.layout, fit.x, point.narrow.link)
-        whiteners = joint_whiteners(refinement, sensitivity)
+        ways = noise_ways(fit.layout, fit.x, point.narrow.link)
+        whiteners = joint_whiteners(refinement, ways)
         chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.narrow.link)
         unknown = {p.block: p.columns for p in pulses(refinement.wide, fit.x, chain)}
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
@@ -94,7 +94,7 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
             slow[kept[inner]] = SLOW.derivatives(residual[kept], step, 1)[0, inner]
             shown[kept[inner]] = True
         white[~point.used] = 0.0
-        out.append(JointResiduals(refinement, point, residual, slow, shown, white, sensitivity))
+        out.append(JointResiduals(refinement, point, residual, slow, shown, white, ways))
     return out
 
 
@@ -127,24 +127,26 @@ def settled_reversals(
     return residual - pulses @ (turn @ (along / (chi + squares))), white
 
 
-def joint_whiteners(refinement: Refinement, sensitivity: tuple[Array, Array]) -> list[list[Whitener]]:
+def joint_whiteners(refinement: Refinement, ways: list[NoiseWay]) -> list[list[Whitener]]:
     """For every block one whitener a joint, of that joint's residual alone.
 
     The fit's metric also predicts one joint's noise from the others', which is right for estimating; but with
     it a torque that is missing on one joint shows on every joint that comes after it. A model error that the
     fit allowed for is no part of it: what it stands for is what is looked for.
     """
-    theta, tau = sensitivity
-    kernels: dict[tuple[float, float], Array] = {}
+    kernels: dict[tuple[float, float], list[Array]] = {}
     out: list[list[Whitener]] = []
     for block in refinement.blocks:
         raw = block.segment.step
         key = (raw * block.stride, raw)
         if key not in kernels:
-            kernels[key] = noise_kernel(refinement.wide.signals.observer, *key, 5, refinement.order)
-        kernel, rows = kernels[key], block.rows
-        cov = _own_covariance(theta[:, rows], kernel, refinement.noise[0] ** 2)
-        cov += _own_covariance(tau[:, rows], kernel[:, :3, :3], refinement.noise[1] ** 2)
+            observer = refinement.wide.signals.observer
+            kernels[key] = [noise_kernel(observer, *key, way, refinement.order) for way in ways]
+        parts = [
+            _own_covariance(way.matrices[:, block.rows], kernel, way.variance(refinement.noise))
+            for way, kernel in zip(ways, kernels[key], strict=True)
+        ]
+        cov = np.sum(parts, axis=0)
         cov[0] *= 1 + 1e-9
         joints = range(refinement.layout.n)
         out.append([whitener(cov[:, :, j, None, None], refinement.every) for j in joints])
@@ -163,9 +165,9 @@ def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array
 
 
 def noise_density(
-    sensitivity: tuple[Array, Array],
+    ways: Sequence[NoiseWay],
     noise: tuple[Array, Array],
-    transfer: Callable[[Array, int], Array],
+    transfer: Transfer,
     step: float,
     hertz: Array,
 ) -> Array:
@@ -176,7 +178,7 @@ def noise_density(
     that their mean products weigh each frequency.
 
     Args:
-        sensitivity: shapes (5, N, n, n) and (3, N, n, n).
+        ways: of the noise into the residual.
         noise: standard deviations of θ and τ a raw sample, shape (n,) each.
         transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
         step: of the raw samples [s].
@@ -186,11 +188,11 @@ def noise_density(
         shape (F, n) [Nm²/Hz].
     """
     omega: Array = 2 * np.pi * hertz
-    total = np.zeros((len(hertz), sensitivity[0].shape[2]))
-    for matrices, sigma in zip(sensitivity, noise, strict=True):
-        depth, count = matrices.shape[:2]
-        products = np.einsum("jtim,ktim,m->jki", matrices, matrices, sigma**2) / count
-        gain = np.array([transfer(omega, k) for k in range(depth)])
+    total = np.zeros((len(hertz), len(noise[0])))
+    for way in ways:
+        products = np.einsum("jtim,ktim,m->jki", way.matrices, way.matrices, way.variance(noise))
+        products /= way.matrices.shape[1]
+        gain = np.array(way.gains(transfer, omega))
         total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
     return 2 * step * total
 

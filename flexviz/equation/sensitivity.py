@@ -1,6 +1,9 @@
-"""How noise in the observer's outputs moves the residual."""
+"""How noise in the sensors moves the residual."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +12,47 @@ from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkTerms
 
 Array = NDArray[np.float64]
+Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative
+
+THETA, TAU = 0, 1
+DEPTH = (5, 3)  # derivatives of each that the equation uses
+
+
+@dataclass(frozen=True)
+class NoiseWay:
+    """The way of one kind of sensors' white noise through the equation.
+
+    Attributes:
+        sensor: THETA or TAU.
+        joints: shape (m,), whose sensors.
+        matrices: shape (D, N, n, m), ∂r over what the noise has become.
+        orders: shape (D,), which derivative that is.
+        lags: shape (D,), time constant of the low-pass that it passes besides the observer [s]; 0 for none.
+    """
+
+    sensor: int
+    joints: NDArray[np.intp]
+    matrices: Array
+    orders: tuple[int, ...]
+    lags: tuple[float, ...]
+
+    def rows(self, rows: slice) -> NoiseWay:
+        """The same for some of the samples."""
+        return replace(self, matrices=self.matrices[:, rows])
+
+    def variance(self, noise: tuple[Array, Array]) -> Array:
+        """Of its sensors' raw samples, shape (m,), from standard deviations of θ and τ, shape (n,) each."""
+        return noise[self.sensor][self.joints] ** 2
+
+    def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
+        """From the raw samples to each of its D derivatives, complex, shape (F,) each.
+
+        What a damped joint lacks against its spring alone is computed from filtered signals and, as every
+        law's, filtered once more.
+        """
+        passed = transfer(omega, 0)
+        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag)) for lag in self.lags]
+        return [transfer(omega, k) * (1 - lost) for k, lost in zip(self.orders, lacking, strict=True)]
 
 
 def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array, Array]:
@@ -25,17 +69,53 @@ def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array
     Returns:
         shape (5, N, n, n) [Nm s^k/rad] and shape (3, N, n, n) [s^k].
     """
-    n = layout.n
+    direct, elastic = _parts(layout, x, link)
+    return direct[THETA] + elastic[THETA], direct[TAU] + elastic[TAU]
+
+
+def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
+    """All ways of the sensors' noise into the residual.
+
+    A damped joint, K δ + D δ̇ = s, passes the noise of s on to its deflection through a low-pass with the time
+    constant D/K: at the frequencies that two derivatives of it raise, hardly anything of it arrives.
+
+    Args:
+        layout: of the vector.
+        x: shape (P,).
+        link: the rigid-body terms at N samples.
+    """
+    direct, elastic = _parts(layout, x, link)
+    lag = np.zeros(layout.n)
+    for effect, where in layout.effect_slices():
+        if effect.effect == "joint_damping" and effect.joint is not None:
+            lag[effect.joint] = max(float(x[where][0]), 0.0) * x[layout.compliance][effect.joint]
+    out = []
+    plain = np.flatnonzero(lag == 0.0)
+    for sensor, depth in enumerate(DEPTH):
+        orders = tuple(range(depth))
+        if plain.size:
+            whole = direct[sensor] + elastic[sensor]
+            some = whole if plain.size == layout.n else whole[..., plain]
+            out.append(NoiseWay(sensor, plain, some, orders, (0.0,) * depth))
+        for j in np.flatnonzero(lag):
+            both = np.concatenate((direct[sensor][..., [j]], elastic[sensor][..., [j]]))
+            lags = (0.0,) * depth + (float(lag[j]),) * depth
+            out.append(NoiseWay(sensor, np.array([j]), both, orders * 2, lags))
+    return out
+
+
+def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """(∂r/∂θ^(k), ∂r/∂τ^(k)) without what goes through the joints' elasticity, and that."""
     compliance, inertia, viscous = x[layout.compliance], x[layout.motor_inertia], x[layout.motor_viscous]
     levels = (link.dq, link.dv + np.diag(x[layout.link_viscous]), link.mass)
-    theta = np.zeros((5, *link.mass.shape))
-    tau = np.zeros((3, *link.mass.shape))
-    tau[0] += np.eye(n)
+    theta, tau = (np.zeros((depth, *link.mass.shape)) for depth in DEPTH)
+    through_theta, through_tau = np.zeros_like(theta), np.zeros_like(tau)
+    tau[0] += np.eye(layout.n)
     theta[1] -= np.diag(viscous)
     theta[2] -= np.diag(inertia)
     for k, level in enumerate(levels):
-        tau[k] += level * compliance
         theta[k] -= level
-        theta[k + 1] -= level * (compliance * viscous)
-        theta[k + 2] -= level * (compliance * inertia)
-    return theta, tau
+        through_tau[k] += level * compliance
+        through_theta[k + 1] -= level * (compliance * viscous)
+        through_theta[k + 2] -= level * (compliance * inertia)
+    return (theta, tau), (through_theta, through_tau)

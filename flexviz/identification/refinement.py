@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.equation.chain import Chain
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.sensitivity import noise_ways
 from flexviz.equation.signals import Signals
 from flexviz.equation.undecided import pulses
 from flexviz.identification.metric import Metric
@@ -21,6 +21,7 @@ from flexviz.identification.whitening import (
     lagged_covariance,
     noise_kernel,
     score_covariance,
+    ways_covariance,
     whitener,
 )
 from flexviz.measurements import Group, MeasurementSet
@@ -84,20 +85,16 @@ class Refinement:
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
-        theta, tau = signal_sensitivity(self.layout, x, link)
-        order = self.order
-        kernels: dict[tuple[float, float], tuple[Array, Array]] = {}
+        ways = noise_ways(self.layout, x, link)
+        kernels: dict[tuple[float, float], list[Array]] = {}
         out = []
         for block in self.blocks:
             raw = block.segment.step
             key = (raw * block.stride, raw)
             if key not in kernels:
-                kernel = noise_kernel(self.wide.signals.observer, *key, 5, order)
-                kernels[key] = kernel, kernel[:, :3, :3]
-            wide, narrow = kernels[key]
-            rows = block.rows
-            cov = lagged_covariance(theta[:, rows], wide, self.noise[0] ** 2)
-            cov += lagged_covariance(tau[:, rows], narrow, self.noise[1] ** 2)
+                observer = self.wide.signals.observer
+                kernels[key] = [noise_kernel(observer, *key, way, self.order) for way in ways]
+            cov = ways_covariance(ways, kernels[key], self.noise, block.rows)
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
             cov[0] += np.diag(1e-9 * size + self.tolerance)
             out.append(whitener(cov, self.every, self.ridge))
@@ -107,14 +104,19 @@ class Refinement:
         """Mean variance that the measurement noise leaves in the residual, from a few samples, shape (n,)."""
         few = slice(None, None, max(1, self.wide.signals.count // FEW))
         part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
-        theta, tau = signal_sensitivity(self.layout, x, part)
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
-        if "kernel" not in self._shared:
-            self._shared["kernel"] = noise_kernel(self.wide.signals.observer, raw * stride, raw, 5, 0)[0]
-        kernel = self._shared["kernel"]
-        variance = np.einsum("dtim,de,etim,m->i", theta, kernel, theta, self.noise[0] ** 2)
-        variance += np.einsum("dtim,de,etim,m->i", tau, kernel[:3, :3], tau, self.noise[1] ** 2)
-        return variance / theta.shape[1] + self.tolerance
+        variance = np.zeros(self.layout.n)
+        for way in noise_ways(self.layout, x, part):
+            key = ("kernel", way.orders, way.lags)
+            kernel = self._shared.get(key)
+            if kernel is None:
+                kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, way, 0)[0]
+                if not any(way.lags):  # the others change with the parameters
+                    self._shared[key] = kernel
+            variance += np.einsum(
+                "dtim,de,etim,m->i", way.matrices, kernel, way.matrices, way.variance(self.noise)
+            )
+        return variance / len(part.mass) + self.tolerance
 
     def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:
         """One metric a block: the whitener, and what is not known of the effects' reversals at x."""
@@ -132,14 +134,15 @@ class Refinement:
             z: shape (N, n, P), whitened instruments; zero where samples are not used.
             metrics: one a block.
         """
-        theta, tau = signal_sensitivity(self.layout, x, self.narrow.link_terms(x))
+        ways = noise_ways(self.layout, x, self.narrow.link_terms(x))
         total = np.zeros((self.layout.size, self.layout.size))
         for block, metric in zip(self.blocks, metrics, strict=True):
             rows, raw = block.rows, block.segment.step
             weights = metric.transposed(z[rows])
-            way = (self.wide.signals.observer, raw * block.stride, raw)
-            total += score_covariance(weights, theta[:, rows], self.noise[0] ** 2, *way)
-            total += score_covariance(weights, tau[:, rows], self.noise[1] ** 2, *way)
+            steps = (raw * block.stride, raw)
+            for way in ways:
+                variance, here = way.variance(self.noise), way.rows(rows)
+                total += score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
             scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
             total += scaled.T @ scaled
             unknown = metric.unknown_share(z[rows])
@@ -151,13 +154,11 @@ def residual_noise(
     signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
 ) -> Array:
     """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
-    theta, tau = signal_sensitivity(layout, x, link)
     total = np.zeros(layout.n)
-    for block in signals.blocks:
-        raw = block.segment.step
-        kernel = noise_kernel(signals.observer, raw, raw, 5, 0)
-        rows = block.rows
-        cov = lagged_covariance(theta[:, rows], kernel, noise[0] ** 2)
-        cov += lagged_covariance(tau[:, rows], kernel[:, :3, :3], noise[1] ** 2)
-        total += np.einsum("tii->i", cov[0])
+    for way in noise_ways(layout, x, link):
+        for block in signals.blocks:
+            raw = block.segment.step
+            kernel = noise_kernel(signals.observer, raw, raw, way, 0)
+            cov = lagged_covariance(way.matrices[:, block.rows], kernel, way.variance(noise))
+            total += np.einsum("tii->i", cov[0])
     return total / signals.count

@@ -12,12 +12,14 @@ inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988). The first sample
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import fft
+from flexviz.equation.sensitivity import NoiseWay
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
@@ -52,27 +54,33 @@ class Whitener:
         return out
 
 
-def noise_kernel(observer: Observer, joint_step: float, raw_step: float, count: int, lags: int) -> Array:
+def noise_kernel(
+    observer: Observer, joint_step: float, raw_step: float, count: int | NoiseWay, lags: int
+) -> Array:
     """Covariance of the derivatives of filtered white noise of unit variance a raw sample.
 
     Args:
         observer: whose transfer functions the noise passes.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
-        count: derivatives 0 … count−1.
+        count: derivatives 0 … count−1, or the D ones of a way through the equation.
         lags: 0 … lags.
 
     Returns:
-        shape (lags + 1, count, count): E[x^(j)(t) x^(k)(t − lag)].
+        shape (lags + 1, D, D): E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
     """
     # fine enough to resolve the band, long enough to hold the lags
     slowest = float(np.min(observer.bandwidth)) * joint_step
     length = 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
     omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
-    gain = [observer.transfer(omega, k) for k in range(count)]
-    out = np.empty((lags + 1, count, count))
-    for j in range(count):
-        for k in range(count):
+    if isinstance(count, NoiseWay):
+        gain = count.gains(observer.transfer, omega)
+    else:
+        gain = [observer.transfer(omega, k) for k in range(count)]
+    depth = len(gain)
+    out = np.empty((lags + 1, depth, depth))
+    for j in range(depth):
+        for k in range(depth):
             density = gain[j] * np.conj(gain[k]) * (raw_step / joint_step)
             density[-1] = density[-1].real
             out[:, j, k] = fft.irfft(density, length)[: lags + 1]
@@ -83,42 +91,60 @@ def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Arr
     """Cov(r_t, r_{t−k}) for k = 0 … p from one noise source.
 
     Args:
-        sensitivity: shape (D, N, n, n).
+        sensitivity: shape (D, N, n, m).
         kernel: shape (p + 1, D, D).
-        variance: shape (n,), of the raw samples.
+        variance: shape (m,), of the raw samples.
 
     Returns:
         shape (p + 1, N, n, n); entries with t < k are zero.
     """
-    depth, count, n, _ = sensitivity.shape
+    depth, count, n, sources = sensitivity.shape
     out = np.zeros((len(kernel), count, n, n))
-    wide = (sensitivity * variance).transpose(1, 2, 0, 3).reshape(count, n, depth * n)
+    wide = (sensitivity * variance).transpose(1, 2, 0, 3).reshape(count, n, depth * sources)
     for k, rho in enumerate(kernel):
         if k >= count:
             break
-        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))  # (D, N−k, n, n)
-        stacked = earlier.transpose(1, 0, 3, 2).reshape(count - k, depth * n, n)
+        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))  # (D, N−k, n, m)
+        stacked = earlier.transpose(1, 0, 3, 2).reshape(count - k, depth * sources, n)
         out[k, k:] = wide[k:] @ stacked
     return out
 
 
+def ways_covariance(
+    ways: Sequence[NoiseWay], kernels: Sequence[Array], noise: tuple[Array, Array], rows: slice
+) -> Array:
+    """Cov(r_t, r_{t−k}) for k = 0 … p from all of the noise, shape (p + 1, N, n, n).
+
+    Args:
+        ways: through the equation.
+        kernels: of each, shape (p + 1, D, D).
+        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
+        rows: the N samples.
+    """
+    parts = [
+        lagged_covariance(way.matrices[:, rows], kernel, way.variance(noise))
+        for way, kernel in zip(ways, kernels, strict=True)
+    ]
+    return np.sum(parts, axis=0)
+
+
 def score_covariance(
     weights: Array,
-    sensitivity: Array,
+    way: NoiseWay,
     variance: Array,
     observer: Observer,
     joint_step: float,
     raw_step: float,
 ) -> Array:
-    """Covariance of Σ_t weights_tᵀ r_t when r is white noise of one source on its way through the equation.
+    """Covariance of Σ_t weights_tᵀ r_t when r is white noise on one of its ways through the equation.
 
     The predictor's few samples cannot resolve how little noise there is at the lowest frequencies, where the
     robot moves, so that the whitened residual is not quite white there; this is exact.
 
     Args:
         weights: shape (N, n, P).
-        sensitivity: shape (D, N, n, n), ∂r/∂ of the source's derivatives.
-        variance: shape (n,), of the raw samples.
+        way: at the N samples.
+        variance: shape (m,), of the raw samples of its m sensors.
         observer: whose transfer functions the noise passes.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
@@ -134,10 +160,10 @@ def score_covariance(
         share[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
     scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
     size = weights.shape[2]
-    total = np.zeros((len(omega), weights.shape[1], size), complex)
-    for k, matrix in enumerate(sensitivity):
+    total = np.zeros((len(omega), len(variance), size), complex)
+    for matrix, gain in zip(way.matrices, way.gains(observer.transfer, omega), strict=True):
         passed = fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
-        total += np.conj(observer.transfer(omega, k))[:, None, None] * passed
+        total += np.conj(gain)[:, None, None] * passed
     flat = (total * scale[:, :, None]).reshape(-1, size)
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag
 
