@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_study.cases import TWINS
+from flexviz.diagnosis.confidence import probability
 
 Json = dict[str, Any]
 
@@ -19,10 +20,11 @@ NOTHING, UNKNOWN = "nothing", "unknown"
 
 @dataclass(frozen=True)
 class Stated:
-    """A finding as it was stated: how sure, and whether it was right."""
+    """A finding as it was stated: how sure, by the present weights; whether it was right; its features."""
 
     confidence: float
     right: bool
+    features: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def judge(truth: Json, known: Json, result: Json) -> Judged:
         truth, known, result, verdict, named,
         first_right=first_right, all_found=found, extra=tuple(map(_text, extra)), right=right,
         parameter_errors=_errors(library, got["model"]["effects"]),
-        stated=_stated(first, added, result.get("confidences") or [], library),
+        stated=_stated(first, added, result["features"], library),
         answer=", ".join(words),
     )  # fmt: skip
 
@@ -158,14 +160,13 @@ def _judged(
 
 
 def _stated(
-    first: Json | None, added: list[Json], confidences: list[float], library: list[Json]
+    first: Json | None, added: list[Json], features: list[list[float]], library: list[Json]
 ) -> tuple[Stated, ...]:
-    """The first finding, and what was added after it."""
+    """What was added, in its order; nothing where the first was not named."""
     if first is None:
         return ()
-    out = [Stated(first["confidence"], any(same(first, t) for t in library))]
-    later = zip(added[1:], confidences[1:], strict=False)
-    return (*out, *(Stated(c, any(same(a, t) for t in library)) for a, c in later))
+    rows = zip(added, features, strict=True)
+    return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 
 def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:

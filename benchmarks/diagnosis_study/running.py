@@ -107,7 +107,7 @@ def _diagnosed(work: Path, name: str) -> Json:
     document = diagnosis.to_json()
     return {
         "diagnosis": document,
-        "confidences": [s.added.confidence for s in diagnosis.steps if s.added is not None],
+        "features": [s.added.features for s in diagnosis.steps if s.added is not None],
         "errors": errors(measurements, final_model(document, measurements.joints)),
         **spent,
     }

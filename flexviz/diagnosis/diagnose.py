@@ -125,7 +125,7 @@ class _Diagnosing:
         base = self.fitted()
         final, self.reference = base, self.bench.bare(base)
         try:
-            final = self.rounds(base, apply)
+            base, final = self.rounds(base, apply)
             if verdict(final, self.reference) == "unknown":
                 final = self.beyond(base, final, apply)
         except Interrupted:
@@ -141,8 +141,8 @@ class _Diagnosing:
             x = self.layout.vector(first.model)
         return self.bench.fit(self.layout, x, iterations=FIRST)
 
-    def rounds(self, base: Fit, apply: bool) -> Fit:
-        """Effects that explain the residual down to the noise, or nearly."""
+    def rounds(self, base: Fit, apply: bool) -> tuple[Fit, Fit]:
+        """Effects that explain the residual down to the noise, or nearly: the first fit and the last one."""
         fit = base
         for number in range(ROUNDS):
             self.say("looking at what is left")
@@ -154,13 +154,21 @@ class _Diagnosing:
             best = self.search.acceptable(fit, tried, gained)
             if best is None:
                 break
+            if (again := self.search.restarted(fit, best, gained)) is not None:
+                fit = again
+                if self.chain:
+                    last = self.chain[-1]
+                    self.chain[-1] = replace(last, chosen=replace(last.chosen, fit=again))
+                else:
+                    base, self.reference = again, self.bench.bare(again)
+                continue
             link = Link(fit, best, tried, scores)
             self.chain.append(link)
             fit = best.fit
             if not apply:
                 break
             fit = self.simplified(fit)
-        return fit
+        return base, fit
 
     def simplified(self, fit: Fit) -> Fit:
         """The newest model without what has become superfluous; then the chain is made anew."""
@@ -211,15 +219,17 @@ class _Diagnosing:
     def answer(self, base: Fit, final: Fit, began: float, apply: bool, guarded: bool | None) -> Diagnosis:
         fits = [base, *(link.after for link in self.chain)]
         errors = [self.band.errors(fit) for fit in fits]
+        if self.tolerance is not None:  # judged in units of the noise all the same
+            final = self.bench.fit(final.layout, final.x, iterations=0)
         found = [
-            explain(self.bench, link.before, link.chosen, link.tried, link.scores, (self.band, old, new))
+            explain(
+                self.bench, link.before, link.chosen, link.tried, link.scores, final, (self.band, old, new)
+            )
             for link, old, new in zip(self.chain, errors, errors[1:], strict=False)
         ]
         if not apply and found:  # only looked at: the model stays what it is
             final, last = base, "missing"
         else:
-            if self.tolerance is not None:  # judged in units of the noise all the same
-                final = self.bench.fit(final.layout, final.x, iterations=0)
             last = verdict(final, self.reference)
         added = [None, *found] if apply else [None]
         steps = [
@@ -275,7 +285,7 @@ class _Diagnosing:
             key = (t.effect.effect, base.layout.joint_name(t.effect), t.effect.group, t.effect.payload)
             if key in taken or base.objective - t.fit.objective <= 0:
                 continue
-            other = explain(self.bench, base, t, self.first, None)
+            other = explain(self.bench, base, t, self.first, None, t.fit)
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.confidence import confidence
+from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.judging import score_of
@@ -46,6 +46,7 @@ def explain(
     best: Tried,
     tried: list[Tried],
     scores: Scores | None,
+    final: Fit,
     errors: tuple[ErrorBand, Errors, Errors] | None = None,
 ) -> Finding:
     """A candidate as a finding.
@@ -56,30 +57,38 @@ def explain(
         best: with it, refitted.
         tried: all candidates that were refitted.
         scores: of all candidates at `before`; None for one that is only mentioned.
+        final: the last model of the diagnosis.
         errors: the band of errors and the errors before and after; None for one that is only mentioned.
     """
     effect, fit = best.effect, best.fit
     std = standard_errors(bench, fit)
     where = dict(fit.layout.effect_slices())[effect]
     specs = EFFECTS[effect.effect].parameters
-    gain = before.objective - fit.objective
-    rivals = [t.fit.objective for t in tried if t.effect != effect]
+    tied = () if scores is None else ties(bench, before, best, tried, scores)
+    same = {(t.effect, t.joint) for t in tied}
+    rivals = [
+        t.fit.objective
+        for t in tried
+        if t.effect != effect and (t.effect.effect, before.layout.joint_name(t.effect)) not in same
+    ]
     margin = (min(rivals) if rivals else before.objective) - fit.objective
+    evidenced = features(before, fit, final, margin)
     return Finding(
         effect.effect,
         fit.layout.joint_name(effect),
         effect.group,
         effect.payload,
         score_of(before, fit),
-        confidence(before, fit, gain, margin),
+        probability(evidenced),
         {
             p.name: (float(v), float(e), p.unit)
             for p, v, e in zip(specs, fit.x[where], std[where], strict=True)
         },
-        () if scores is None else ties(bench, before, best, tried, scores),
-        float(gain),
+        tied,
+        float(before.objective - fit.objective),
         absorbed(before, fit, std),
         None if errors is None else evidence(best, *errors),
+        evidenced,
     )
 
 

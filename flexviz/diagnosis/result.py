@@ -85,6 +85,7 @@ class Finding:
         gain: fall of the objective when it is added.
         absorbed: parameters that had taken it up, the largest change first.
         evidence: what it takes from the residual; None where it was not refitted to the end.
+        features: what the confidence was computed from (`confidence.features`).
     """
 
     effect: str
@@ -98,6 +99,7 @@ class Finding:
     gain: float
     absorbed: tuple[Absorbed, ...] = ()
     evidence: Evidence | None = None
+    features: tuple[float, ...] = ()
 
     @property
     def text(self) -> str:

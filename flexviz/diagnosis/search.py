@@ -32,6 +32,7 @@ PLAIN = 0.5  # excess that no noise makes
 WORST = 2  # joints whose own laws are tried whatever their score
 SHORT, LONGER, FULL, LAST = 3, 6, 14, 20  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
+NESTED = 12.0  # gain in the objective over the law that an effect refines
 RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
 
 
@@ -111,12 +112,15 @@ class Search:
         first = self.leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
-        elif excess(fit) > PLAIN and gained < GAIN:
-            tried = [*([first] if first else []), *self.attempts(fit, chosen[1:])]
+            return sorted(tried, key=lambda t: t.fit.objective)
+        tried = [*([first] if first else []), *self.attempts(fit, chosen[1:])]
+        hidden = excess(fit) > PLAIN  # more than the scores see
+        if hidden and gained < GAIN:
+            tried += self.underrated(fit, scores)
+        tried = self.tournament(tried)
+        if hidden and gained >= GAIN and self.acceptable(fit, tried, gained) is None:
             tried = self.tournament([*tried, *self.underrated(fit, scores)])
-        else:
-            tried = self.tournament([*([first] if first else []), *self.attempts(fit, chosen[1:])])
-        return sorted(tried, key=lambda t: t.fit.objective)
+        return tried
 
     def explains(self, before: Fit, after: Fit) -> bool:
         """Whether hardly anything is left."""
@@ -231,17 +235,38 @@ class Search:
                         t.fit.layout, t.fit.x, iterations=iterations, check=self.check, near=t.fit
                     )
                     tried[k] = replace(t, fit=more)
-        return tried
+        return sorted(tried, key=lambda t: t.fit.objective)
 
     def acceptable(self, fit: Fit, tried: list[Tried], gained: float) -> Tried | None:
         """The best refitted candidate, if it is worth adding after `gained` was gained before."""
         possible = [t for t in tried if credible(t.fit, t.effect, self.raw_step)]
         if not possible:
             return None
-        best = possible[0]
+        best = self.simplest(possible)
         gain = fit.objective - best.fit.objective
         worth = removed(fit, best.fit) > WORTH or gain > MOST * fit.noise_objective
         return self.finished(best) if gain >= needed_gain(best.effect, gained) and worth else None
+
+    def simplest(self, possible: list[Tried]) -> Tried:
+        """The best one, or the simpler law that it refines, where that does as well."""
+        best = possible[0]
+        simpler = EFFECTS[best.effect.effect].replaces
+        for t in possible[1:]:
+            if t.effect.effect == simpler and t.effect.joint == best.effect.joint:
+                return t if t.fit.objective < best.fit.objective + NESTED else best
+        return best
+
+    def restarted(self, fit: Fit, best: Tried, gained: float) -> Fit | None:
+        """The model without the newest effect, from where that one led, if it does as well from there.
+
+        A fit that ended far from where it belongs is left by any effect that happens to lead out.
+        """
+        if excess(fit) < FAR:
+            return None
+        self.say("looking whether the effect was needed")
+        start = _shared(best.fit, fit)
+        again = self.bench.fit(fit.layout, start, iterations=FULL, check=self.check, near=best.fit)
+        return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None
 
     def finished(self, tried: Tried) -> Tried:
         """The same fitted to the end: what a fit leaves on its way looks like another effect."""

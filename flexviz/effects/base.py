@@ -315,6 +315,13 @@ class LawEffect(Effect):
         """What the time before the record may add to u, one standard deviation each, shape (M, N)."""
         return np.zeros((0, len(motion.time)))
 
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array] | None:
+        """Where the motion does not tell u and by how much u may swing there, shape (N,) each.
+
+        None: wherever the law jumps within what noise does to its signals.
+        """
+        return None
+
     @property
     def depth(self) -> int:
         return 1 if self.entry == "residual" else 3

@@ -9,10 +9,46 @@ both.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from flexviz.effects.base import Array, JointMotion, LawEffect, ParameterSpec
 from flexviz.effects.elastic import ElasticJoint
 from flexviz.effects.motor import ORDER, PHASE, Ripple
+
+# a torque below these shares of its largest within a while and of its rms may be that of a joint in its gap:
+# the observer lets a torque that has just fallen to zero ring
+RINGING, WHILE, FAINT = 0.06, 0.08, 0.01  # [], [s], []
+
+
+def _load(motion: JointMotion) -> Array:
+    """The torque in units of what may be none at all, shape (N,): in the gap it is within ±1."""
+    reach = 2 * round(WHILE / motion.step) + 1
+    around = maximum_filter1d(np.abs(motion.torque), reach)
+    return motion.torque / np.maximum(RINGING * around + FAINT * motion.torque_scale, 1e-9)
+
+
+def _flank(time: Array, load: Array) -> Array:
+    """Which flank of the gap transmits the torque, −1 … 1, shape (N,).
+
+    Within the gap the torque is zero and the law has no answer: from the instant at which the joint is
+    unloaded to that at which it is loaded again, it is taken to cross the gap evenly.
+    """
+    loaded = np.abs(load) > 1
+    if not loaded.any():
+        return np.clip(load, -1.0, 1.0)
+    ends = np.flatnonzero(loaded[:-1] & ~loaded[1:])  # the last loaded sample before a gap
+    begins = np.flatnonzero(~loaded[:-1] & loaded[1:])  # the last idle one
+    through = np.flatnonzero(loaded[:-1] & loaded[1:] & (load[:-1] * load[1:] < 0))
+    at, flank = [time[:1], time[-1:]], [np.sign(load[loaded][:1]), np.sign(load[loaded][-1:])]
+    for before, after in ((ends, 0), (begins, 1), (through, 0), (through, 1)):
+        sign = np.sign(load[before + after])
+        share = (sign - load[before]) / (load[before + 1] - load[before])
+        at.append(time[before] + share * (time[before + 1] - time[before]))
+        flank.append(sign)
+    instants, flanks = np.concatenate(at), np.concatenate(flank)
+    order = np.argsort(instants, kind="stable")
+    return np.interp(time, instants[order], flanks[order])
 
 
 def _joint(motion: JointMotion, cubic: float, damping: float) -> ElasticJoint:
@@ -93,9 +129,12 @@ class Backlash(LawEffect):
     linear = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
-        # inside the gap the torque is zero and the law has no answer: the sign is smoothed over the noise
-        side = np.tanh(motion.torque / max(4e-3 * motion.torque_scale, 1e-9))
-        return -values[0] * side, -side[None]
+        flank = _flank(motion.time, _load(motion))
+        return -values[0] * flank, -flank[None]
+
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
+        idle = np.abs(_load(motion)) < 1
+        return idle, np.full(len(idle), 2 * abs(float(values[0])))
 
 
 class JointDamping(LawEffect):

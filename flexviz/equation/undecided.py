@@ -74,12 +74,31 @@ def pulses(equation: Equation, x: Array, chain: Chain) -> list[Pulses]:
 
 def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array, Array]:
     """Instants of the pulses, shape (M,) [s], and their standard deviations (area of u), shape (M,)."""
+    region, size = law.undecided(motion, values) or _jumps(law, motion, values)
+    if not region.any():
+        return np.zeros(0), np.zeros(0)
+    step = motion.time[1] - motion.time[0]
+    edges = np.flatnonzero(np.diff(np.r_[0, region.astype(int), 0]))
+    times, sizes = [], []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        first, last = motion.time[a] - SPACING / 2, motion.time[min(b, len(size)) - 1] + SPACING / 2
+        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MOST)
+        grid = np.linspace(first, last, count)
+        inside = (grid > motion.time[0]) & (grid < motion.time[-1])
+        times.append(grid[inside])
+        sizes.append(np.full(inside.sum(), SHARE * size[a:b].max() * (grid[1] - grid[0])))
+    instants, order = np.unique(np.round(np.concatenate(times) / step) * step, return_index=True)
+    return instants, np.concatenate(sizes)[order]
+
+
+def _jumps(law: LawEffect, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
+    """Where a law is between the two sides of a jump, and how high that is, shape (N,) each."""
     u = law.law(motion, values)[0]
     full = np.abs(u).max()
-    if full <= 0:
-        return np.zeros(0), np.zeros(0)
     region = np.zeros(len(u), bool)
     size = np.zeros(len(u))
+    if full <= 0:
+        return region, size
     for name, small in SOURCES.items():
         scale = motion.torque_scale if name == "torque" else 1.0
         signal = getattr(motion, name)
@@ -89,20 +108,6 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
         steep = swing > 0.5 * full  # the law jumps within a small change of this signal
         # of those, the instants at which u is not on either side yet
         between = np.minimum(np.abs(u - up), np.abs(u - down)) > (1 - SETTLED) * np.maximum(swing, 1e-12)
-        here = steep & between
-        region |= here
+        region |= steep & between
         size = np.maximum(size, np.where(steep, swing, 0.0))
-    if not region.any():
-        return np.zeros(0), np.zeros(0)
-    step = motion.time[1] - motion.time[0]
-    edges = np.flatnonzero(np.diff(np.r_[0, region.astype(int), 0]))
-    times, sizes = [], []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
-        first, last = motion.time[a] - SPACING / 2, motion.time[min(b, len(u)) - 1] + SPACING / 2
-        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MOST)
-        grid = np.linspace(first, last, count)
-        inside = (grid > motion.time[0]) & (grid < motion.time[-1])
-        times.append(grid[inside])
-        sizes.append(np.full(inside.sum(), SHARE * size[a:b].max() * (grid[1] - grid[0])))
-    instants, order = np.unique(np.round(np.concatenate(times) / step) * step, return_index=True)
-    return instants, np.concatenate(sizes)[order]
+    return region, size
