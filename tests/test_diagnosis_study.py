@@ -20,6 +20,7 @@ from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.running import final_model
 from benchmarks.diagnosis_study.sizes import LIMITS, SIZES
+from flexviz.diagnosis.confidence import probability
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
@@ -48,13 +49,12 @@ def known(gain: float = 1e4, **parameters: float) -> dict[str, Any]:
     return {"gain": gain, "gains": [gain], "effects": effects, "errors": [0.003, 0.004], "chi": [1.0, 0.9]}
 
 
-def found(effect: str, joint: str | None = "joint1", *ties: str, confidence: float = 0.97) -> dict[str, Any]:
+def found(effect: str, joint: str | None = "joint1", *ties: str) -> dict[str, Any]:
     out = {
         "effect": effect,
         "joint": joint,
         "payload": None,
         "group": None,
-        "confidence": confidence,
         "score": 0.9,
     }
     return out | {"inseparable_from": [{"effect": tie, "joint": joint, "correlation": 1.0} for tie in ties]}
@@ -71,9 +71,10 @@ def answer(
         "where": [{"joint": where, "variable": "position"}],
     }  # fmt: skip
     spent = {"wall": 3.0, "cpu": 2.5, "errors": [0.003, 0.004]}
-    return {"diagnosis": document, "confidences": [a["confidence"] for a in added]} | spent | more
+    return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
 
 
+FEATURES = (6.0, 5.0, 1.0, 0.0)  # of what was found
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 
@@ -196,7 +197,9 @@ def test_one_effect() -> None:
     assert case.right and case.first_right and case.decidable and case.named == ("coulomb_friction", "joint1")
     assert case.parameter_errors["coulomb_friction.coulomb"] == pytest.approx(0.01)
     assert case.knowing_errors["coulomb_friction.coulomb"] == pytest.approx(0.0005)
-    assert case.held_out == pytest.approx(0.0) and case.stated == (Stated(0.97, True),)
+    assert case.held_out == pytest.approx(0.0) and case.stated == (
+        Stated(probability(FEATURES), True, FEATURES),
+    )
 
 
 @pytest.mark.parametrize(

@@ -101,3 +101,23 @@ def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
     assert result.value("stiffness_hardening.cubic_stiffness", "joint1") == pytest.approx(256e3, rel=3e-3)
     assert result.value("joint_damping.damping", "joint1") == pytest.approx(8.0, rel=3e-3)
     assert result.value("stiffness", "joint1") == pytest.approx(1000.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.03, 0.06])
+@pytest.mark.parametrize("ringing", [0.0, 1.0])
+def test_a_gap_is_crossed_evenly(seconds: float, ringing: float) -> None:
+    """The torque falls to zero, stays there while the joint crosses its gap, and rises on the other flank."""
+    half = 0.5 * seconds
+    away = np.abs(TIME - 4.0) - half  # from the gap's nearer end [s]
+    torque = 700.0 * np.sign(TIME - 4.0) * np.clip(away, 0.0, 0.06)
+    torque += ringing * np.sin(2 * np.pi * 20 * (TIME - 4.0)) * (away < 0)
+    b = 5e-3
+    truth = -b * np.clip((TIME - 4.0) / max(half, 1e-9), -1.0, 1.0)
+    seen = motion(torque)
+    u, slope = law("backlash").law(seen, np.array([b]))
+    assert np.max(np.abs(u - truth)) < b * (0.35 if seconds else 1.01)
+    assert abs(np.sum(u - truth)) * STEP < 0.05 * b * max(seconds, 0.02)  # nothing on average
+    np.testing.assert_array_equal(u, b * slope[0])
+    undecided = law("backlash").undecided(seen, np.array([b]))
+    assert undecided is not None
+    assert undecided[0][away < -STEP].all() and not undecided[0][away > 0.03].any()

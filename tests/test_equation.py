@@ -8,9 +8,10 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import signal_sensitivity
+from flexviz.equation.sensitivity import noise_ways, signal_sensitivity
 from flexviz.errors import InputError
 from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
+from flexviz.identification.whitening import noise_kernel, ways_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import FlatZeroPhase
 from flexviz.robot import PayloadBody, Robot
@@ -163,6 +164,49 @@ def test_sensitivity_to_signals_against_finite_differences():
                     moved.append(other.evaluate(x).residual)
                 slope = (moved[0] - moved[1]) / 2e-5
                 np.testing.assert_allclose(matrices[k][:, :, j], slope, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_noise_on_its_ways_against_noise(damped: bool):
+    """The residual's variance from white noise in the records, through a damped joint too, against draws."""
+    robot = Robot.load("robots:planar_2r")
+    whole = made_up_set(robot, "link2", seconds=6.0)
+    quiet = replace(whole, groups=whole.groups[:1])
+    layout = Layout(robot.joints, (ChosenEffect("joint_damping", 0),) if damped else ())
+    x = point(layout, robot)
+    x[layout.effect_start :] = 0.012 / x[layout.compliance][0]  # a time constant of 12 ms
+    observer, noise = FlatZeroPhase(2 * np.pi * 14), (np.array([4e-5, 2e-5]), np.array([4e-3, 2e-3]))
+    rng = np.random.default_rng(3)
+
+    def prepared(measurements: MeasurementSet) -> Equation:
+        signals = build_signals(
+            measurements, measurements.groups, observer, sample_step=0.02, exact_step=True, drop=(0.4, 0.4)
+        )
+        equation = Equation(robot, signals, layout)
+        equation.prepare(x)
+        return equation
+
+    def drawn() -> MeasurementSet:
+        group = quiet.groups[0]
+        segment = group.segments[0]
+        theta, tau = (noise[k] * rng.standard_normal(segment.theta.shape) for k in (0, 1))
+        noisy = replace(segment, theta=segment.theta + theta, tau=segment.tau + tau)
+        return replace(quiet, groups=(replace(group, segments=(noisy,)),))
+
+    still = prepared(quiet)
+    residual, link = still.residual(x), still.link_terms(x)
+    found = np.mean([np.mean((prepared(drawn()).residual(x) - residual) ** 2, axis=0) for _ in range(30)], 0)
+    block = still.signals.blocks[0]
+    steps = (block.segment.step * block.stride, block.segment.step)
+
+    def predicted(model: Layout) -> np.ndarray:
+        ways = noise_ways(model, x[: model.size], link)
+        kernels = [noise_kernel(observer, *steps, way, 0) for way in ways]
+        return ways_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
+
+    np.testing.assert_allclose(found, predicted(layout), rtol=0.08)
+    if damped:  # and the damper matters
+        assert predicted(Layout(robot.joints))[0] > 1.3 * found[0]
 
 
 def test_order_of_joints_does_not_matter():

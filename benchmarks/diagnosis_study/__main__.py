@@ -4,6 +4,7 @@
     run      diagnose those without a result, and fit them with the truth known
     table    print the tables; --write puts them into docs/diagnosis-study.md
     all      the three
+    calibrate  print weights of the confidence that suit these cases
 
 Each can be interrupted and goes on where it was. The exit code is 1 when a required figure is not reached.
 """
@@ -18,7 +19,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads would only wait for each other
 
-from benchmarks.diagnosis_study import document, figures
+from benchmarks.diagnosis_study import calibration, document, figures
 from benchmarks.diagnosis_study.cases import Case, selected
 from benchmarks.diagnosis_study.judging import judge
 from benchmarks.diagnosis_study.making import is_made, truth_file
@@ -57,7 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=("make", "run", "table", "all"))
+    parser.add_argument("command", choices=("make", "run", "table", "all", "calibrate"))
     parser.add_argument(
         "--work", type=Path, required=True, help="folder of the cases, their truth and results"
     )
@@ -77,6 +78,9 @@ def main(arguments: list[str] | None = None) -> int:
             run_all(options.work, names, options.jobs, options.label)
         if options.command in ("table", "all"):
             return 0 if table(options.work, cases, options.label, options.write) else 1
+        if options.command == "calibrate":
+            found = [s for case, _ in outcomes(options.work, cases, options.label) for s in case.stated]
+            print(f"WEIGHTS = {calibration.weights(found)}  # {len(found)} findings")
     except KeyboardInterrupt:
         say("interrupted; what is done is kept")
         return 130

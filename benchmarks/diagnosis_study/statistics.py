@@ -11,7 +11,8 @@ import numpy as np
 from benchmarks.diagnosis_study.judging import Json, Judged, Stated
 
 FOUND = 0.9  # share found that makes a size "found"
-SURE = 0.9  # stated confidence that is held against 85–95 %
+SURE = 0.9  # stated confidence
+ABOUT = (0.85, 0.95)  # stated about at 90 %: so many of them should be right
 BINS = (0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0)
 TORQUES = {  # effects whose size is a torque: also told relative to the joint's rms torque
     "coulomb_friction",
@@ -96,6 +97,12 @@ def calibration(stated: Sequence[Stated]) -> list[tuple[float, float, float, Sha
 def sure(stated: Iterable[Stated]) -> Share:
     """How many of the findings stated at 90 % or more are right."""
     answers = [s.right for s in stated if s.confidence >= SURE]
+    return Share(sum(answers), len(answers))
+
+
+def about(stated: Iterable[Stated]) -> Share:
+    """How many of the findings stated at about 90 % are right."""
+    answers = [s.right for s in stated if ABOUT[0] <= s.confidence < ABOUT[1]]
     return Share(sum(answers), len(answers))
 
 
