@@ -28,21 +28,14 @@ MOVING = 0.01  # [rad/s] slower samples say nothing about friction
 HERTZ = 5.0
 
 
-def texts(model: FlexibleModel) -> list[str]:
-    """The model's effects as they are named on the command line."""
-    out = []
-    for e in model.effects:
-        where = e.joint or e.payload
-        out.append(e.effect + (f":{where}" if where else "") + (f"@{e.group}" if e.group else ""))
-    return out
-
-
 def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
     """Held-out rms ÷ standard deviation of the torque while moving, shape (n,)."""
     groups = [g for g in measurements.groups if g.validation]
     signals = build_signals(measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ))
     names = [g.name for g in measurements.groups]
-    effects = choose_effects(texts(model), measurements.joints, carried(measurements), names)
+    effects = choose_effects(
+        [e.text for e in model.effects], measurements.joints, carried(measurements), names
+    )
     layout = Layout(measurements.joints, effects)
     equation = Equation(measurements.robot, signals, layout)
     x = layout.vector(model)
@@ -57,7 +50,7 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
 def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, tuple[float, float]]:
     """Joint → correlation and ratio of rms of identified and encoded θ − q, both about their mean."""
     out: dict[str, list[tuple[Array, Array]]] = {}
-    effects = choose_effects(texts(model), measurements.joints, carried(measurements))
+    effects = choose_effects([e.text for e in model.effects], measurements.joints, carried(measurements))
     layout = Layout(measurements.joints, effects)
     x = layout.vector(model)
     for group in measurements.groups:

@@ -12,8 +12,8 @@ import pytest
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.errors import ErrorBand
+from flexviz.diagnosis.fair_share import free_curve
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.freely import free_curve
 from flexviz.diagnosis.judging import at_bound, credible, excess, needed_gain, verdict
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.telling_apart import breaking

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flexviz.diagnosis.fitting import EVERY, LONG_ORDER, ORDER, STIFFNESS_REACH
+from flexviz.diagnosis.fitting import EVERY, LONG_ORDER, ORDER
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.sensitivity import Transfer, noise_ways
@@ -18,7 +18,6 @@ from flexviz.identification.prior import Prior
 from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, weighted_point
 from flexviz.identification.refinement import WIDE_HERTZ, Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
-from flexviz.identification.start import Start
 from flexviz.identification.uncertainty import colour_matrix, covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
@@ -132,15 +131,6 @@ def plain_bands(
         equation = Equation(measurements.robot, signals, layout)
         out.append(Band(float(np.max(each.bandwidth)), signals, equation, None))
     return out
-
-
-def loose(start: Start, layout: Layout) -> Bounds:
-    """The diagnosis' own: viscous friction may be negative, a stiffness is not sought everywhere."""
-    lower, upper = start.bounds.lower.copy(), start.bounds.upper.copy()
-    lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
-    rough = start.x[layout.compliance]
-    lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_REACH, rough * STIFFNESS_REACH
-    return Bounds(lower, upper)
 
 
 def key_of(band: Band, index: int) -> tuple[int, float]:

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.errors import ErrorBand, Errors
-from flexviz.diagnosis.explaining import explain, fit_covariance, standard_errors
+from flexviz.diagnosis.explaining import explain, fit_covariance
+from flexviz.diagnosis.fair_share import Named
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.freeform import freeform
-from flexviz.diagnosis.freely import free_curve
 from flexviz.diagnosis.guard import guard
-from flexviz.diagnosis.judging import BEYOND, NAMED, excess, verdict
-from flexviz.diagnosis.model_error import ModelErrorSearch
+from flexviz.diagnosis.judging import BEYOND, excess, verdict
+from flexviz.diagnosis.model_error import STEPS, ModelErrorSearch
+from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
-from flexviz.diagnosis.telling import notes
 from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, choose_effects
 from flexviz.equation import Layout
@@ -198,7 +198,7 @@ class _Diagnosing:
                 break
         if excess(final) < BEYOND or (not apply and self.chain):
             return final
-        beyond = ModelErrorSearch(self.search, longest=14 if apply else 1)
+        beyond = ModelErrorSearch(self.search, longest=STEPS if apply else 1)
         steps = beyond.run(final)
         self.tolerance = beyond.tolerance if steps else None
         for added in steps:
@@ -207,12 +207,8 @@ class _Diagnosing:
 
     def named(self, link: Link) -> bool:
         """Whether an effect takes a fair share of what a free curve on its joint would."""
-        joint = link.chosen.effect.joint
-        if joint is None:
-            return True
-        weigh = self.search.weigh(link.before)
-        free = free_curve(self.bench, link.before, joint, weigh, link.scores.projection)
-        return link.chosen.scored.gain >= NAMED * free.gain
+        effect = link.chosen.effect
+        return effect.joint is None or Named(self.search, link.before, link.scores)(effect)
 
     # -- the answer -------------------------------------------------------------------------------------
 
@@ -255,7 +251,7 @@ class _Diagnosing:
             tuple(self.ranked(base, found)),
             where,
             tuple(steps),
-            self.effects(final),
+            self.effects(final, np.sqrt(np.maximum(np.diag(cov), 0.0))),
             estimates,
             time.perf_counter() - began,
             self.stopped,
@@ -290,9 +286,8 @@ class _Diagnosing:
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out
 
-    def effects(self, final: Fit) -> tuple[dict[str, object], ...]:
-        """The final model's effects with their values and standard errors."""
-        std = standard_errors(self.bench, final)
+    def effects(self, final: Fit, std: NDArray[np.float64]) -> tuple[dict[str, object], ...]:
+        """The final model's effects with their values and standard errors; std has shape (P,)."""
         out = []
         for effect, where in final.layout.effect_slices():
             rows = zip(EFFECTS[effect.effect].parameters, final.x[where], std[where], strict=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -99,15 +99,9 @@ class Workbench:
         return other
 
     def assumptions(self, layout: Layout) -> tuple[Prior, Bounds]:
-        """Prior and bounds of a layout; viscous friction may be negative while something is still missing."""
+        """Prior and bounds of a layout."""
         start = other_effects(self._start, layout, self.refinement.narrow.signals)
-        lower = start.bounds.lower.copy()
-        lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
-        # a wrong model may want a rigid joint; the next one has to find its way back
-        upper = start.bounds.upper.copy()
-        rough = start.x[layout.compliance]
-        lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_REACH, rough * STIFFNESS_REACH
-        return start.prior, replace(start.bounds, lower=lower, upper=upper)
+        return start.prior, loosened(start, layout)
 
     def fit(
         self,
@@ -193,6 +187,17 @@ class Workbench:
         """How changes of s and q move the residual at a fit."""
         lay = fit.layout
         return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.narrow.link)
+
+
+def loosened(start: Start, layout: Layout) -> Bounds:
+    """The diagnosis' own bounds of a layout."""
+    lower, upper = start.bounds.lower.copy(), start.bounds.upper.copy()
+    # viscous friction may be negative while something is still missing
+    lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
+    # a wrong model may want a rigid joint; the next one has to find its way back
+    rough = start.x[layout.compliance]
+    lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_REACH, rough * STIFFNESS_REACH
+    return Bounds(lower, upper)
 
 
 def _chi(point: Point) -> Array:

@@ -27,7 +27,6 @@ from flexviz.diagnosis.bands import (
     difference,
     fit_plain,
     fit_refined,
-    loose,
     plain_bands,
     refined_bands,
     seconds,
@@ -36,6 +35,7 @@ from flexviz.diagnosis.bands import (
     unfitted,
     without_own_error,
 )
+from flexviz.diagnosis.fitting import loosened
 from flexviz.equation import Layout
 from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.prior import Prior
@@ -173,7 +173,7 @@ def guard(
     else:
         bands, in_use = plain_bands(measurements, chosen, layout, observer, tried), tried.index(1.0)
     start = start_values(measurements, bands[in_use].equation)
-    prior, bounds = start.prior, loose(start, layout)
+    prior, bounds = start.prior, loosened(start, layout)
     common_spans = spans(bands)
     when = [seconds(band, common_spans) for band in bands]
     fit = fit_refined if observer is None else fit_plain

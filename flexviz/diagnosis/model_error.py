@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.fair_share import Named
 from flexviz.diagnosis.fitting import Fit
-from flexviz.diagnosis.freely import free_curve
-from flexviz.diagnosis.judging import NAMED, credible
+from flexviz.diagnosis.judging import credible
 from flexviz.diagnosis.search import Scores, Search, Tried
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
 from flexviz.identification.refine import Point
 
@@ -99,7 +99,8 @@ class ModelErrorSearch:
         for _ in range(self.longest):
             search = Search(self.bench, self.search.say)
             scores = search.scores(fit, episodes=False)  # an episode cannot be confirmed on other groups
-            named = Named(self.search, fit)
+            plain = self.search.bench.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
+            named = Named(self.search, plain, self.search.scores(plain, episodes=False))
             added = self.next(search, fit, scores, named)
             if added is None:
                 break
@@ -114,7 +115,7 @@ class ModelErrorSearch:
             batch, left = left[:BATCH], left[BATCH:]
             tried = []
             for scored in batch:
-                search.say(f"trying {scored.effect.effect.replace('_', ' ')} beside a model error")
+                search.say(f"trying {EFFECTS[scored.effect.effect].title.lower()} beside a model error")
                 layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
                 refit = self.bench.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
                 tried.append(Tried(scored, refit))
@@ -141,35 +142,6 @@ class ModelErrorSearch:
         mean = float(each.mean())
         together = float(np.log(new.mean(axis=0) / np.maximum(old.mean(axis=0), 1e-300)).sum())
         return mean if mean > LEAST and mean > CLEAR * error and together < 0 else None
-
-
-class Named:
-    """Whether effects take a fair share of what free curves on their joints would, in units of the noise.
-
-    Args:
-        search: without a model error.
-        fit: the model so far.
-    """
-
-    def __init__(self, search: Search, fit: Fit) -> None:
-        self.search = search
-        self.fit = search.bench.fit(fit.layout, fit.x, iterations=0)
-        self.scores = search.scores(self.fit, episodes=False)
-        self._free: dict[int, float] = {}
-
-    def __call__(self, effect: ChosenEffect) -> bool:
-        joints = range(self.fit.layout.n) if effect.joint is None else [effect.joint]
-        most = max(self.free(joint) for joint in joints)
-        gain = next((s.gain for s in self.scores.ranked if s.effect == effect), 0.0)
-        return gain >= NAMED * most
-
-    def free(self, joint: int) -> float:
-        """What a free curve on a joint would explain."""
-        if joint not in self._free:
-            weigh = self.search.weigh(self.fit)
-            projection = self.scores.projection
-            self._free[joint] = free_curve(self.search.bench, self.fit, joint, weigh, projection).gain
-        return self._free[joint]
 
 
 def _stretches(point: Point, length: int) -> Array:

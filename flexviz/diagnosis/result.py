@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.identification import ParameterEstimate
-from flexviz.model import FlexibleModel
+from flexviz.model import EffectValue, FlexibleModel
 
 if TYPE_CHECKING:
     from flexviz.diagnosis.freeform import FreeForm
@@ -104,8 +104,7 @@ class Finding:
     @property
     def text(self) -> str:
         """As it is named on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
-        where = self.joint or self.payload
-        return self.effect + (f":{where}" if where else "") + (f"@{self.group}" if self.group else "")
+        return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
 
     def to_json(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""

@@ -43,10 +43,6 @@ class Scores:
     ranked: list[Scored]
     projection: Projection
 
-    @property
-    def top(self) -> float:
-        return self.ranked[0].gain if self.ranked else 0.0
-
 
 @dataclass(frozen=True, eq=False)
 class Tried:
@@ -280,7 +276,7 @@ class Search:
         """The model without those earlier effects that have become superfluous, and which those are."""
         dropped: list[ChosenEffect] = []
         for effect in earlier:
-            if len(earlier) - len(dropped) < 1 or effect not in best.layout.effects:
+            if effect not in best.layout.effects:
                 continue
             layout, x = without_effect(best.layout, best.x, effect)
             alone = self.bench.fit(layout, x, iterations=LONGER, check=self.check, near=best)

@@ -24,16 +24,13 @@ def breaking(bench: Workbench, fit: Fit, effect: ChosenEffect, mine: Array, othe
         mine, other: shape (N·n,), unit signatures.
     """
     difference = mine - float(mine @ other) * other
-    density = (difference.reshape(fit.point.r.shape) ** 2).sum(axis=1)
+    squares = difference.reshape(fit.point.r.shape) ** 2
+    density = squares.sum(axis=1)
     used = fit.point.used
     if density[used].sum() <= 1e-12:
         return "The two look the same in every motion of this set; a motion of another kind would be needed."
     signals = bench.refinement.narrow.signals
-    joint = (
-        effect.joint
-        if effect.joint is not None
-        else int(np.argmax((difference.reshape(fit.point.r.shape) ** 2).sum(axis=0)))
-    )
+    joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
     name = fit.layout.joints[joint]
     velocity, load = signals.theta[1, :, joint], np.abs(signals.tau[0, :, joint])
     acceleration, position = np.abs(signals.theta[2, :, joint]), signals.theta[0, :, joint]

@@ -101,22 +101,18 @@ def whitened_point(
     refinement: Refinement,
     x: Array,
     whiteners: list[Whitener] | None = None,
-    metrics: list[Metric] | None = None,
 ) -> Point:
-    """Residual and instruments at x; the noise's way is followed anew where neither is given.
+    """Residual and instruments at x; the noise's way is followed anew where no whiteners are given.
 
     Args:
         refinement: the data and the model.
         x: shape (P,).
         whiteners: of another point, near enough.
-        metrics: of another point, near enough; then the whiteners are theirs.
     """
     residual, narrow = evaluated(refinement, x)
-    if metrics is None:
-        if whiteners is None:
-            whiteners = refinement.whiteners(x, narrow.link)
-        metrics = refinement.metrics(x, narrow, whiteners)
-    return weighted_point(refinement, residual, narrow, metrics)
+    if whiteners is None:
+        whiteners = refinement.whiteners(x, narrow.link)
+    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners))
 
 
 def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:

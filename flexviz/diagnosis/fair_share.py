@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.effects import JointMotion
+from flexviz.diagnosis.judging import NAMED
+from flexviz.diagnosis.search import Scores, Search
+from flexviz.effects import ChosenEffect, JointMotion
 from flexviz.effects.base import smooth_sign
 from flexviz.identification.projection import Projection, Weigh
 from flexviz.identification.scoring import explained
@@ -36,6 +38,34 @@ class FreeCurve:
 
     variable: str
     gain: float
+
+
+class Named:
+    """Whether effects take a fair share of what free curves on their joints would, in units of the noise.
+
+    Args:
+        search: without a model error.
+        fit: the model so far.
+        scores: of all candidates there.
+    """
+
+    def __init__(self, search: Search, fit: Fit, scores: Scores) -> None:
+        self.search, self.fit, self.scores = search, fit, scores
+        self._free: dict[int, float] = {}
+
+    def __call__(self, effect: ChosenEffect) -> bool:
+        joints = range(self.fit.layout.n) if effect.joint is None else [effect.joint]
+        most = max(self.free(joint) for joint in joints)
+        gain = next((s.gain for s in self.scores.ranked if s.effect == effect), 0.0)
+        return gain >= NAMED * most
+
+    def free(self, joint: int) -> float:
+        """What a free curve on a joint would explain."""
+        if joint not in self._free:
+            weigh = self.search.weigh(self.fit)
+            projection = self.scores.projection
+            self._free[joint] = free_curve(self.search.bench, self.fit, joint, weigh, projection).gain
+        return self._free[joint]
 
 
 def free_curve(bench: Workbench, fit: Fit, joint: int, weigh: Weigh, projection: Projection) -> FreeCurve:
