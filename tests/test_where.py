@@ -18,6 +18,7 @@ from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
 from flexviz.diagnosis.where import UNITS, maps, places
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
+from flexviz.equation.sensitivity import NoiseWay
 from flexviz.identification import identify
 from flexviz.identification.refinement import residual_noise
 from flexviz.measurements import MeasurementSet, read_set
@@ -189,7 +190,7 @@ def test_density_of_the_floor_holds_all_of_the_noise(clean):
     hertz = np.linspace(0, 30, 3000)
     step = refinement.blocks[0].segment.step
     transfer = refinement.wide.signals.observer.transfer
-    density = noise_density(part.sensitivity, refinement.noise, transfer, step, hertz)
+    density = noise_density(part.ways, refinement.noise, transfer, step, hertz)
     link = fit.point.narrow.link
     whole = residual_noise(refinement.wide.signals, fit.layout, fit.x, link, refinement.noise)
     np.testing.assert_allclose(np.trapezoid(density, hertz, axis=0), whole, rtol=2e-3)
@@ -220,11 +221,9 @@ def test_whiteness_of_noise(clean):
             step = block.segment.step * block.stride
             hertz, power = periodogram(noise, step)
             inside = (hertz > 0.2) & (hertz < 18)
-            one = np.ones((1, 1, 1, 1))
-            floor = noise_density(
-                (np.concatenate((0 * one, 0 * one, one)), 0 * one), (np.full(1, sigma), np.zeros(1)),
-                observer.transfer, block.segment.step, hertz,
-            )  # fmt: skip
+            way = NoiseWay(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), (2,), (0.0,))
+            scale = np.full(1, sigma), np.zeros(1)
+            floor = noise_density([way], scale, observer.transfer, block.segment.step, hertz)
             ratio = power[inside] / floor[inside]
             values[bandwidth].append(float(whiteness(ratio, hertz[inside], 18.0)[1][0]))
     right, wrong = np.array(values[1.0]), np.array(values[0.6])
