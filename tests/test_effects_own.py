@@ -174,7 +174,7 @@ def test_sessions_keep_its_name_and_never_its_code(hidden: Path, tmp_path: Path)
     folder = save_session(session, measurements, tmp_path / "kept")
     assert open_session(folder).session.analysis.effects == ("directional_friction:joint2",)
     forget_effects()
-    with pytest.raises(InputError, match=rf"directional_friction:joint2 came from .*--effects-from {EXAMPLE}"):
+    with pytest.raises(InputError, match=f"directional_friction:joint2 came .*--effects-from {EXAMPLE}"):
         open_session(folder)
 
 

@@ -14,7 +14,7 @@ from contextlib import redirect_stdout
 import typer
 
 from flexviz import __version__
-from flexviz.cli import diagnose, effects, identify, record, serve, simulate
+from flexviz.cli import diagnose, effects, identify, record, report, serve, simulate
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -31,6 +31,7 @@ app.command("simulate")(simulate.simulate)
 app.command("serve")(serve.serve)
 app.command("record")(record.record)
 app.command("effects")(effects.effects)
+app.command("report")(report.report)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,0 +1,40 @@
+"""What a report needs and a session does not hold yet, computed for its present model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from flexviz.errors import Cancelled
+from flexviz.measurements import MeasurementSet
+from flexviz.model import FlexibleModel
+from flexviz.session import Analysis, with_roles
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis.guard import Guard
+
+
+def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
+    """The set as a diagnosis of this state wants it: its groups' use, and all of the model's effects."""
+    chosen = with_roles(measurements, dict(analysis.roles))
+    return replace(chosen, effects=(*chosen.effects, *analysis.effects))
+
+
+def guarded(
+    measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
+) -> Guard:
+    """What moves with the observer's bandwidth, for the model that the diagnosis ended with."""
+    from flexviz.diagnosis.guard import guard
+    from flexviz.effects import choose_effects
+    from flexviz.equation import Layout
+
+    def check() -> None:
+        if should_stop():
+            raise Cancelled
+
+    chosen = chosen_set(measurements, analysis)
+    groups = [group.name for group in chosen.groups]
+    payloads = [name for name, bodies in chosen.payloads.items() if bodies]
+    layout = Layout(chosen.joints, choose_effects(chosen.effects, chosen.joints, payloads, groups))
+    return guard(chosen, layout, layout.vector(model), check=check)

@@ -1,0 +1,147 @@
+"""What a report tells about: put together from a session, computing nothing that is not there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flexviz.diagnosis import Diagnosis, Finding
+from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz.identification import Identification, ParameterEstimate
+from flexviz.measurements import MeasurementSet
+from flexviz.measurements.fingerprint import Fingerprint, fingerprint
+from flexviz.session import Analysis, Session, Stair
+from flexviz.view.verdict import effect_text_name
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One look at what is missing.
+
+    Attributes
+    ----------
+    stair: the model that was looked at, with its errors.
+    diagnosis: what was found; None where it is not kept any more.
+    added: the effects that were added to come here, as text.
+    """
+
+    stair: Stair
+    diagnosis: Diagnosis | None
+    added: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """Everything a report tells about.
+
+    Attributes
+    ----------
+    measurements: the set.
+    session: its history, notes and recordings.
+    folder: where the session is saved; None for one that is not.
+    fingerprint: of the set as it is now.
+    rounds: the looks that led to the present model, the first model first; empty before any.
+    diagnosis: of the present model; None before any.
+    identification: of the present model; None where there is none or it is out of date.
+    changed: files of the set that are not what the results were computed from.
+    """
+
+    measurements: MeasurementSet
+    session: Session
+    folder: Path | None
+    fingerprint: Fingerprint
+    rounds: tuple[Round, ...]
+    diagnosis: Diagnosis | None
+    identification: Identification | None
+    changed: tuple[str, ...] = ()
+
+    @property
+    def analysis(self) -> Analysis:
+        """The present state."""
+        return self.session.analysis
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The set's joints."""
+        return self.measurements.joints
+
+    @property
+    def steps(self) -> tuple[DiagnosisStep, ...]:
+        """The errors of each model on the way."""
+        return tuple(round_.stair.step for round_ in self.rounds)
+
+    @property
+    def added(self) -> tuple[tuple[str, Finding | None], ...]:
+        """Each added effect, as text and as it was found; None where it was added by hand."""
+        out: list[tuple[str, Finding | None]] = []
+        for before, after in zip(self.rounds, self.rounds[1:], strict=False):
+            found = before.diagnosis.findings if before.diagnosis else ()
+            out += [(text, next((f for f in found if f.text == text), None)) for text in after.added]
+        return tuple(out)
+
+    @property
+    def parameters(self) -> tuple[ParameterEstimate, ...]:
+        """Of the present model: the identification's, else the diagnosis'."""
+        source = self.identification or self.diagnosis
+        return source.parameters if source is not None else ()
+
+
+def gather(
+    session: Session,
+    measurements: MeasurementSet,
+    folder: Path | None = None,
+    changed: tuple[str, ...] = (),
+) -> Subject:
+    """Put together what a session holds."""
+    analysis = session.analysis
+    current = analysis.diagnosis_up_to_date or (bool(changed) and analysis.diagnosis is not None)
+    fitted = analysis.up_to_date or bool(changed)
+    return Subject(
+        measurements,
+        session,
+        folder,
+        fingerprint(measurements),
+        _rounds(session, analysis) if current else (),
+        analysis.diagnosis if current else None,
+        analysis.identification if fitted else None,
+        changed,
+    )
+
+
+def _rounds(session: Session, analysis: Analysis) -> tuple[Round, ...]:
+    """The stairs that lead to the present model, each with the diagnosis it came from."""
+    known = [step.analysis.diagnosis for step in session.steps if step.analysis.diagnosis is not None]
+    rounds: list[Round] = []
+    before: set[str] = set()
+    for stair in analysis.stairs:
+        source = next((d for d in known if d.steps and d.steps[0] is stair.step), None)
+        added = tuple(text for text in stair.effects if text not in before)
+        rounds.append(Round(stair, source, added if rounds else ()))
+        before |= set(stair.effects)
+    return tuple(rounds)
+
+
+def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Session:
+    """A session in which a set was diagnosed: a state for every step, as in the app."""
+    session = Session.of(measurements)
+    analysis, effects = session.analysis, ()
+    for index, step in enumerate(diagnosis.steps):
+        if step.added is not None:
+            effects = (*effects, step.added.text)
+        later = diagnosis.steps[index + 1 :]
+        found = diagnosis.findings if index == 0 else tuple(s.added for s in later[:1] if s.added is not None)
+        if later:  # what describes the final model belongs to the last state only
+            answer = replace(
+                diagnosis, maps=(), where=(), free_form=None, guard=None, parameters=(), notes=()
+            )
+        else:
+            answer = diagnosis
+        answer = replace(answer, verdict=step.verdict, findings=found, steps=(step,))
+        analysis = replace(analysis, effects=effects).with_diagnosis(answer)
+        label = (
+            f"added {effect_text_name(step.added.text)}"
+            if step.added is not None
+            else "looked for the missing effect"
+        )
+        session = session.then(label, analysis)
+    return session

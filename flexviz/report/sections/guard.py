@@ -1,0 +1,87 @@
+"""The observer guard: what moves with the observer's bandwidth is not physics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis.guard import Guard, ParameterCurve
+from flexviz.report.blocks import Block, Cell, Section, Table, table, text
+from flexviz.report.gathering import Subject
+from flexviz.view.text import number, title
+
+MOST = 40  # parameters listed
+
+
+def guard(subject: Subject) -> Section | None:
+    """Tables of joints and parameters; how to look where nobody has; None before any diagnosis."""
+    if subject.diagnosis is None:
+        return None
+    name = "What moves with the observer's bandwidth"
+    found = subject.diagnosis.guard
+    if found is None:
+        why = "Not looked at: the option --guard of flexviz diagnose and of flexviz report does that."
+        return Section(name, (text(why, quiet=True),))
+    low, high = (number(float(value), 3) for value in (found.bandwidths[0], found.bandwidths[-1]))
+    blocks: list[Block] = [
+        text(
+            f"The same model was fitted with the observer ({found.observer}) at {len(found.bandwidths)} "
+            f"bandwidths from {low} to {high} rad/s. What changes with the observer is its error, not the "
+            "robot's physics.",
+            quiet=True,
+        )
+    ]
+    texts = found.texts()
+    if not texts:
+        blocks.append(text("Nothing moves: residuals and parameters stay within their uncertainty."))
+    blocks.append(_joints(found))
+    if found.parameters:
+        blocks.append(_parameters(found))
+    return Section(name, tuple(blocks))
+
+
+def _joints(found: Guard) -> Table:
+    rows = []
+    for j, joint in enumerate(found.joints):
+        moves = bool(found.observer_error[j])
+        rows.append(
+            [
+                joint,
+                number(float(found.rms[found.in_use, j]), 3),
+                number(float(np.nanmax(found.change[:, j])), 3),
+                number(float(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j])), 3),
+                Cell("part is observer error" if moves else "holds", strong=moves),
+            ]
+        )
+    band = number(found.band, 3)
+    head = ("joint", "residual [Nm]", "largest change [Nm]", "noise explains [Nm]", "verdict")
+    caption = f"Residuals at fixed parameters, compared below {band} rad/s"
+    return table(head, rows, (1, 2, 3), caption)
+
+
+def _parameters(found: Guard) -> Table:
+    order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
+    rows = []
+    for p in order[:MOST]:
+        place = ", ".join(part for part in (p.joint, p.place) if part) or "–"
+        rows.append(
+            [
+                title(p.name),
+                place,
+                number(float(p.values[found.in_use])),
+                *_span(p),
+                p.unit,
+                number(p.moved, 2),
+                Cell("trusted" if p.trusted else "not to be trusted", strong=not p.trusted),
+            ]
+        )
+    head = ("parameter", "joint", "in use", "least", "largest", "unit", "moves by (std. errors)", "verdict")
+    more = len(order) - MOST
+    caption = "Parameters fitted at each bandwidth" + (f"; {more} more that hold" if more > 0 else "")
+    return table(head, rows, (2, 3, 4, 6), caption, dense=True)
+
+
+def _span(p: ParameterCurve) -> tuple[str, str]:
+    values = p.values[np.isfinite(p.values)]
+    if not values.size:
+        return "–", "–"
+    return number(float(values.min())), number(float(values.max()))

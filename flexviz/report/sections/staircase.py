@@ -1,0 +1,130 @@
+"""How the error fell: each group's error after every added effect, with the noise floor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis import Step
+from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
+from flexviz.report.chart import Chart, Curve
+from flexviz.report.gathering import Subject
+from flexviz.report.sections.summary import fall
+from flexviz.view.colours import SERIES
+from flexviz.view.staircase import FLOOR, curves, stepped, treads
+from flexviz.view.status import total_rms
+from flexviz.view.text import number
+from flexviz.view.verdict import effect_text_name
+
+DASHES = ("", "2 3", "8 3 2 3", "1 3")  # of the fitted groups, by turns
+HELD_OUT = "7 4"
+FLOOR_COLOUR = "#595959"
+MOST_COLUMNS = 7  # steps of a table's width
+
+
+def staircase(subject: Subject) -> Section | None:
+    """The chart and its numbers; None before any diagnosis."""
+    steps = subject.steps
+    if not steps:
+        return None
+    blocks: list[Block] = []
+    if len(steps) > 1:
+        blocks.append(Figure(_chart(steps)))
+    names = [name_of(subject, k) for k in range(len(steps))]
+    blocks.append(
+        text(
+            "The root mean square of the torque residual over all joints, in the band in which models are "
+            "compared, the same for every model. Held-out groups are never fitted. ",
+            f"Model 0 is the set's own{_own(subject)}",
+            "".join(f"; {k} adds {name}" for k, name in enumerate(names) if k),
+            ".",
+            quiet=True,
+        )
+    )
+    blocks.append(_groups(steps))
+    if len(subject.joints) > 1:
+        blocks.append(_joints(subject, steps))
+    return Section("How the error fell" if len(steps) > 1 else "The error", tuple(blocks))
+
+
+def name_of(subject: Subject, index: int) -> str:
+    """What a model adds to the one before it."""
+    return ", ".join(effect_text_name(name) for name in subject.rounds[index].added) or "nothing"
+
+
+def _own(subject: Subject) -> str:
+    own = subject.measurements.effects
+    hand = subject.rounds[0].stair.effects
+    names = [effect_text_name(name) for name in (*own, *hand)]
+    return f", with {', '.join(names)}" if names else ""
+
+
+def _chart(steps: tuple[Step, ...]) -> Chart:
+    x = treads(len(steps))
+    lines: list[Curve] = []
+    for place, (group, (values, held_out)) in enumerate(curves(steps, None).items()):
+        dash = HELD_OUT if held_out else DASHES[place // len(SERIES) % len(DASHES)]
+        colour = SERIES[place % (len(SERIES) - 2)]  # the last two are pale on white
+        label = f"{group} (held out)" if held_out and group != "validation" else group
+        y = stepped(np.maximum(values, FLOOR))
+        lines.append(Curve(x, y, label, colour, dash, 2.4 if held_out else 1.8))
+    floors = [total_rms(np.asarray(s.noise_floor)) for s in steps if s.noise_floor]
+    if len(floors) == len(steps) and np.isfinite(floors).all():
+        floor = stepped(np.maximum(floors, FLOOR))
+        lines.append(Curve(x, floor, "noise floor", FLOOR_COLOUR, "1 3", 2.0))
+    words = "; ".join(
+        f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} Nm"
+        for group, (values, _) in curves(steps, None).items()
+    )
+    return Chart(
+        "Error of each group after every added effect",
+        f"{fall(steps)} {words}.",
+        "effects added",
+        "rms residual [Nm]",
+        tuple(lines),
+        logarithmic=True,
+        x_ticks=tuple((float(k), str(k)) for k in range(len(steps))),
+    )
+
+
+def _groups(steps: tuple[Step, ...]) -> Table:
+    rows: list[list[str | Cell]] = []
+    shown = columns(len(steps))
+    for name, used, values in group_rows(steps):
+        rows.append([name, used, *(number(values[k], 3) for k in shown)])
+    if all(step.noise_floor for step in steps):
+        floor = [total_rms(np.asarray(step.noise_floor)) for step in steps]
+        rows.append(["noise floor", "", *(number(floor[k], 3) for k in shown)])
+    head = ("group", "used to", *(f"model {k}" for k in shown))
+    return table(head, rows, range(2, len(head)), "Rms residual [Nm] of each group, all joints")
+
+
+def group_rows(steps: tuple[Step, ...]) -> list[tuple[str, str, list[float]]]:
+    """(group, what it is used for, error at each step [Nm]); NaN where a step does not have it."""
+    out = []
+    for name, _, held_out in steps[-1].groups:
+        values = []
+        for step in steps:
+            row = next((r for other, r, _ in step.groups if other == name), None)
+            values.append(float("nan") if row is None else total_rms(np.asarray(row)))
+        out.append((name, "validate" if held_out else "fit", values))
+    return out or [("all", "fit", [total_rms(np.asarray(step.rms)) for step in steps])]
+
+
+def _joints(subject: Subject, steps: tuple[Step, ...]) -> Table:
+    held_out = all(step.rms_validation is not None for step in steps)
+    shown = columns(len(steps))
+    rows: list[list[str | Cell]] = []
+    for j, joint in enumerate(subject.joints):
+        values = [(step.rms_validation or step.rms)[j] if held_out else step.rms[j] for step in steps]
+        floor = steps[-1].noise_floor
+        rows.append([joint, *(number(values[k], 3) for k in shown), number(floor[j], 3) if floor else "–"])
+    head = ("joint", *(f"model {k}" for k in shown), "noise floor")
+    what = "held-out groups" if held_out else "fitted groups"
+    return table(head, rows, range(1, len(head)), f"Rms residual [Nm] of each joint, {what}")
+
+
+def columns(count: int) -> list[int]:
+    """Which models a table has room for: the first and the last ones."""
+    if count <= MOST_COLUMNS:
+        return list(range(count))
+    return [0, *range(count - MOST_COLUMNS + 1, count)]

@@ -1,0 +1,142 @@
+"""The answer first: the verdict in a sentence, and the numbers a reader looks for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis import Step
+from flexviz.report.blocks import Block, Callout, Section, Tile, Tiles, Tone, text
+from flexviz.report.gathering import Subject
+from flexviz.view.status import total_rms
+from flexviz.view.text import number, plural
+from flexviz.view.verdict import BEGINNINGS, effect_text_name, verdict_text
+
+NOW = {
+    "missing": "this is still missing",
+    "nothing-missing": "nothing is missing",
+    "unknown": "not all is explained",
+}
+TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
+
+
+def summary(subject: Subject) -> Section:
+    """Verdict, warnings, numbers."""
+    blocks: list[Block] = []
+    diagnosis = subject.diagnosis
+    if diagnosis is not None:
+        blocks.append(Callout(sentence(subject), TONES.get(diagnosis.verdict, "unknown")))
+    else:
+        blocks.append(Callout("What the model lacks has not been looked at yet.", "unknown"))
+    blocks += [Callout(warning, "warn") for warning in warnings(subject)]
+    tiles = numbers(subject)
+    if tiles:
+        blocks.append(Tiles(tuple(tiles)))
+    if diagnosis is not None and diagnosis.notes:
+        blocks += [text(_sentence(note, subject.joints), quiet=True) for note in diagnosis.notes]
+    return Section("Summary", tuple(blocks))
+
+
+def sentence(subject: Subject) -> str:
+    """The verdict: what was missing and was added, and what the model with it lacks."""
+    diagnosis = subject.diagnosis
+    if diagnosis is None:
+        return "Not diagnosed."
+    names = [effect_text_name(name) for name, _ in subject.added]
+    if not names:
+        return verdict_text(diagnosis)
+    start, _, rest = verdict_text(diagnosis).partition(":")
+    added = f"{BEGINNINGS['missing']} {listed(names)} (added here)."
+    now = f"With {'it' if len(names) == 1 else 'them'} {NOW.get(diagnosis.verdict, start.lower())}:{rest}"
+    return f"{added} {now} {fall(subject.steps)}".strip()
+
+
+def fall(steps: tuple[Step, ...]) -> str:
+    """How far the error fell, as a sentence."""
+    if len(steps) < 2:
+        return ""
+    first, last = error_of(steps[0]), error_of(steps[-1])
+    what = "error on held-out groups" if steps[0].rms_validation is not None else "error"
+    times = f", {number(first / last, 2)} times less" if last > 0 and first > last else ""
+    return f"The {what} went from {number(first, 3)} to {number(last, 3)} Nm{times}."
+
+
+def error_of(step: Step) -> float:
+    """Of the held-out groups where there are any, else of the fitted ones; all joints [Nm]."""
+    return total_rms(np.asarray(step.rms if step.rms_validation is None else step.rms_validation))
+
+
+def numbers(subject: Subject) -> list[Tile]:
+    """Error, noise floor, effects, parameters."""
+    tiles: list[Tile] = []
+    steps = subject.steps
+    if steps:
+        present = steps[-1]
+        held_out = present.rms_validation is not None
+        first, last = number(error_of(steps[0]), 3), number(error_of(present), 3)
+        value = f"{first} → {last} Nm" if len(steps) > 1 else f"{last} Nm"
+        note = "rms torque, all joints; groups that were not fitted" if held_out else "rms torque, all joints"
+        tiles.append(Tile("Error", value, note))
+        if present.noise_floor:
+            floor = total_rms(np.asarray(present.noise_floor))
+            tiles.append(Tile("Noise floor", f"{number(floor, 3)} Nm", "what measurement noise alone leaves"))
+    elif subject.identification is not None:
+        found = subject.identification.residual
+        values = found.rms if found.rms_validation is None else found.rms_validation
+        note = "fitted groups" if found.rms_validation is None else "groups that were not fitted"
+        tiles.append(Tile("Error", f"{number(total_rms(np.asarray(values)), 3)} Nm", f"rms torque; {note}"))
+    own = len(subject.measurements.effects)
+    effects = len(subject.analysis.effects)
+    tiles.append(
+        Tile("Effects added", str(effects), f"beside {plural(own, 'effect')} of the set" if own else "")
+    )
+    main = [p for p in subject.parameters if p.name not in _inertial()]
+    if main:
+        good = sum(p.identifiable == "yes" for p in main)
+        tiles.append(
+            Tile(
+                "Identifiable", f"{good} of {len(main)}", "parameters of joints and effects, without inertias"
+            )
+        )
+    return tiles
+
+
+def warnings(subject: Subject) -> list[str]:
+    """What a reader must know before believing anything."""
+    out = []
+    analysis = subject.analysis
+    if subject.changed:
+        out.append(
+            f"The data have changed since: {', '.join(subject.changed)}. Every result here belongs to the "
+            "older data."
+        )
+    elif analysis.diagnosis is not None and subject.diagnosis is None:
+        out.append("Model or groups have changed since the last diagnosis, which is not shown.")
+    if analysis.identification is not None and subject.identification is None:
+        out.append("The settings have changed since the last identification, which is not shown.")
+    if subject.diagnosis is not None and subject.diagnosis.stopped:
+        out.append("The diagnosis was stopped before its end: this is what had been found.")
+    found = subject.identification
+    if found is not None and not found.converged:
+        out.append(f"The identification did not converge: {found.message}")
+    out += [
+        _sentence(warning, (warning,)) for warning in subject.measurements.warnings if not subject.changed
+    ]
+    return out
+
+
+def listed(names: list[str]) -> str:
+    """ "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _sentence(note: str, names: tuple[str, ...] = ()) -> str:
+    """A note as a sentence; names keep their first letter."""
+    note = note.strip()
+    begins = note if note.startswith(names or "\0") else note[:1].upper() + note[1:]
+    return begins + ("" if note.endswith((".", "!", "?")) else ".")
+
+
+def _inertial() -> tuple[str, ...]:
+    from flexviz.view.tables import INERTIAL
+
+    return INERTIAL

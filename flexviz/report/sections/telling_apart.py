@@ -1,0 +1,114 @@
+"""What could not be told apart, and the experiment that would decide."""
+
+from __future__ import annotations
+
+from flexviz.diagnosis import Finding, Place
+from flexviz.effects import EFFECTS
+from flexviz.report.blocks import Block, Items, Section, table, text
+from flexviz.report.gathering import Subject
+from flexviz.view.identifiability import listed
+from flexviz.view.tables import INERTIAL
+from flexviz.view.verdict import (
+    ALONG,
+    effect_text_name,
+    effect_title,
+    finding_name,
+    share_text,
+    where_text,
+)
+
+NAMED = 4  # places of what is unexplained
+MIN_SHARE = 0.05
+FOLLOW = {
+    "position": "slow motion of {joint} over its whole range, in both directions",
+    "position × direction": "slow motion of {joint} over its whole range, in both directions",
+    "velocity": "{joint} at many constant speeds, very slow ones included, in both directions",
+    "acceleration": "the same path of {joint} at clearly different accelerations",
+    "load": "the same motion of {joint} with two payloads, or in poses of opposite gravity load",
+    "time": "the same motion repeated for long, from a cold start; and once more after a pause",
+    "group": "every group once more, to see whether it comes again",
+    "frequency": "{joint} at rest, switched on, and fast motion of the other joints: what vibrates?",
+}
+
+
+def telling_apart(subject: Subject) -> Section | None:
+    """Ties, confirmations, and what to record next; None before any diagnosis."""
+    if subject.diagnosis is None:
+        return None
+    found = [finding for _, finding in subject.added if finding is not None]
+    if subject.diagnosis.verdict == "missing":
+        found += list(subject.diagnosis.findings[:1])
+    blocks: list[Block] = []
+    ties = [(f, tie) for f in found for tie in f.inseparable_from]
+    if ties:
+        rows = [
+            [
+                finding_name(f),
+                effect_title(tie.effect) + where_text(tie.joint),
+                share_text(min(abs(tie.correlation), 1.0)),
+                tie.breaks or "no motion is known that would tell them apart",
+            ]
+            for f, tie in ties
+        ]
+        head = ("found", "could as well be", "alike", "what would decide")
+        blocks.append(table(head, rows, (2,), "Effects that these data hardly tell apart"))
+    else:
+        blocks.append(text("No two effects looked alike in these data."))
+    blocks += _undetermined(subject)
+    steps = next_experiments(subject, found)
+    if steps:
+        blocks.append(text("Worth recording next:"))
+        blocks.append(Items(tuple((step,) for step in steps)))
+    return Section("What could not be told apart, and what would decide", tuple(blocks))
+
+
+def next_experiments(subject: Subject, found: list[Finding]) -> list[str]:
+    """A sentence each, the most urgent first."""
+    out = [
+        f"{finding_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
+        for f in found
+        for tie in f.inseparable_from
+        if tie.breaks
+    ]
+    diagnosis = subject.diagnosis
+    if diagnosis is not None and diagnosis.verdict == "unknown":
+        out += [_follow(place) for place in _places(diagnosis.where)]
+    names = [f.effect for f in found] or [effect_name(text_) for text_, _ in subject.added]
+    for name in dict.fromkeys(names):
+        effect = EFFECTS.get(name)
+        if effect is not None:
+            out.append(f"To confirm {effect_text_name(name)}: {_lower(effect.confirm)}")
+    return list(dict.fromkeys(out))
+
+
+def effect_name(text_: str) -> str:
+    """The effect of "name:joint@group"."""
+    return text_.partition(":")[0]
+
+
+def _places(where: tuple[Place, ...]) -> list[Place]:
+    """The leading variable of each joint, of the joints where it is worth following."""
+    first: dict[str, Place] = {}
+    for place in where:
+        if place.explained >= MIN_SHARE and place.variable in FOLLOW:
+            best = first.get(place.joint)
+            if best is None or place.explained > best.explained:
+                first[place.joint] = place
+    return list(first.values())[:NAMED]
+
+
+def _follow(place: Place) -> str:
+    motion = FOLLOW[place.variable].format(joint=place.joint)
+    along = ALONG.get(place.variable, place.variable)
+    return f"To see what follows {along} of {place.joint}: {motion}."
+
+
+def _undetermined(subject: Subject) -> list[Block]:
+    weak = [p for p in subject.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
+    if not weak:
+        return []
+    return [text(f"Parameters of joints and effects that these data do not determine well: {listed(weak)}.")]
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]
