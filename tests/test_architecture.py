@@ -25,10 +25,10 @@ LAYERS = (
     ("equation",),
     ("identification",),
     ("diagnosis",),
-    ("simulation", "session"),
+    ("simulation", "session", "importing"),
     ("view",),
     ("report",),
-    ("app", "recording"),
+    ("app", "recording", "exporting"),
     ("cli", "__main__"),
 )
 CONSTANTS = ("flexviz.effects.names",)  # names only, for everybody

@@ -14,7 +14,7 @@ from contextlib import redirect_stdout
 import typer
 
 from flexviz import __version__
-from flexviz.cli import diagnose, effects, identify, record, report, serve, simulate
+from flexviz.cli import diagnose, effects, export, identify, record, report, serve, simulate
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -30,6 +30,8 @@ app.command("diagnose")(diagnose.diagnose)
 app.command("simulate")(simulate.simulate)
 app.command("serve")(serve.serve)
 app.command("record")(record.record)
+app.command("review")(review.review)
+app.command("export")(export.export)
 app.command("effects")(effects.effects)
 app.command("report")(report.report)
 

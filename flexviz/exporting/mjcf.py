@@ -1,0 +1,241 @@
+"""A MuJoCo model with elastic joints.
+
+Every joint of the robot becomes two: the link's own, called as in the URDF, with the position q, and the
+motor's, with the position θ, a rotor without mass whose armature is the motor inertia B. A fixed tendon of
+length θ − q between them is the elastic joint. This is the robot's equation as it was identified: the rotor
+adds B θ̈ to its own row and nothing else, and gravity does not act on it. The torque of the actuators acts on
+the motors.
+
+Effects with a place in MJCF: joint stiffness and damping (tendon), hardening (its cubic stiffness), backlash
+(its slack), viscous and quadratic friction (joint damping), Coulomb friction (frictionloss), a spring on the
+link (joint stiffness), torque offset, gain and delay (actuator), tilt (gravity). Hardening and quadratic
+friction need MuJoCo 3.7, a delay 3.5.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+
+from flexviz._pinocchio import pin
+from flexviz.exporting.bodies import LinkInertia, placement
+from flexviz.exporting.kinematics import axis
+from flexviz.exporting.laws import LeftOut
+from flexviz.exporting.shapes import Shapes
+from flexviz.exporting.subject import Subject, left_out
+from flexviz.exporting.xml_text import comment_text, number_text
+from flexviz.robot import Robot
+from flexviz.simulation import rates
+from flexviz.simulation.building import make_plant
+
+LARGEST_STEP = 0.001  # [s]
+SMALLEST_STEP = 1e-6  # [s]
+ROTOR = 1e-9  # [kg], and 1e-12 kg m²: MuJoCo wants some mass in everything that moves
+FRICTION = "0.004 1"  # solver's time constant [s] and damping ratio: nearly the jump that Coulomb friction is
+NO_PLACE = {
+    "stribeck_friction": "MJCF has no friction that falls with speed",
+    "load_dependent_friction": "MJCF has no friction that follows the load",
+    "friction_drift": "MJCF has no friction that fades with time; this is the warm robot",
+    "torque_ripple": "MJCF has no torque that follows a sine of the angle",
+    "transmission_error": "MJCF has no gear whose error follows a sine of the angle",
+    "motor_coupling": "MuJoCo's inertia matrix is symmetric, this coupling acts one way",
+}
+IN_PART = {
+    "presliding_hysteresis": "as frictionloss it slides as found; what it does before it slides is missing",
+}
+
+
+def mjcf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
+    """The model and its meshes by file name, and what it does not hold."""
+    subject.require_bodies()
+    robot, laws = subject.robot, subject.laws
+    known = {item.effect for item in laws.left_out}
+    placeless = [
+        LeftOut(effect.text, (NO_PLACE | IN_PART)[effect.effect])
+        for effect in subject.model.effects
+        if effect.effect in NO_PLACE | IN_PART and effect.text not in known
+    ]
+    step = timestep(subject)
+    early = [i for i in range(robot.n) if laws.delay[i] < 0.0]
+    for i in np.flatnonzero(laws.damping * laws.half_width):
+        damped = LeftOut(f"joint_damping:{robot.joints[i]}", "MuJoCo's acts within the play too")
+        placeless.append(damped)
+    for i in early:
+        late = f"torque_delay:{robot.joints[i]}"
+        placeless.append(LeftOut(late, "the torque acts before it is recorded: no simulator can do that"))
+    missing = left_out(subject, placeless)
+    root = ElementTree.Element("mujoco", model=subject.name)
+    _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
+    option = _add(root, "option", timestep=repr(step), integrator="RK4", gravity=number_text(laws.gravity))
+    _add(option, "flag", contact="disable")
+    shapes = Shapes(robot, f"{subject.name}_meshes")
+    asset = _add(root, "asset")
+    world = _add(root, "worldbody")
+    names = motor_names(robot)
+    _bodies(subject, world, shapes, names)
+    asset.extend(shapes.assets)
+    if not shapes.assets:
+        root.remove(asset)
+    _tendons(subject, root, names)
+    _actuators(subject, root, names, step)
+    missing += shapes.missing
+    about = [
+        *subject.heading,
+        "Each joint has two positions: <joint> is the link's, <joint>_motor the motor's; the tendon between",
+        "them is the elastic joint, armature the motor inertia. ctrl is the motor torque [Nm].",
+        "Contacts are off, collision shapes are not here.",
+        *(f"NOT CONTAINED: {text}" for text in missing),
+    ]
+    root.insert(0, ElementTree.Comment(comment_text(about, "  ")))
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode") + "\n"
+    return {f"{subject.name}.xml": text.encode(), **shapes.files}, missing
+
+
+def motor_names(robot: Robot) -> dict[str, str]:
+    """Joint -> what its motor is called, different from every joint and link."""
+    taken = {*robot.joints, *robot.links}
+    names = {}
+    for joint in robot.joints:
+        name = f"{joint}_motor"
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        names[joint] = name
+    return names
+
+
+def timestep(subject: Subject) -> float:
+    """A step [s] that resolves the fastest vibration: the controller's cycle, halved as often as needed."""
+    kept = ("stiffness_hardening", "joint_damping", "quadratic_friction")
+    model = replace(subject.model, effects=tuple(e for e in subject.model.effects if e.effect in kept))
+    plant, _ = make_plant(subject.robot, model, subject.laws.bodies)
+    rows = [group.segments[0].theta[:: max(1, len(group.segments[0]) // 4)] for group in
+            subject.measurements.groups if group.segments]  # fmt: skip
+    vibration, decay = rates.fastest(plant, subject.robot.to_pin(np.concatenate(rows)))
+    longest = min(rates.OSCILLATION / max(vibration, 1e-9), rates.DECAY / max(decay, 1e-9))
+    hold = subject.measurements.torque_hold
+    step = hold if 0.0 < hold <= LARGEST_STEP else LARGEST_STEP
+    while step > longest and step > SMALLEST_STEP:
+        step /= 2.0
+    return step
+
+
+def _bodies(subject: Subject, world: ElementTree.Element, shapes: Shapes, names: dict[str, str]) -> None:
+    robot = subject.robot
+    inside: dict[int, ElementTree.Element] = {-1: world}  # Pinocchio's joint -> its body
+    for link in robot.links:
+        if robot.joint_of_link(link) is None:
+            parent = world if link == "world" else _frame(world, link, placement(robot, link))
+            parent.extend(shapes.geoms(link))
+    at = {int(robot.order[i]): i for i in range(robot.n)}
+    children = child_links(robot)
+    for b in range(robot.n):
+        i = at[b]
+        joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
+        parent = inside[int(robot.model.parents[1 + b]) - 1]
+        motor = _frame(parent, names[joint], pose)
+        _add(motor, "inertial", pos="0 0 0", mass=repr(ROTOR), diaginertia="1e-12 1e-12 1e-12")
+        body = _frame(parent, children[joint], pose)
+        _joints(subject, i, motor, body, names[joint])
+        inertia = LinkInertia.of(subject.inertial[i], np.eye(3))
+        t = inertia.inertia
+        full = (t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2])
+        _add(
+            body, "inertial", pos=number_text(inertia.com), mass=number_text(inertia.mass),
+            fullinertia=number_text(full),
+        )  # fmt: skip
+        inside[b] = body
+        for link in robot.links:
+            if robot.joint_of_link(link) == i:
+                own = body if link == children[joint] else _frame(body, link, placement(robot, link))
+                own.extend(shapes.geoms(link))
+
+
+def child_links(robot: Robot) -> dict[str, str]:
+    """Joint -> the link whose frame is its own."""
+    found = {}
+    for element in ElementTree.fromstring(robot.urdf).findall("joint"):
+        child = element.find("child")
+        if element.get("name") in robot.joints and child is not None:
+            found[element.get("name", "")] = child.get("link", "")
+    return found
+
+
+def _joints(
+    subject: Subject, i: int, motor: ElementTree.Element, body: ElementTree.Element, motor_name: str
+) -> None:
+    robot, laws, joint = subject.robot, subject.laws, subject.joints[i]
+    linear, angular = axis(robot, int(robot.order[i]))
+    kind = "hinge" if angular.any() else "slide"
+    shared = {"type": kind, "axis": number_text(angular + linear)}
+    presliding = sum(coulomb for at, _, coulomb in laws.presliding if at == i)
+    dry = float(laws.motor_coulomb[i] + presliding)
+    damping = number_text([laws.motor_viscous[i], *([laws.quadratic[i]] if laws.quadratic[i] else [])])
+    armature = number_text(laws.motor_inertia[i])
+    friction = {"frictionloss": number_text(dry), "solreffriction": FRICTION} if dry else {}
+    _add(motor, "joint", name=motor_name, **shared, armature=armature, damping=damping, **friction)
+    more = {"damping": number_text(laws.link_viscous[i])}
+    if laws.link_coulomb[i]:
+        more |= {"frictionloss": number_text(laws.link_coulomb[i]), "solreffriction": FRICTION}
+    if laws.spring[i]:
+        more |= {
+            "stiffness": number_text(laws.spring[i]),
+            "springref": number_text(laws.spring_torque[i] / laws.spring[i]),
+        }
+    low, high = robot.lower_limit[i], robot.upper_limit[i]
+    if low < high and (kind == "slide" or high - low < 100.0):  # wider: it turns without an end
+        more["range"] = number_text((low, high))
+    _add(body, "joint", name=joint, **shared, **more)
+
+
+def _tendons(subject: Subject, root: ElementTree.Element, names: dict[str, str]) -> None:
+    laws = subject.laws
+    tendon = _add(root, "tendon")
+    for i, joint in enumerate(subject.joints):
+        stiffness = [laws.stiffness[i], *([0.0, laws.cubic[i]] if laws.cubic[i] else [])]
+        slack = [-laws.half_width[i], laws.half_width[i]] if laws.half_width[i] else [0.0]
+        more = {"damping": number_text(laws.damping[i])} if laws.damping[i] else {}
+        fixed = _add(
+            tendon, "fixed", name=f"{joint}_elastic", stiffness=number_text(stiffness),
+            springlength=number_text(slack), **more,
+        )  # fmt: skip
+        _add(fixed, "joint", joint=names[joint], coef="1")
+        _add(fixed, "joint", joint=joint, coef="-1")
+
+
+def _actuators(subject: Subject, root: ElementTree.Element, names: dict[str, str], step: float) -> None:
+    laws = subject.laws
+    actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
+    for i, joint in enumerate(subject.joints):
+        more = {}
+        if laws.delay[i] > 0.0:
+            more = {
+                "delay": number_text(laws.delay[i]),
+                "nsample": str(ceil(laws.delay[i] / step - 1e-9) + 1),
+            }
+        if laws.offset[i]:
+            more |= {"biastype": "affine", "biasprm": number_text((-laws.offset[i], 0.0, 0.0))}
+        _add(
+            actuator, "general", name=joint, joint=names[joint], gaintype="fixed",
+            gainprm=number_text(1.0 + laws.gain_error[i]), **more,
+        )  # fmt: skip
+        for signal, place in (("theta", names[joint]), ("q", joint)):
+            _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)
+            _add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
+
+
+def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+    return ElementTree.SubElement(parent, tag, attributes)
+
+
+def _frame(parent: ElementTree.Element, name: str, pose: object) -> ElementTree.Element:
+    """A body in `parent` at Pinocchio's pose."""
+    quaternion = pin.Quaternion(pose.rotation).coeffs()  # type: ignore[attr-defined]  # x y z w
+    place = {"pos": number_text(pose.translation)}  # type: ignore[attr-defined]
+    if abs(quaternion[3]) < 1.0:
+        place["quat"] = number_text((quaternion[3], *quaternion[:3]))
+    return _add(parent, "body", name=name, **place)

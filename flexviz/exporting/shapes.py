@@ -1,0 +1,99 @@
+"""The links' visual shapes for MJCF: boxes, cylinders and spheres as they are, meshes as STL."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ElementTree
+from typing import Any
+
+import numpy as np
+
+from flexviz._pinocchio import pin
+from flexviz.errors import InputError
+from flexviz.exporting.xml_text import number_text
+from flexviz.robot import Robot
+from flexviz.view.geometry import geometry_mesh, thinned
+
+FACES = 100_000  # of one mesh; MuJoCo takes no more than 200,000
+GREY = (0.7, 0.7, 0.72, 1.0)
+
+
+class Shapes:
+    """Collects meshes while it turns links into geoms that are only seen.
+
+    Attributes
+    ----------
+    assets: <mesh> elements.
+    files: file name -> STL.
+    missing: what could not be read, a line each.
+    """
+
+    def __init__(self, robot: Robot, folder: str) -> None:
+        import yourdfpy
+
+        self._robot, self._folder = robot, folder
+        self._urdf = yourdfpy.URDF.load(
+            io.BytesIO(robot.urdf.encode()),
+            build_scene_graph=False,
+            load_meshes=False,
+            build_collision_scene_graph=False,
+        )
+        self.assets: list[ElementTree.Element] = []
+        self.files: dict[str, bytes] = {}
+        self.missing: list[str] = []
+
+    def geoms(self, link: str) -> list[ElementTree.Element]:
+        """The visual shapes of a link."""
+        found = self._urdf.link_map.get(link)
+        out = []
+        for k, visual in enumerate(found.visuals if found is not None else ()):
+            element = ElementTree.Element("geom", contype="0", conaffinity="0", group="2")
+            if self._shape(element, visual.geometry, f"{link}_{k}"):
+                _place(element, visual.origin)
+                element.set("rgba", number_text(self._colour(visual.material)))
+                out.append(element)
+        return out
+
+    def _shape(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
+        if geometry.box is not None:
+            element.set("type", "box")
+            element.set("size", number_text(np.asarray(geometry.box.size) / 2))
+        elif geometry.cylinder is not None:
+            element.set("type", "cylinder")
+            element.set("size", number_text((geometry.cylinder.radius, geometry.cylinder.length / 2)))
+        elif geometry.sphere is not None:
+            element.set("type", "sphere")
+            element.set("size", number_text(geometry.sphere.radius))
+        elif geometry.mesh is not None:
+            return self._mesh(element, geometry, name)
+        else:
+            return False
+        return True
+
+    def _mesh(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
+        try:
+            mesh = thinned(geometry_mesh(geometry, self._robot), FACES)
+        except InputError as error:
+            self.missing.append(f"mesh {geometry.mesh.filename}: {error.message}")
+            return False
+        file = f"{self._folder}/{name}.stl"
+        self.files[file] = mesh.export(file_type="stl")
+        self.assets.append(ElementTree.Element("mesh", name=name, file=file, inertia="shell"))
+        element.set("type", "mesh")
+        element.set("mesh", name)
+        return True
+
+    def _colour(self, material: Any) -> Any:
+        if material is not None and material.color is None:
+            material = self._urdf._material_map.get(material.name)
+        if material is None or material.color is None:
+            return GREY
+        return material.color.rgba
+
+
+def _place(element: ElementTree.Element, origin: Any) -> None:
+    if origin is None:
+        return
+    quaternion = pin.Quaternion(np.asarray(origin, dtype=float)[:3, :3]).coeffs()  # x y z w
+    element.set("pos", number_text(np.asarray(origin)[:3, 3]))
+    element.set("quat", number_text((quaternion[3], *quaternion[:3])))
