@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 PART = ".part"  # the end of a file's name while it is written
 BLOCK = 2**20  # bytes read at once
@@ -64,3 +67,18 @@ def sha256_of(file: Path) -> str:
         while block := source.read(BLOCK):
             digest.update(block)
     return digest.hexdigest()
+
+
+def as_json(data: Any) -> str:
+    """JSON text of numbers, texts, lists and tables; what is not finite is null, tuples are lists."""
+    return json.dumps(_finite(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value

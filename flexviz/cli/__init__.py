@@ -14,7 +14,18 @@ from contextlib import redirect_stdout
 import typer
 
 from flexviz import __version__
-from flexviz.cli import diagnose, effects, export, identify, record, report, serve, simulate
+from flexviz.cli import (
+    compare,
+    diagnose,
+    effects,
+    export,
+    identify,
+    record,
+    report,
+    serve,
+    session,
+    simulate,
+)
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -34,6 +45,8 @@ app.command("review")(review.review)
 app.command("export")(export.export)
 app.command("effects")(effects.effects)
 app.command("report")(report.report)
+app.command("compare")(compare.compare)
+app.command("session")(session.session)
 
 
 @app.callback(invoke_without_command=True)

@@ -22,7 +22,9 @@ TWO_SIDED_95 = 1.96  # standard errors in half a 95 % interval
 
 def parameter_table(parameters: Iterable[ParameterEstimate], *, ties: bool = True) -> Table:
     """One row a parameter; with `ties` also what it is tied to."""
-    table = _table("parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable"))
+    table = plain_table(
+        "parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable")
+    )
     if ties:
         table.add_column("tied to", overflow="fold")
     for p in parameters:
@@ -47,7 +49,7 @@ def tied_lines(parameters: Iterable[ParameterEstimate]) -> list[str]:
 
 def combination_table(combinations: Iterable[Combination]) -> Table:
     """The inertial combinations that motion can show, which is what single inertial parameters hide."""
-    table = _table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
+    table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
     for c in combinations:
         style = "" if c.identifiable == "yes" else "dim"
         table.add_row(c.name, *interval(c.value, c.std), c.unit, c.identifiable, style=style)
@@ -56,7 +58,7 @@ def combination_table(combinations: Iterable[Combination]) -> Table:
 
 def residual_table(residual: ResidualSummary) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
-    table = _table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
+    table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
     columns = (residual.rms, residual.rms_validation, residual.noise_floor)
     for index, joint in enumerate(residual.joints):
         table.add_row(joint, *(number(None if column is None else column[index]) for column in columns))
@@ -91,7 +93,8 @@ def interval(value: float, std: float | None) -> tuple[str, str]:
     return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
 
 
-def _table(*texts: str, numbers: Sequence[str], end: Sequence[str] = ()) -> Table:
+def plain_table(*texts: str, numbers: Sequence[str] = (), end: Sequence[str] = ()) -> Table:
+    """An empty table: columns of text, of numbers, and of text again."""
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for title in (*texts, *numbers, *end):
         table.add_column(title, justify="right" if title in numbers else "left", no_wrap=True)

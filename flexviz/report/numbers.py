@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
 from typing import Any
 
 from flexviz import __version__
 from flexviz.diagnosis.guard import Guard
+from flexviz.files import as_json
 from flexviz.report.gathering import Subject
 from flexviz.report.sections.staircase import group_rows
 from flexviz.report.sections.summary import sentence, warnings
@@ -73,7 +72,7 @@ def numbers(subject: Subject, when: str) -> str:
         "notes": [{"when": note.when, "text": note.text} for note in subject.session.notes],
         "recordings": [str(file) for file in subject.session.recordings],
     }
-    return json.dumps(finite(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return as_json(document)
 
 
 def _guard(found: Guard | None) -> dict[str, Any] | None:
@@ -108,17 +107,6 @@ def _guard(found: Guard | None) -> dict[str, Any] | None:
         ],
         "texts": list(found.texts()),
     }
-
-
-def finite(value: Any) -> Any:
-    """The same with null for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def _list(values: tuple[float, ...] | None) -> list[float] | None:

@@ -1,7 +1,7 @@
 """The state of one analysis with its history, and how it is kept in a folder."""
 
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
-from flexviz.session.loading import OpenedSession, is_session, open_session
+from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SESSION_FILE, save_session, zipped
 from flexviz.session.state import HISTORY, ROLES, Analysis, Note, Role, Session, Stair, Step, with_roles
 
@@ -21,6 +21,7 @@ __all__ = [
     "find_unsaved",
     "is_session",
     "open_session",
+    "relocate",
     "save_session",
     "with_roles",
     "zipped",

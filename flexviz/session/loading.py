@@ -11,6 +11,7 @@ import numpy as np
 
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.measurements.schema import FILE_NAME
 from flexviz.session import results
 from flexviz.session.migrating import Document, migrated
 from flexviz.session.reference import SetReference
@@ -94,6 +95,15 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
             f"not a usable session ({what}: {getattr(error, 'strerror', None) or error})", file=file
         ) from None
     return opened
+
+
+def relocate(path: str | Path, place: str | Path) -> OpenedSession:
+    """Open a session whose measurement set lies elsewhere now; save it to make that last."""
+    path = Path(path)
+    folder = path.parent if path.name == SESSION_FILE else path
+    if (folder / FILE_NAME).is_file():
+        raise InputError("the session carries its measurement set; no other can be named", file=folder)
+    return open_with(folder, read_set(place))
 
 
 def read_reference(folder: Path) -> SetReference:

@@ -87,7 +87,7 @@ def _same_set(folder: Path, measurements: MeasurementSet) -> None:
         place = reference.locate(folder)
     except InputError:
         return  # what cannot be opened any more may be written anew
-    if place.resolve() != measurements.path.resolve():
+    if place.resolve() != measurements.path.resolve() and reference.name != measurements.name:
         raise InputError(f'holds a session of another measurement set, "{reference.name}"', file=folder)
 
 
