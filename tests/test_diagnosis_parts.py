@@ -11,17 +11,18 @@ import pytest
 
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.confidence import MOST_SURE, probability
 from flexviz.diagnosis.errors import ErrorBand
 from flexviz.diagnosis.fair_share import free_curve
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.judging import at_bound, credible, excess, needed_gain, verdict
-from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.judging import GAIN, at_bound, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.identification import identify
 from flexviz.identification.projection import Projection
-from flexviz.identification.scoring import explained
+from flexviz.identification.scoring import Scored, explained
 from flexviz.identification.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.observers import FlatZeroPhase
@@ -152,6 +153,55 @@ def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
     assert needed_gain(effect, 0.0) < needed_gain(effect, 1e5)
     assert needed_gain(ChosenEffect("external_contact", 0, "g1"), 1e5) > needed_gain(effect, 1e5)
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
+
+
+def test_a_refined_law_has_to_earn_its_freedom(base: tuple[Workbench, Fit]) -> None:
+    bench, fit = base
+    search = Search(bench, lambda _: None)
+
+    def tried(effect: str, joint: int, objective: float) -> Tried:
+        scored = Scored(ChosenEffect(effect, joint), 1.0, np.zeros(1), np.zeros(1))
+        return Tried(scored, replace(fit, objective=objective))
+
+    refined, simple = tried("presliding_hysteresis", 1, 100.0), tried("coulomb_friction", 1, 105.0)
+    assert search.simplest([refined, simple]) is simple
+    assert search.simplest([refined, tried("coulomb_friction", 1, 100.0 + 2 * NESTED)]) is refined
+    assert search.simplest([refined, tried("coulomb_friction", 0, 105.0)]) is refined
+    assert search.simplest([refined, tried("backlash", 1, 105.0)]) is refined
+
+
+def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
+    demo: Any, base: tuple[Workbench, Fit]
+) -> None:
+    """A fit that ended with a wrong stiffness, and an effect whose fit found the right one."""
+    bench, _ = base
+    search = Search(bench, lambda _: None)
+    layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
+    right = bench.fit(layout, layout.vector(identify(demo, effects=["coulomb_friction:joint2"]).model))
+    x = right.x.copy()
+    x[layout.compliance] *= 3.0
+    stuck = bench.fit(layout, x, iterations=0)
+    with_more, start = with_effect(layout, right.x, ChosenEffect("stiffness_hardening", 0), np.zeros(1))
+    led_out = bench.fit(with_more, start, iterations=2)
+    scored = Scored(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
+    again = search.restarted(stuck, Tried(scored, led_out), 0.0)
+    assert again is not None and again.layout == layout
+    assert again.objective < right.objective + GAIN
+    # Coulomb friction itself is needed
+    plain = Layout(demo.joints)
+    without = bench.fit(plain, x[: plain.size], iterations=0)
+    scored = Scored(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
+    assert search.restarted(without, Tried(scored, right), 0.0) is None
+
+
+def test_confidence_follows_what_speaks_for_it() -> None:
+    nothing = probability((0.0, 0.0, 0.5, 0.0))
+    assert nothing < probability((6.0, 5.0, 1.0, 0.0)) <= MOST_SURE
+    for k, step in enumerate((1.0, 1.0, 0.2, -1.0)):  # gain, margin, share, and what is left
+        more = [6.0, 2.0, 0.5, 2.0]
+        less = list(more)
+        less[k] -= step
+        assert probability(less) <= probability(more)
 
 
 def test_what_tells_two_effects_apart_is_named(base: tuple[Workbench, Fit]) -> None:
