@@ -64,9 +64,9 @@ def share(cases: Iterable[Judged], hit: Callable[[Judged], bool]) -> Share:
     return Share(sum(answers), len(answers))
 
 
-def singles(cases: Iterable[Judged], robots: Sequence[str]) -> list[Judged]:
-    """Decidable cases with one hidden effect."""
-    return [c for c in cases if c.kind in ("single", "limit") and c.robot in robots and c.decidable]
+def singles(cases: Iterable[Judged], robots: Sequence[str], kind: str = "single") -> list[Judged]:
+    """Decidable cases with one hidden effect; those of kind "limit" lie around the detection limit."""
+    return [c for c in cases if c.kind == kind and c.robot in robots and c.decidable]
 
 
 def quantile(values: Sequence[float], q: float) -> float:

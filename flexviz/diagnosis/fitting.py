@@ -27,7 +27,7 @@ STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough 
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
 WORSE = 100.0  # rise of the objective over the best on the way after which a fit is damped
 HALVINGS = 4  # of a step
-NOISE_MOVED = 0.01  # relative change of the residual's noise variance after which it is whitened anew
+NOISE_MOVED = 0.01  # change of the noise's shape after which the residual is whitened anew
 EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
 # samples before each that predict it, and how often the prediction is solved for: enough for a judgement
 ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
@@ -47,7 +47,7 @@ class Fit:
         objective: Σ_j N log max(χ_j, 1) + the cost of unknown pulses + k log N, over all groups.
         noise_objective: its first part alone.
         converged: the last step was negligible.
-        noise_at: log of the noise variance for which the whiteners of point and held_out were made.
+        noise_at: the noise's shape for which the whiteners of point and held_out were made.
     """
 
     layout: Layout
@@ -277,7 +277,7 @@ class _Whitened:
 
     def point(self, refinement: Refinement, x: Array) -> Point:
         residual, narrow = evaluated(refinement, x)
-        noise = np.log(refinement.noise_level(x, narrow.link))
+        noise = refinement.noise_shape(x, narrow.link)
         if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > NOISE_MOVED:
             self._whiteners, self._metrics, self.noise_at = None, None, noise
         effects = x[self._layout.effect_start :]

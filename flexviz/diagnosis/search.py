@@ -25,10 +25,13 @@ EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there 
 REACHED = 0.15  # excess at which the noise is reached
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
 HOPE = 3.0  # times its score is the most that a refit is expected to gain
+DAMPING = "joint_damping"
+HOPE_DAMPING = 20.0  # the same: it changes the noise's way, too, which the score does not see
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
 BACKLASH = "backlash"
 SHARES = (0.1, 0.3, 0.7)  # of the rms deflection, where a backlash starts
-PLAIN = 0.5  # excess that no noise makes
+PLAIN = 0.1  # excess that no noise makes
+CLEAR = 0.3  # of it, what an effect has to remove that no score speaks for
 WORST = 2  # joints whose own laws are tried whatever their score
 SHORT, LONGER, FULL, LAST = 3, 6, 14, 20  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
@@ -104,7 +107,7 @@ class Search:
 
     def refits(self, fit: Fit, scores: Scores, gained: float) -> list[Tried]:
         """The leading candidates refitted, best first; `gained` was gained before by others."""
-        chosen = [s for s in self.leading(scores) if HOPE * s.gain > needed_gain(s.effect, gained)]
+        chosen = [s for s in self.leading(scores) if hope(s) > needed_gain(s.effect, gained)]
         first = self.leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
@@ -115,8 +118,9 @@ class Search:
             tried += self.underrated(fit, scores)
         tried = self.tournament(tried)
         if hidden and gained >= GAIN and self.acceptable(fit, tried, gained) is None:
-            tried = self.tournament([*tried, *self.underrated(fit, scores)])
-        return tried
+            more = self.tournament(self.underrated(fit, scores))
+            tried += [t for t in more if removed(fit, t.fit) > CLEAR]
+        return sorted(tried, key=lambda t: t.fit.objective)
 
     def explains(self, before: Fit, after: Fit) -> bool:
         """Whether hardly anything is left."""
@@ -284,6 +288,11 @@ class Search:
                 best = alone
                 dropped.append(effect)
         return best, dropped
+
+
+def hope(scored: Scored) -> float:
+    """The most that a refit is expected to gain."""
+    return (HOPE_DAMPING if scored.effect.effect == DAMPING else HOPE) * scored.gain
 
 
 def _shared(leader: Fit, before: Fit) -> Array:

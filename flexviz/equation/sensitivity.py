@@ -73,6 +73,15 @@ def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array
     return direct[THETA] + elastic[THETA], direct[TAU] + elastic[TAU]
 
 
+def time_constants(layout: Layout, x: Array) -> Array:
+    """D/K of the damped joints, 0 of the others, shape (n,) [s]."""
+    out = np.zeros(layout.n)
+    for effect, where in layout.effect_slices():
+        if effect.effect == "joint_damping" and effect.joint is not None:
+            out[effect.joint] = max(float(x[where][0]), 0.0) * x[layout.compliance][effect.joint]
+    return out
+
+
 def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
     """All ways of the sensors' noise into the residual.
 
@@ -85,10 +94,7 @@ def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
         link: the rigid-body terms at N samples.
     """
     direct, elastic = _parts(layout, x, link)
-    lag = np.zeros(layout.n)
-    for effect, where in layout.effect_slices():
-        if effect.effect == "joint_damping" and effect.joint is not None:
-            lag[effect.joint] = max(float(x[where][0]), 0.0) * x[layout.compliance][effect.joint]
+    lag = time_constants(layout, x)
     out = []
     plain = np.flatnonzero(lag == 0.0)
     for sensor, depth in enumerate(DEPTH):

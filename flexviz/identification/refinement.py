@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.equation.chain import Chain
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import noise_ways
+from flexviz.equation.sensitivity import noise_ways, time_constants
 from flexviz.equation.signals import Signals
 from flexviz.equation.undecided import pulses
 from flexviz.identification.metric import Metric
@@ -117,6 +117,12 @@ class Refinement:
                 "dtim,de,etim,m->i", way.matrices, kernel, way.matrices, way.variance(self.noise)
             )
         return variance / len(part.mass) + self.tolerance
+
+    def noise_shape(self, x: Array, link: LinkTerms) -> Array:
+        """What the whiteners depend on, dimensionless, shape (2n,): logs of the variances, time constants."""
+        band = float(np.max(self.wide.signals.observer.bandwidth))
+        level = np.log(self.noise_level(x, link))
+        return np.concatenate((level, band * time_constants(self.layout, x)))
 
     def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:
         """One metric a block: the whitener, and what is not known of the effects' reversals at x."""
