@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +12,25 @@ import numpy as np
 import pytest
 
 from flexviz.errors import InputError
-from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.session import SESSION_FILE, Session, is_session, open_session, save_session, zipped
 from tests.found import DIAGNOSIS
-from tests.small_set import write_small_set
+from tests.small_session import small_session
 
 
 @pytest.fixture(scope="module")
-def measurements(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
-    return read_set(write_small_set(tmp_path_factory.mktemp("session") / "small"))
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[MeasurementSet, Session]:
+    return small_session(tmp_path_factory.mktemp("session") / "small")
 
 
 @pytest.fixture(scope="module")
-def session(measurements: MeasurementSet) -> Session:
-    session = Session.of(measurements)
-    result = identify(measurements, max_iterations=2)
-    analysis = session.analysis.with_identification(result, session.analysis.settings)
-    session = session.then("identified", analysis)
-    session = session.then("looked", analysis.with_diagnosis(DIAGNOSIS))
-    session = session.then("offset", session.analysis.with_effect("torque_offset:joint1", True))
-    return session.then("width", replace(session.analysis, bandwidth=(30.0, 40.0))).undo()
+def measurements(both: tuple[MeasurementSet, Session]) -> MeasurementSet:
+    return both[0]
+
+
+@pytest.fixture(scope="module")
+def session(both: tuple[MeasurementSet, Session]) -> Session:
+    return both[1]
 
 
 def test_everything_comes_back(session: Session, measurements: MeasurementSet, tmp_path: Path) -> None:
@@ -138,7 +135,6 @@ def test_a_spoiled_one_says_so(
 
 def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
     from flexviz.diagnosis import diagnose
-    from flexviz.measurements import read_set
     from flexviz.resources import sessions_dir
     from flexviz.session.packing import Packer, Unpacker
 

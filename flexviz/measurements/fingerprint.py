@@ -11,6 +11,7 @@ from flexviz.errors import InputError
 from flexviz.files import sha256_of
 from flexviz.measurements.data import MeasurementSet
 from flexviz.measurements.schema import FILE_NAME
+from flexviz.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,18 @@ class Fingerprint:
 
 def fingerprint(measurements: MeasurementSet) -> Fingerprint:
     """What a set consists of; files that have not changed since they were looked at are not read again."""
-    folder = measurements.path
-    robot = measurements.robot.urdf.encode()  # as it was read
+    folder, robot = measurements.path, measurements.robot
     files = [
         _of(folder, FILE_NAME),
-        FileHash(measurements.robot.source, hashlib.sha256(robot).hexdigest(), len(robot)),
+        _from_library(robot) if ":" in robot.source else _of(folder, robot.source),
         *(_of(folder, group.file.relative_to(folder).as_posix()) for group in measurements.groups),
     ]
     return Fingerprint(tuple(dict.fromkeys(files)))
+
+
+def _from_library(robot: Robot) -> FileHash:
+    text = robot.urdf.encode()
+    return FileHash(robot.source, hashlib.sha256(text).hexdigest(), len(text))
 
 
 def _of(folder: Path, name: str) -> FileHash:

@@ -42,7 +42,8 @@ def where(subject: Subject) -> Section | None:
         ),
         _map(subject, diagnosis.maps),
     ]
-    lead = leading(diagnosis.maps)
+    worst = diagnosis.where[0].joint if diagnosis.where else diagnosis.maps[0].joint
+    lead = leading(diagnosis.maps, worst)
     if lead is not None:
         blocks.append(Figure(against(lead)))
         spectrum = _find(diagnosis.maps, lead.joint, "frequency")
@@ -53,9 +54,8 @@ def where(subject: Subject) -> Section | None:
     return Section("Where the model fails", tuple(blocks))
 
 
-def leading(maps: Sequence[ResidualMap]) -> ResidualMap | None:
-    """The map that says most: on the joint that comes first, along the variable that explains most."""
-    joint = maps[0].joint  # the diagnosis puts the worst joint first
+def leading(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
+    """The map of a joint that says most: against the variable that explains most."""
     of_joint = [m for m in maps if m.joint == joint and m.variable in AGAINST]
     of_joint = [m for m in of_joint if np.count_nonzero(np.isfinite(m.mean).any(axis=0)) > 1]
     return max(of_joint, key=lambda m: m.explained, default=None)

@@ -1,0 +1,245 @@
+"""The report's charts and its command."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from flexviz.cli import main
+from flexviz.diagnosis import Diagnosis
+from flexviz.report.chart import Band, Chart, Curve
+from flexviz.report.sections.staircase import columns
+from flexviz.report.svg import log_ticks, stretches, svg, ticks
+from flexviz.session import Session, is_session, open_session, save_session
+from tests.found import DIAGNOSIS, GUARD
+from tests.small_session import small_session
+from tests.small_set import write_small_set
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+# -- charts --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "low, high, texts",
+    [
+        (0.0, 1.0, ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+        (-3e-7, 2e-7, ["−3e−07", "−2e−07", "−1e−07", "0", "1e−07", "2e−07"]),
+        (0.0, 4e6, ["0", "1e+06", "2e+06", "3e+06", "4e+06"]),
+        (999.0, 1001.0, ["999.0", "999.5", "1000.0", "1000.5", "1001.0"]),
+    ],
+)
+def test_ticks_are_round_and_within(low: float, high: float, texts: list[str]) -> None:
+    found = ticks(low, high, 5)
+    assert [text for _, text in found] == texts
+    assert all(low - 1e-9 <= value <= high + 1e-9 for value, _ in found)
+
+
+def test_ticks_of_a_logarithmic_axis() -> None:
+    assert [text for _, text in log_ticks(-2.1, 0.1)] == ["0.01", "0.02", "0.05", "0.1", "0.2", "0.5", "1"]
+    many = log_ticks(-9.0, 6.0)
+    assert 3 <= len(many) <= 9 and all(np.log10(value) % 1 == 0 for value, _ in many)
+
+
+def test_lines_are_interrupted_where_nothing_is_known() -> None:
+    x, y = np.arange(7.0), np.array([np.nan, 1.0, 2.0, np.inf, 1.0, np.nan, 3.0])
+    assert [list(rows) for rows in stretches(x, y)] == [[1, 2], [4], [6]]
+    picture = ElementTree.fromstring(svg(chart(Curve(x, y, "a", "#0072B2")), "k"))
+    lines = [e for e in picture.iter(f"{SVG}polyline") if len(e.attrib["points"].split()) > 0]
+    assert len(lines) == 3 + 1  # and its place in the legend
+
+
+def chart(*curves: Curve, **more: Any) -> Chart:
+    return Chart("title", "words", "x", "y", curves, **more)
+
+
+def test_a_chart_without_a_finite_value_is_drawn_all_the_same() -> None:
+    empty = Curve(np.arange(3.0), np.full(3, np.nan), "nothing", "#0072B2")
+    for logarithmic in (False, True):
+        ElementTree.fromstring(svg(chart(empty, logarithmic=logarithmic), "k"))
+    flat = Curve(np.zeros(3), np.full(3, 5.0), "flat", "#0072B2")
+    band = Band(np.zeros(3), np.full(3, 4.0), np.full(3, 6.0), "band", "#999999")
+    text = svg(chart(flat, bands=(band,), span=(-1.0, 1.0)), "k")
+    assert "nan" not in text and "inf" not in text
+
+
+def test_a_long_legend_takes_more_rows_and_long_names_are_cut() -> None:
+    curves = [Curve(np.arange(3.0), np.arange(3.0), f"{'long' * 20}{i}", "#0072B2") for i in range(6)]
+    picture = ElementTree.fromstring(svg(chart(*curves), "k"))
+    places = [
+        (float(e.attrib["x"]), float(e.attrib["y"]))
+        for e in picture.iter(f"{SVG}text")
+        if (e.text or "").startswith("long")
+    ]
+    assert len(set(places)) == 6 and len({y for _, y in places}) > 1
+    assert all((e.text or "").endswith("…") for e in picture.iter(f"{SVG}text") if "long" in (e.text or ""))
+    assert float(picture.attrib["viewBox"].split()[3]) > 260 + 20
+
+
+def test_a_table_has_room_for_the_first_and_the_last_models() -> None:
+    assert columns(3) == [0, 1, 2] and columns(20) == [0, 14, 15, 16, 17, 18, 19]
+
+
+# -- the command ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    write_small_set(tmp_path / "small")
+    return tmp_path
+
+
+def answering(monkeypatch: pytest.MonkeyPatch, answer: Diagnosis | None) -> list[dict[str, Any]]:
+    """Have the diagnosis answer at once; None: it must not be asked."""
+    asked: list[dict[str, Any]] = []
+
+    def diagnose(measurements: Any, **options: Any) -> Diagnosis:
+        assert answer is not None, "computed again what is saved"
+        asked.append({"effects": measurements.effects, **options})
+        return answer
+
+    monkeypatch.setattr("flexviz.diagnosis.diagnose", diagnose)
+    return asked
+
+
+def test_a_sets_report_and_the_same_again_from_its_session(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = answering(monkeypatch, DIAGNOSIS)
+    assert main(["report", "small", "--out", "a.html", "--session", "kept", "--guard"]) == 0
+    assert asked[0]["apply"] is True and asked[0]["guarded"] is True
+    assert capsys.readouterr().out.startswith("a.html: ")
+    answering(monkeypatch, None)
+    for name in ("b.html", "b.md", "b.json"):
+        assert main(["report", "kept", "--out", name]) == 0
+    stamp = re.compile(r"\d{4}-\d\d-\d\d.\d\d:\d\d:\d\d")
+    first, second = (stamp.sub("", (workplace / n).read_text()) for n in ("a.html", "b.html"))
+    assert first == second and f"flexviz report {workplace / 'kept'} --out report.html" in first
+    assert json.loads((workplace / "b.json").read_text())["session"] == str(workplace / "kept")
+    assert is_session(workplace / "kept") and not list(workplace.glob(".*"))
+
+
+def test_a_session_gets_computed_only_what_it_does_not_hold(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measurements, session = small_session(workplace / "other")
+    save_session(session, measurements, workplace / "kept")  # an effect was added since the diagnosis
+    asked = answering(monkeypatch, replace(DIAGNOSIS, guard=None, steps=DIAGNOSIS.steps[:1]))
+    assert main(["report", "kept", "--out", "a.md", "--session", "more"]) == 0
+    assert asked[0]["apply"] is False and asked[0]["effects"] == ("coulomb_friction", "torque_offset:joint1")
+    answering(monkeypatch, None)
+    looked: list[Any] = []
+    monkeypatch.setattr("flexviz.report.guarded", lambda *args: looked.append(args) or GUARD)
+    assert main(["report", "more", "--out", "b.md"]) == 0 and not looked
+    assert "the option --guard" in (workplace / "b.md").read_text()
+    assert main(["report", "more", "--out", "b.md", "--guard"]) == 0 and len(looked) == 1
+    assert "not to be trusted" in (workplace / "b.md").read_text()
+    assert open_session(workplace / "kept").session.redoes == "width"  # nothing was written into it
+
+
+def test_a_stopped_diagnosis_is_reported_with_its_exit_code(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, replace(DIAGNOSIS, stopped=True))
+    assert main(["report", "small", "--out", "a.html"]) == 130
+    assert "stopped before its end" in (workplace / "a.html").read_text()
+
+
+def test_changed_data_are_not_diagnosed_silently(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answering(monkeypatch, DIAGNOSIS)
+    assert main(["report", "small", "--out", "a.html", "--session", "kept"]) == 0
+    table = workplace / "small" / "a.csv"
+    table.write_text(table.read_text().replace("\n0,", "\n0.0,", 1))
+    answering(monkeypatch, None)
+    assert main(["report", "kept", "--out", "b.html"]) == 0
+    assert "a.csv" in capsys.readouterr().err
+    assert "The data have changed since:</b> a.csv." in (workplace / "b.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["small", "--out", "a.pdf"], '".pdf" says no kind of report; valid: .html, .htm, .md, .json'),
+        (["small", "--out", "html"], '"html" says no kind of report'),
+        (["small", "--out", "no/a.html"], "does not exist"),
+        (["small", "--out", "small.html"], "is a folder"),
+        (["none", "--out", "a.html"], "none"),
+        (["small", "--out", "a.html", "--session", "small"], "is not empty"),
+    ],
+)
+def test_bad_use_is_one_line_and_leaves_nothing(
+    workplace: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    said: str,
+) -> None:
+    answering(monkeypatch, None)
+    (workplace / "small.html").mkdir()
+    assert main(["report", *arguments]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert said in error and error.startswith("flexviz: ")
+    assert sorted(file.name for file in workplace.iterdir()) == ["small", "small.html"]
+
+
+# -- compare and session -------------------------------------------------------------------------------------
+
+
+def test_sessions_are_compared(
+    workplace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answering(monkeypatch, DIAGNOSIS)
+    assert main(["report", "small", "--out", "a.md", "--session", "one"]) == 0
+    stiffer = tuple(
+        replace(p, value=p.value + 20) if p.name == "stiffness" else p for p in DIAGNOSIS.parameters
+    )
+    answering(monkeypatch, replace(DIAGNOSIS, parameters=stiffer))
+    assert main(["report", "small", "--out", "a.md", "--session", "two"]) == 0
+    capsys.readouterr()
+    assert main(["compare", "one", "two", "--json", "c.json"]) == 0
+    out = capsys.readouterr().out
+    assert "1987.3 ± 4.1" in out and "2007.3 ± 4.1" in out and "6.7 !" in out and "differ by 3" in out
+    assert "mass" not in out and "unknown" in out and "different data" not in out
+    document = json.loads((workplace / "c.json").read_text())
+    row = next(p for p in document["parameters"] if p["name"] == "stiffness")
+    assert row["values"] == [1987.3, 2007.3] and row["deviations"] == pytest.approx(20 / (2.1 * 2**0.5))
+    assert document["same_data"] and document["sessions"][0]["rms_validation"] == [0.021, 0.031]
+    assert main(["compare", "one", "two", "--all"]) == 0 and "mass" in capsys.readouterr().out
+    for bad in (["one"], ["one", "small"], ["one", "none"]):
+        assert main(["compare", *bad]) == 2
+    measurements, session = small_session(workplace / "other")
+    save_session(session, measurements, workplace / "three")
+    capsys.readouterr()
+    assert main(["compare", "one", "three"]) == 0
+    out = capsys.readouterr().out
+    assert "three: has no result of its present settings." in out
+    save_session(Session.of(measurements), measurements, workplace / "three")
+    assert open_session(workplace / "three").session.past == ()
+
+
+def test_a_session_is_shown_annotated_and_finds_its_data_again(
+    workplace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (workplace / "data").mkdir()
+    measurements, session = small_session(workplace / "data" / "other")
+    save_session(session.with_recording(workplace / "gone.rrd"), measurements, workplace / "kept")
+    assert main(["session", "kept", "--note", "cold start"]) == 0
+    out = capsys.readouterr().out
+    for words in ("as it was", "4. 20", "offset", "1 undone", "cold start", "gone.rrd (missing)", "verdict"):
+        assert words in out, words
+    (workplace / "data" / "other").rename(workplace / "moved")
+    assert main(["session", "kept"]) == 2 and "--set" in capsys.readouterr().err
+    assert main(["session", "kept", "--set", "moved"]) == 0
+    assert main(["session", "kept"]) == 0 and "cold start" in capsys.readouterr().out
+    assert main(["session", "moved"]) == 2
