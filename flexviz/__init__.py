@@ -48,12 +48,14 @@ _WHERE = {
     "load_effects": "flexviz.effects",
     "simulate_run": "flexviz.simulation",
     "replay": "flexviz.simulation",
+    "export": "flexviz.exporting",
 }
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding, diagnose
     from flexviz.effects import load_effects
     from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
+    from flexviz.exporting import export
     from flexviz.identification import (
         Identification,
         Iteration,
@@ -92,6 +94,7 @@ __all__ = [
     "SweepResult",
     "__version__",
     "diagnose",
+    "export",
     "identify",
     "load_effects",
     "make_observer",

@@ -23,7 +23,7 @@ from flexviz.cli import main, output, progress, tables
 from flexviz.cli.identifying import parse_bandwidth
 from flexviz.errors import InputError
 
-COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose")
+COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose", "export")
 
 
 @pytest.fixture(scope="session")

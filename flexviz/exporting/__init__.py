@@ -1,15 +1,17 @@
 """What was found, in the formats that others read: URDF, MJCF, YAML, JSON, C and Python."""
 
 from flexviz.exporting.documents import Document, read_result
-from flexviz.exporting.subject import Subject, subject_of
-from flexviz.exporting.writing import FORMATS, Exported, check_formats, export, write
+from flexviz.exporting.subject import Subject, check_payload, subject_of
+from flexviz.exporting.writing import FORMATS, Exported, check_folder, check_formats, export, write
 
 __all__ = [
     "FORMATS",
     "Document",
     "Exported",
     "Subject",
+    "check_folder",
     "check_formats",
+    "check_payload",
     "export",
     "read_result",
     "subject_of",

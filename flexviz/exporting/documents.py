@@ -78,8 +78,14 @@ class Model(Part):
     parameters: list[Parameter]
 
 
+class StepVerdict(Part):
+    """What a diagnosis says of one of its models."""
+
+    verdict: str
+
+
 class Document(Part):
-    """A result; `model` is a diagnosis's, everything else may be missing there."""
+    """A result; `model` and `steps` are a diagnosis's, everything else may be missing there."""
 
     format: Literal[1]
     set: str
@@ -91,6 +97,7 @@ class Document(Part):
     stopped: bool = False
     refined: bool = False
     verdict: str | None = None
+    steps: list[StepVerdict] = []
     groups: list[str] | None = None
     base_parameters: list[dict[str, Any]] = []
     observer: dict[str, Any] | None = None
@@ -101,6 +108,11 @@ class Document(Part):
     def all_parameters(self) -> list[Parameter]:
         """The parameters, wherever they stand."""
         return list(self.model.parameters if self.model is not None else self.parameters or [])
+
+    @property
+    def final_verdict(self) -> str | None:
+        """Of the model that the parameters belong to; a diagnosis's `verdict` is of its first one."""
+        return self.steps[-1].verdict if self.steps else self.verdict
 
     @property
     def all_effects(self) -> list[PlacedEffect] | None:

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 GRADES = ("yes", "weak", "no")
+VERDICTS = {
+    "missing": "an effect is missing from this model",
+    "nothing-missing": "nothing is missing from this model",
+    "unknown": "something is missing from this model that no known effect explains",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +151,7 @@ class Subject:
         carried = f"carries the payload {self.payload}" if self.payload else "carries no payload"
         lines.append(f"The robot {carried}.")
         if self.verdict:
-            lines.append(f"Diagnosis: {self.verdict}.")
+            lines.append(f"Diagnosis: {VERDICTS.get(self.verdict, self.verdict)}.")
         return lines + list(self.remarks)
 
 
@@ -173,15 +178,9 @@ def subject_of(
         InputError: the result does not fit the set, or the payload does not exist.
     """
     document = result if isinstance(result, Document) else plain(result.to_json())
-    if payload is not None and payload not in measurements.payloads:
-        valid = choose_from(payload, measurements.payloads)
-        raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)
+    check_payload(measurements, payload)
     model = model_of(document, measurements.joints, file)
-    verdict = document.verdict
-    if diagnosis is not None:
-        verdict = diagnosis.verdict
-    elif not isinstance(result, Document) and getattr(result, "steps", ()):
-        verdict = result.steps[-1].verdict  # type: ignore[union-attr]
+    verdict = document.final_verdict if diagnosis is None else diagnosis.verdict
     subject = Subject(measurements, document, model, payload, verdict)
     said = list(remarks)
     if not document.converged:
@@ -193,6 +192,13 @@ def subject_of(
     subject = replace(subject, remarks=tuple(said))
     assert subject.laws  # values that make no robot are refused here, whatever is exported
     return subject
+
+
+def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
+    """InputError for a payload that the set does not have."""
+    if payload is not None and payload not in measurements.payloads:
+        valid = choose_from(payload, measurements.payloads)
+        raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)
 
 
 def left_out(subject: Subject, more: Sequence[LeftOut] = ()) -> list[str]:

@@ -63,6 +63,16 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name in FORMATS if not formats or name in formats)
 
 
+def check_folder(folder: str | Path) -> Path:
+    """The folder to write to, absolute; InputError where nothing can be written there."""
+    folder = Path(folder).absolute()
+    above = next(parent for parent in folder.parents if parent.exists())
+    if not above.is_dir():
+        raise InputError("this is a file, a folder would be right", file=above)
+    make_way(folder, overwrite=False)
+    return folder
+
+
 def write(subject: Subject, folder: str | Path, formats: Sequence[str] = ()) -> Exported:
     """Write `formats` (all of them where none is named) into a new or empty folder.
 
@@ -72,8 +82,7 @@ def write(subject: Subject, folder: str | Path, formats: Sequence[str] = ()) -> 
         InputError: a format does not exist, the folder is not empty, or the model cannot be written so.
     """
     chosen = check_formats(formats)
-    folder = Path(folder).absolute()
-    make_way(folder, overwrite=False)
+    folder = check_folder(folder)
     made = {name: FORMATS[name](subject) for name in chosen}
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
