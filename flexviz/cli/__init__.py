@@ -22,6 +22,7 @@ from flexviz.cli import (
     identify,
     record,
     report,
+    review,
     serve,
     session,
     simulate,

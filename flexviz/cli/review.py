@@ -1,0 +1,192 @@
+"""`flexviz review FILE.rrd|SESSION [OTHER]`: check a recording, say what is in it, open it."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import threading
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from flexviz.errors import InputError
+
+if TYPE_CHECKING:
+    from flexviz.recording.reading import Recording
+
+SOURCE = "A recording (*.rrd), or a session's folder."
+
+
+def review(
+    source: Annotated[Path, typer.Argument(metavar="FILE.rrd|SESSION", help=SOURCE)],
+    other: Annotated[
+        Path | None, typer.Argument(metavar="[OTHER]", help="Another one, to be shown side by side with it.")
+    ] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only check it and say what is in it; open nothing.")
+    ] = False,
+    web: Annotated[
+        bool | None,
+        typer.Option("--web/--native", help="In the browser, or in a window; without either what there is."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.rrd", help="Keep what is made for it: a session's recording, a comparison."
+        ),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(metavar="P", help="Port of the page; without it 9090 or a free one.")
+    ] = None,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
+) -> int:
+    """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
+    from flexviz.cli import output
+    from flexviz.recording import ending_tidily
+
+    output.check_output_file(out)
+    with tempfile.TemporaryDirectory(prefix="flexviz-review-") as temporary, ending_tidily():
+        sources = [source] if other is None else [source, other]
+        if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
+            raise InputError("--out: one recording is opened as it is; leave it out", file=source)
+        made = [out if other is None else None, None]
+        files = [prepared(one, Path(temporary) / str(n), made[n]) for n, one in enumerate(sources)]
+        found = [described(file) for file in files]
+        if len(found) == 2:
+            a, b = found
+            if a is None or b is None:
+                raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
+            files = [compared(a, b, out or Path(temporary) / "comparison.rrd")]
+        if not check:
+            show(files, web, port, browser)
+    return 0
+
+
+def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
+    """The recording to be opened: checked, repaired where it was cut, made where the source is a session."""
+    from flexviz.recording import TruncatedRecording, check_recording, repair_recording
+    from flexviz.session import is_session
+
+    if is_session(source):
+        return from_session(source, out or temporary / f"{source.resolve().name}.rrd")
+    if source.is_dir():
+        raise InputError(
+            "is neither a recording nor a session; of a measurement set `flexviz record` makes a recording",
+            file=source,
+        )
+    try:
+        checked = check_recording(source)
+    except TruncatedRecording as error:
+        checked = repair_recording(source)
+        say(f"{error}; what is readable is in {checked.file}")
+    confirmed = "as written beside it" if checked.confirmed else "none was written beside it"
+    say(f"{checked.file}: whole; {checked.chunks} chunks as its footer says; SHA-256: {confirmed}")
+    return checked.file
+
+
+def from_session(source: Path, out: Path) -> Path:
+    """Make a recording of a session."""
+    from flexviz.cli.progress import Reporter
+    from flexviz.recording import record_session
+    from flexviz.session import open_session
+
+    with Reporter(f"reading {source}") as report:
+        opened = open_session(source)
+        out.parent.mkdir(exist_ok=True)
+        record_session(
+            opened.session, opened.measurements, out, lambda what, share: report(what, fraction=share)
+        )
+    for file in opened.session.recordings:
+        say(f"recorded from it: {file}{'' if file.is_file() else ' (not there any more)'}")
+    return out
+
+
+def described(file: Path) -> Recording | None:
+    """Say what is in a recording; None where flexviz has not written it."""
+    from flexviz.recording import read_recording
+
+    try:
+        found = read_recording(file)
+    except InputError as error:
+        say(str(error))
+        return None
+    simulated = " (simulated data)" if found.simulated else ""
+    say(f"{found.set_name}{simulated}, robot {found.robot}: {', '.join(found.groups)}")
+    for number, result in enumerate(found.results, 1):
+        label = result.get("label") or "the set's own model"
+        say(f"result {number}, {label}: {errors(result)}{'' if result['converged'] else ', not converged'}")
+    for diagnosis in found.diagnoses:
+        say(f"verdict: {verdict(diagnosis)}")
+    if not found.results:
+        say("nothing is identified in it")
+    return found
+
+
+def errors(result: dict[str, Any]) -> str:
+    """The errors of a result [Nm], joint by joint."""
+    residual = result["residual"]
+    text = "rms " + " ".join(f"{value:.4g}" for value in residual["rms"])
+    held_out = residual["rms_validation"]
+    return text + ("" if held_out is None else ", held out " + " ".join(f"{v:.4g}" for v in held_out)) + " Nm"
+
+
+def verdict(diagnosis: dict[str, Any]) -> str:
+    """A verdict in a few words."""
+    if diagnosis["verdict"] != "missing" or not diagnosis["candidates"]:
+        return str(diagnosis["verdict"]).replace("-", " ")
+    best = diagnosis["candidates"][0]
+    place = best["joint"] or best["payload"] or "the whole robot"
+    return f"missing {best['effect']} on {place}, confidence {best['confidence']:.2f}"
+
+
+def compared(a: Recording, b: Recording, out: Path) -> Path:
+    """Say how two recordings differ and write them side by side into one."""
+    from flexviz.recording import comparing
+
+    found = comparing.compare(a, b)
+    width = max(len(title) for title, _ in comparing.facts(found))
+    for title, (first, second) in comparing.facts(found):
+        say(f"{title:{width}}  A: {first}   B: {second}")
+    for row in found.notable:
+        place = f" of {row.joint}" if row.joint else ""
+        first, second = (f"{value:.5g}" for value in row.values)
+        apart = f"{row.deviations:.3g} standard errors apart"
+        say(f"{row.name}{place}: A {first}, B {second} {row.unit}, {apart}")
+    comparing.merge(found, out)
+    return out
+
+
+def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -> None:
+    """Open the recordings and wait until they are closed: a window, Ctrl+C for the page."""
+    from flexviz.recording.native import has_display, show_in_window
+    from flexviz.recording.web import web_viewer
+
+    if web is None:
+        web = not has_display() or port is not None or not browser
+    if not web:
+        failed = show_in_window(files)
+        if not failed:
+            return
+        print(f"Rerun's window cannot be opened ({failed}); the page is", file=sys.stderr)
+    with web_viewer(files, port) as address:
+        say(address)
+        if browser:
+            webbrowser.open(address)
+        wait_for_interrupt()
+
+
+def wait_for_interrupt() -> None:
+    """Until Ctrl+C."""
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        print("closed", file=sys.stderr)
+
+
+def say(text: str) -> None:
+    """One line on standard output."""
+    print(text, flush=True)
