@@ -59,6 +59,17 @@ class Reporter:
         if self._bar is not None:
             self._bar.stop()
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """While a person is asked something the live line is gone."""
+        if self._bar is not None:
+            self._bar.stop()
+        try:
+            yield
+        finally:
+            if self._bar is not None:
+                self._bar.start()
+
     def __call__(self, stage: str, detail: str = "", fraction: float | None = None) -> None:
         """Show `stage` and `detail`; `fraction` in 0…1 where the end is known."""
         if self._bar is not None:

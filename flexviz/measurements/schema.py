@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -195,8 +195,16 @@ _WANTED = {
 }
 
 
-def translated(error: ValidationError, data: dict[str, Any], file: Path) -> InputError:
-    """One line for the first of pydantic's errors, saying how many more there are."""
+def translated(
+    error: ValidationError,
+    data: dict[str, Any],
+    file: Path,
+    keys: Callable[[Sequence[str | int]], list[str]] | None = None,
+) -> InputError:
+    """One line for the first of pydantic's errors, saying how many more there are.
+
+    `keys` gives the keys that the table at a location may have; None: those of a `measurements.toml`.
+    """
     errors = error.errors(include_url=False)
     # an unknown key is often a misspelt one that is then also missing: name the unknown one first
     first = min(errors, key=lambda item: item["type"] != "extra_forbidden")
@@ -204,7 +212,7 @@ def translated(error: ValidationError, data: dict[str, Any], file: Path) -> Inpu
     kind, context, found = first["type"], first.get("ctx", {}), first.get("input")
     if kind == "extra_forbidden":
         parent, key = first["loc"][:-1], str(first["loc"][-1])
-        message = f'unknown key "{key}"; {choose_from(key, keys_of(parent))}'
+        message = f'unknown key "{key}"; {choose_from(key, (keys or keys_of)(parent))}'
     elif kind == "missing":
         message = "this key is missing"
     elif kind in ("too_short", "too_long"):

@@ -16,6 +16,16 @@ def dumps(document: Mapping[str, Any]) -> str:
     return "\n".join(_lines(document, ())) + "\n"
 
 
+def key_text(key: str) -> str:
+    """A key, in quotes where it needs them."""
+    return _key(key)
+
+
+def value_text(value: Any) -> str:
+    """A value on one line; tables inside it stay inline."""
+    return _value(value)
+
+
 def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     lines = [f"{_key(key)} = {_value(value)}" for key, value in table.items() if not _is_table(value)]
     for key, value in table.items():

@@ -1,0 +1,239 @@
+"""`flexviz import`: logs and a robot become a mapping file, a mapping file becomes a measurement set."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flexviz.errors import InputError
+from flexviz.files import write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from flexviz.cli.progress import Reporter
+    from flexviz.importing import Imported, Looked
+    from flexviz.importing.mapping import Mapping
+    from flexviz.importing.questions import Questions
+
+INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
+REFUSED = 2  # nothing was written, for the data contradict the mapping
+
+
+def import_(
+    source: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="MAPPING|LOG...",
+            help="A mapping file (*.toml), or logs: MCAP, ROS 2 bags, .bag, CSV, Parquet, .mat, LeRobot.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder to write the set to; without it only check.")
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="URDF", help="With logs: a URDF, example-robot-data:NAME or robots:NAME."),
+    ] = None,
+    mapping: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="With logs: write what was found out about them to this mapping file."
+        ),
+    ] = None,
+    table_format: Annotated[
+        str, typer.Option("--format", metavar="parquet|csv", help="Kind of the set's tables.")
+    ] = "parquet",
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Ask nothing, and write the set although something looks wrong.")
+    ] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the report as JSON.")
+    ] = None,
+) -> int:
+    """Make a measurement set of the logs you have.
+
+    First look at them, which writes a mapping file to read and correct; then import it:
+
+    flexviz import run1.mcap run2.mcap --robot arm.urdf --mapping arm.toml
+
+    flexviz import arm.toml --out arm-set
+    """
+    from flexviz.cli import output
+    from flexviz.cli.progress import Reporter, interruptible
+
+    output.check_output_file(json_file)
+    if out is not None:
+        output.check_new_folder(out, table_format)
+    with Reporter("importing") as report, interruptible("nothing is written") as should_stop:
+        if len(source) == 1 and source[0].suffix == ".toml":
+            refuse_with_mapping(robot, mapping)
+            from flexviz.importing import read_mapping
+
+            return run(
+                read_mapping(source[0]), source[0], out, table_format, yes, json_file, report, should_stop
+            )
+        return from_logs(source, robot, mapping, out, table_format, yes, json_file, report, should_stop)
+
+
+def refuse_with_mapping(robot: str | None, mapping: Path | None) -> None:
+    """Options that only belong to logs."""
+    if robot is not None:
+        raise InputError("--robot: the mapping file names the robot")
+    if mapping is not None:
+        raise InputError("--mapping belongs to logs; a mapping file was given already")
+
+
+def from_logs(
+    logs: list[Path],
+    robot: str | None,
+    mapping: Path | None,
+    out: Path | None,
+    table_format: str,
+    yes: bool,
+    json_file: Path | None,
+    report: Reporter,
+    should_stop: Callable[[], bool],
+) -> int:
+    """Look at logs; write the mapping where it was asked for, and the set where nothing is in doubt."""
+    from flexviz.importing import look
+
+    for path in logs:
+        if path.suffix == ".toml":
+            raise InputError("a mapping file stands alone: flexviz import MAPPING --out DIR", file=path)
+    if robot is None:
+        raise InputError("--robot is needed beside logs: a URDF, example-robot-data:NAME or robots:NAME")
+    check_new_file(mapping)
+    looked = look(
+        logs,
+        robot,
+        questions=None if yes else person(report),
+        progress=lambda what, share: report(what, fraction=share),
+        should_stop=should_stop,
+    )
+    text = looked.draft.text(mapping)
+    if mapping is not None:
+        write_whole(mapping, text.encode())
+    console_lines(about(looked))
+    if looked.draft.missing:
+        if mapping is None:
+            print(text, end="")
+        where = f" in {mapping}" if mapping else "; --mapping FILE writes what is known to a file"
+        console_lines([f"to be filled in{where}: {line}" for line in looked.draft.missing])
+        return INCOMPLETE
+    if out is None:
+        if mapping is None:
+            print(text, end="")
+        else:
+            console_lines([f"{mapping}: read and correct it, then flexviz import {mapping} --out SET"])
+        return 0
+    return run(
+        looked.draft.mapping(), Path("mapping"), out, table_format, yes, json_file, report, should_stop
+    )
+
+
+def run(
+    mapping: Mapping,
+    file: Path,
+    out: Path | None,
+    table_format: str,
+    yes: bool,
+    json_file: Path | None,
+    report: Reporter,
+    should_stop: Callable[[], bool],
+) -> int:
+    """Import what a mapping names, and say what was done and what looks wrong."""
+    from flexviz.cli import output
+    from flexviz.importing.importing import import_mapping
+
+    done = import_mapping(
+        mapping,
+        file,
+        out,
+        table_format,
+        yes,
+        progress=lambda what, share: report(what, fraction=share),
+        should_stop=should_stop,
+    )
+    if json_file is not None:
+        output.write_json(json_file, done.to_json())
+    console_lines(summary(done, out))
+    return REFUSED if done.wrong and not yes else 0
+
+
+def person(report: Reporter) -> Questions | None:
+    """Whom to ask: a person where input and messages are a terminal."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
+    from flexviz.cli.progress import note
+    from flexviz.importing.questions import Person
+
+    def ask(question: str, default: str) -> str:
+        with report.paused():
+            return str(typer.prompt(question, default=default, err=True, show_default=bool(default)))
+
+    return Person(ask, note)
+
+
+def check_new_file(file: Path | None) -> None:
+    """Say before the work that a mapping cannot be written; one that is there may have been corrected."""
+    from flexviz.cli import output
+
+    output.check_output_file(file)
+    if file is not None and file.exists():
+        raise InputError("exists already, a new name would be right", file=file)
+    if file is not None and file.suffix != ".toml":
+        raise InputError("a mapping's name ends in .toml", file=file)
+
+
+def console_lines(lines: list[str]) -> None:
+    """Lines on standard output."""
+    from flexviz.cli import output
+
+    console = output.results()
+    for line in lines:
+        console.print(line, soft_wrap=True)
+
+
+def about(looked: Looked) -> list[str]:
+    """What was found in the logs, in a few lines of text."""
+    return [*looked.draft.seen, *(f"looks {s.severity}: {s}" for s in looked.suspicions)]
+
+
+def summary(done: Imported, out: Path | None) -> list[str]:
+    """What was imported and what looks wrong, in a few lines of text."""
+    import numpy as np
+
+    lines = []
+    for group in done.groups:
+        step = float(np.median(np.diff(group.table.time)))
+        use = "validation" if group.entry.validation else "fit"
+        lines.append(
+            f"{group.entry.group}: {group.entry.file}, {group.log}, {len(group.table.time)} samples, "
+            f"{group.table.time[-1]:.6g} s at {1 / step:.5g} Hz, payload {group.entry.payload}, {use}"
+        )
+        lines += [f"  {note}" for note in group.notes]
+    for o in done.offsets:
+        size = f"{1e3 * abs(o.delay):.3f} ± {1.96e3 * o.std:.2g} ms"
+        lines.append(
+            f'{o.group}: clock of "{o.clock}" {size} {"behind" if o.delay > 0 else "ahead of"} that of theta'
+        )
+    if done.delay is not None:
+        lines.append(
+            f"torque acts {1e3 * done.delay.seconds:.3f} ± {1.96e3 * done.delay.std:.2g} ms after it is "
+            f"stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of it"
+        )
+    elif not done.wrong:
+        lines.append("whether torque and motion agree in time could not be told from these data")
+    lines += [f"looks {s.severity}: {s}" for s in done.suspicions]
+    lines += [f"warning: {warning}" for warning in done.warnings]
+    if done.folder is not None:
+        lines.append(f"{done.folder}: {len(done.groups)} groups, joints {', '.join(done.joints)}")
+    elif done.wrong:
+        lines.append("nothing was written: correct the mapping, or insist with --yes")
+    elif out is None:
+        lines.append("only checked; --out DIR writes the set")
+    return lines

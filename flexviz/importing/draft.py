@@ -1,0 +1,144 @@
+"""A mapping while it is being made: it may lack what nobody knows yet, and says why its entries are so."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping as MappingOf
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from flexviz.importing.mapping import SIGNALS, Mapping, parse
+from flexviz.importing.sources import Source
+from flexviz.importing.suspicion import Fix
+from flexviz.measurements.toml import key_text, value_text
+
+DEFAULTS: dict[str, Any] = {"side": "joint", "sign": 1, "offset": 0.0}
+HEAD = """# What the columns of these logs are; written by flexviz import after looking at them.
+# Correct what is wrong, then:  flexviz import {name} --out SET
+# Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
+"""
+
+
+@dataclass
+class DraftJoint:
+    """One joint's entry.
+
+    Attributes
+    ----------
+    signals: "theta" … -> the keys of its table.
+    gear, torque_constant: where known.
+    comments: "theta" …, "gear" -> what was seen and why it is so.
+    """
+
+    signals: dict[str, dict[str, Any]] = field(default_factory=dict)
+    gear: float = 1.0
+    torque_constant: float | None = None
+    comments: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Draft:
+    """A whole mapping to be.
+
+    Attributes
+    ----------
+    robot: as in a measurement set; a URDF's path as it was given.
+    sources: the logs, with the names of their groups and whether each is for validation.
+    time: the keys of [time].
+    joints: name -> entry.
+    seen: lines about the logs.
+    missing: what must still be filled in, one sentence each.
+    """
+
+    robot: str
+    sources: list[Source]
+    groups: list[str]
+    validation: set[str] = field(default_factory=set)
+    time: dict[str, Any] = field(default_factory=dict)
+    time_comment: str = ""
+    joints: dict[str, DraftJoint] = field(default_factory=dict)
+    seen: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+
+    def mapping(self) -> Mapping:
+        """The mapping, checked; paths are as they were given. InputError where something is missing."""
+        return parse(self.document(Path.cwd()), Path("mapping"))
+
+    def document(self, folder: Path) -> dict[str, Any]:
+        """What the file says, with paths relative to the folder that it lies in."""
+        logs = []
+        for source, group in zip(self.sources, self.groups, strict=True):
+            entry: dict[str, Any] = {"file": relative(source.path, folder)}
+            entry |= {"episode": source.episode} if source.episode is not None else {}
+            logs.append(entry | {"group": group, "payload": "none", "validation": group in self.validation})
+        joints = {name: self.joint_document(joint) for name, joint in self.joints.items()}
+        robot = self.robot if is_named(self.robot) else relative(Path(self.robot), folder)
+        document: dict[str, Any] = {"format": 1, "robot": robot}
+        document |= {"time": self.time} if self.time else {}
+        return document | {"payloads": {"none": {"bodies": []}}, "logs": logs, "joints": joints}
+
+    @staticmethod
+    def joint_document(joint: DraftJoint) -> dict[str, Any]:
+        """One joint's table."""
+        document: dict[str, Any] = {"gear": joint.gear} if joint.gear != 1.0 else {}
+        document |= {"torque_constant": joint.torque_constant} if joint.torque_constant is not None else {}
+        return document | {name: joint.signals[name] for name in SIGNALS if name in joint.signals}
+
+    def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
+        """Change what the fixes say, and note why."""
+        for fix in fixes:
+            joint = self.joints[fix.joint]
+            joint.signals[fix.signal][fix.key] = fix.value
+            if DEFAULTS.get(fix.key) == fix.value:
+                del joint.signals[fix.signal][fix.key]
+            said = joint.comments.get(fix.signal, "")
+            joint.comments[fix.signal] = "; ".join(part for part in (said, why) if part)
+
+    def text(self, file: Path | None) -> str:
+        """The file's text, with comments; `file` is where it will lie, None: the current folder."""
+        folder = Path.cwd() if file is None else file.absolute().parent
+        document = self.document(folder)
+        lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
+        lines += ["format = 1", f"robot = {value_text(document['robot'])}", ""]
+        lines += [f"# {line}" for line in self.seen]
+        if self.missing:
+            lines += ["", *(f"# MISSING: {line}" for line in self.missing)]
+        if self.time:
+            lines += ["", "[time]", *(f"{key} = {value_text(value)}" for key, value in self.time.items())]
+            lines[-1] += f"  # {self.time_comment}" if self.time_comment else ""
+        lines += ["", "[payloads.none]", "bodies = []"]
+        lines += ["# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame"]
+        lines += [
+            '# bodies = [{ link = "…", mass = 2.0, com = [0, 0, 0], inertia = [0.01, 0.01, 0.01, 0, 0, 0] }]'
+        ]
+        for entry in document["logs"]:
+            lines += ["", "[[logs]]", *(f"{key} = {value_text(value)}" for key, value in entry.items())]
+        if not self.validation and len(self.groups) > 1:
+            lines[-1] += "  # true on one log keeps it for checking the result"
+        for name, joint in self.joints.items():
+            lines += ["", f"[joints.{key_text(name)}]"]
+            lines += joint_lines(joint, document["joints"][name])
+        return "\n".join(lines) + "\n"
+
+
+def joint_lines(joint: DraftJoint, document: MappingOf[str, Any]) -> list[str]:
+    """The lines of one joint's table."""
+    lines = []
+    for key, value in document.items():
+        said = joint.comments.get(key, "")
+        lines.append(f"{key} = {value_text(value)}" + (f"  # {said}" if said else ""))
+    for key, said in joint.comments.items():
+        if key not in document:
+            lines.append(f"# {key} = …  # {said}")
+    return lines
+
+
+def relative(path: Path, folder: Path) -> str:
+    """A path as it is written into a file in `folder`."""
+    return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
+
+
+def is_named(robot: str) -> bool:
+    """Whether a robot is given by a name of a collection, not by a path."""
+    return robot.startswith(("example-robot-data:", "robots:"))
