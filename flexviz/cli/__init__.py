@@ -20,6 +20,7 @@ from flexviz.cli import (
     effects,
     export,
     identify,
+    import_,
     record,
     report,
     review,
@@ -43,6 +44,7 @@ app.command("simulate")(simulate.simulate)
 app.command("serve")(serve.serve)
 app.command("record")(record.record)
 app.command("review")(review.review)
+app.command("import")(import_.import_)
 app.command("export")(export.export)
 app.command("effects")(effects.effects)
 app.command("report")(report.report)
