@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, LawEffect
+from flexviz.effects import EFFECTS, LawEffect, forget_effects, load_effects
 from flexviz.errors import InputError
-from flexviz.exporting import Subject
+from flexviz.exporting import FORMATS, Subject
 from flexviz.exporting.code import c_code, python_code
+from flexviz.exporting.parameters import json_parameters
 from flexviz.exporting.sections import section_names, with_sections
 from flexviz.exporting.values import numbers
 from flexviz.measurements import MeasurementSet
@@ -330,6 +331,21 @@ def test_what_the_code_cannot_hold_is_said(planar: MeasurementSet) -> None:
         assert len(missing) == 1 and missing[0].startswith("external_contact:joint2@")
         text = " ".join(list(files.values())[-1].decode().replace("\n * ", " ").split())
         assert f"NOT CONTAINED: {missing[0][:40]}" in text and "Torque delay: evaluate" in text
+
+
+def test_effects_of_ones_own_are_named(planar: MeasurementSet) -> None:
+    load_effects(Path(__file__).parent.parent / "docs" / "examples" / "own_effects.py")
+    try:
+        own = EffectValue("cubic_friction", "joint1", {"cubic": 0.8})
+        made = made_subject(planar, replace(plan("planar-2r").model, effects=(own,)))
+        for export in FORMATS.values():
+            files, missing = export(made)
+            assert files and all(
+                line.startswith("cubic_friction:joint1: an effect of one's own") for line in missing
+            )
+        assert "cubic_friction" in json_parameters(made)[0]["parameters.json"].decode()
+    finally:
+        forget_effects()
 
 
 def test_delay_is_a_number_of_the_code(planar: MeasurementSet, tmp_path: Path) -> None:

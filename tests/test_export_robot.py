@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexviz.errors import InputError
 from flexviz.exporting import Subject, write
 from flexviz.exporting.bodies import carriers
-from flexviz.exporting.mjcf import NO_PLACE
+from flexviz.exporting.mjcf import NO_PLACE, timestep
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue
@@ -312,6 +312,14 @@ def test_what_mjcf_has_no_place_for_is_said(planar: MeasurementSet, tmp_path: Pa
     sliding = made.laws.motor_coulomb + [coulomb for _, _, coulomb in made.laws.presliding]
     at = [compiled.joint(f"{j}_motor").dofadr[0] for j in planar.joints]
     np.testing.assert_array_equal(compiled.dof_frictionloss[at], sliding)
+
+
+def test_the_time_step_follows_the_stiffest_joint(planar: MeasurementSet) -> None:
+    model = plan("planar-2r").model
+    soft, slow = timestep(made_subject(planar, model))
+    hard, fast = timestep(made_subject(planar, replace(model, stiffness=np.array([1000.0, 1e9]))))
+    assert soft == planar.torque_hold == 0.00025 and soft * slow < 0.3
+    assert 0.15 < hard * fast <= 0.3 and np.log2(soft / hard) == round(np.log2(soft / hard)) > 0
 
 
 def test_names_that_are_taken(tmp_path: Path) -> None:

@@ -58,7 +58,7 @@ def mjcf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
         for effect in subject.model.effects
         if effect.effect in NO_PLACE | IN_PART and effect.text not in known
     ]
-    step = timestep(subject)
+    step, vibration = timestep(subject)
     early = [i for i in range(robot.n) if laws.delay[i] < 0.0]
     for i in np.flatnonzero(laws.damping * laws.half_width):
         damped = LeftOut(f"joint_damping:{robot.joints[i]}", "MuJoCo's acts within the play too")
@@ -87,6 +87,7 @@ def mjcf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
         "Each joint has two positions: <joint> is the link's, <joint>_motor the motor's; the tendon between",
         "them is the elastic joint, armature the motor inertia. ctrl is the motor torque [Nm].",
         "Contacts are off, collision shapes are not here.",
+        f"The time step is made for the fastest vibration, {vibration:.0f} rad/s.",
         *(f"NOT CONTAINED: {text}" for text in missing),
     ]
     root.insert(0, ElementTree.Comment(comment_text(about, "  ")))
@@ -108,8 +109,11 @@ def motor_names(robot: Robot) -> dict[str, str]:
     return names
 
 
-def timestep(subject: Subject) -> float:
-    """A step [s] that resolves the fastest vibration: the controller's cycle, halved as often as needed."""
+def timestep(subject: Subject) -> tuple[float, float]:
+    """A step [s] that resolves the fastest vibration, and that [rad/s].
+
+    It is the controller's cycle, halved as often as needed.
+    """
     kept = ("stiffness_hardening", "joint_damping", "quadratic_friction")
     model = replace(subject.model, effects=tuple(e for e in subject.model.effects if e.effect in kept))
     plant, _ = make_plant(subject.robot, model, subject.laws.bodies)
@@ -121,7 +125,7 @@ def timestep(subject: Subject) -> float:
     step = hold if 0.0 < hold <= LARGEST_STEP else LARGEST_STEP
     while step > longest and step > SMALLEST_STEP:
         step /= 2.0
-    return step
+    return step, vibration
 
 
 def _bodies(subject: Subject, world: ElementTree.Element, shapes: Shapes, names: dict[str, str]) -> None:

@@ -386,10 +386,10 @@ void NAME_inverse_dynamics(const double q[N], const double dq[N], const double d
     motors(theta, load, time, memory, out->tau);
 }
 
-void NAME_rigid_inverse_dynamics(const double q[N], const double dq[N], const double ddq[N], double time,
-                                 NAME_memory *memory, double tau[N])
+/* The links' torque alone, without its derivatives. */
+static void still_links(const double q[N], const double dq[N], const double ddq[N], jet load[N])
 {
-    jet p[N], v[N], a[N], load[N];
+    jet p[N], v[N], a[N];
     int i;
     for (i = 0; i < N; ++i) {
         p[i] = constant(q[i]);
@@ -397,22 +397,26 @@ void NAME_rigid_inverse_dynamics(const double q[N], const double dq[N], const do
         a[i] = constant(ddq[i]);
     }
     links(p, v, a, load);
+}
+
+void NAME_rigid_inverse_dynamics(const double q[N], const double dq[N], const double ddq[N], double time,
+                                 NAME_memory *memory, double tau[N])
+{
+    jet theta[N], load[N];
+    int i;
+    still_links(q, dq, ddq, load);
     for (i = 0; i < N; ++i) {
-        p[i].d[1] = dq[i];
-        p[i].d[2] = ddq[i];
+        theta[i].d[0] = q[i];
+        theta[i].d[1] = dq[i];
+        theta[i].d[2] = ddq[i];
     }
-    motors(p, load, time, memory, tau);
+    motors(theta, load, time, memory, tau);
 }
 
 void NAME_link_torque(const double q[N], const double dq[N], const double ddq[N], double tau_joint[N])
 {
-    jet p[N], v[N], a[N], load[N];
+    jet load[N];
     int i;
-    for (i = 0; i < N; ++i) {
-        p[i] = constant(q[i]);
-        v[i] = constant(dq[i]);
-        a[i] = constant(ddq[i]);
-    }
-    links(p, v, a, load);
+    still_links(q, dq, ddq, load);
     for (i = 0; i < N; ++i) tau_joint[i] = load[i].d[0];
 }
