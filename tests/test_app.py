@@ -12,12 +12,12 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
-from flexviz.app.server import start_server
 from flexviz.app.work import open_set, sets_beside
 from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
 from flexviz.view.effects import COMMON
 from flexviz.view.sweep import COUNT
+from tests.app_running import running
 from tests.small_set import write_small_set
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
@@ -32,11 +32,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def app(folder: Path) -> Iterator[Application]:
-    server = start_server("127.0.0.1", 0)
-    application = Application(server, open_set(folder))
-    yield application
-    application.close()
-    server.stop()
+    with running(folder.parent, folder) as application:
+        yield application
 
 
 def act(app: Application, key: str, value: Any = None) -> None:
@@ -47,7 +44,7 @@ def act(app: Application, key: str, value: Any = None) -> None:
     app.once(0.0)
 
 
-def until(app: Application, condition: Callable[[], bool], timeout: float = 60.0) -> None:
+def until(app: Application, condition: Callable[[], bool], timeout: float = 300.0) -> None:
     deadline = time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, f"waited in vain; status: {status(app)}"
@@ -56,7 +53,7 @@ def until(app: Application, condition: Callable[[], bool], timeout: float = 60.0
 
 def pass_time(app: Application, seconds: float) -> None:
     end = time.monotonic() + seconds
-    until(app, lambda: time.monotonic() >= end, timeout=seconds + 5.0)
+    until(app, lambda: time.monotonic() >= end, timeout=seconds + 60.0)
 
 
 def status(app: Application) -> str:
@@ -71,7 +68,7 @@ def test_starts_playing_and_says_where_one_is(app: Application) -> None:
     assert app.show.clock.playing
     assert "Step Data" in status(app) and "no model yet" in status(app)
     frames = app.show.playback.frames
-    until(app, lambda: app.show.playback.frames > frames + 5, timeout=5.0)
+    until(app, lambda: app.show.playback.frames > frames + 5)
     for column in (chart(app, "signals", "torque"), chart(app, "states", "theta4")):
         assert all(np.isfinite(values).all() and len(values) <= 600 for values in column)
 
@@ -132,7 +129,7 @@ def test_playback_controls(app: Application) -> None:
     assert app.show.clock.time == pytest.approx(1.5 + 1 / 30)
     pass_time(app, 0.2)
     act(app, "command", "toggle")
-    until(app, lambda: app.show.clock.playing, timeout=2.0)
+    until(app, lambda: app.show.clock.playing)
     act(app, "speed", "2×")
     act(app, "layout", "Overlaid")
     act(app, "layout", "Side by side")
@@ -287,11 +284,11 @@ def test_a_bandwidth_for_one_joint(app: Application, folder: Path) -> None:
 def test_torque_arrows_and_sides(app: Application) -> None:
     app.view._torque.value = True
     act(app, "torque", True)
-    until(app, lambda: len(app.show.scene.measured._arrows) == 2, timeout=5.0)  # type: ignore[union-attr]
+    until(app, lambda: len(app.show.scene.measured._arrows) == 2)  # type: ignore[union-attr]
     app.view._torque.value = False
     act(app, "torque", False)
     app.show.clock.step(0.1)
-    until(app, lambda: not app.show.scene.measured._arrows, timeout=5.0)  # type: ignore[union-attr]
+    until(app, lambda: not app.show.scene.measured._arrows)  # type: ignore[union-attr]
     act(app, "loop", False)
     assert not app.show.clock.loop
     act(app, "loop", True)

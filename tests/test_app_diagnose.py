@@ -9,13 +9,13 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
-from flexviz.app.server import start_server
 from flexviz.app.work import open_set
 from flexviz.diagnosis import diagnose
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.view.status import error_text
+from tests.app_running import running
 from tests.test_app import act, status, until
 
 pytestmark = pytest.mark.slow
@@ -23,16 +23,13 @@ EFFECT = "coulomb_friction:joint2"
 
 
 @pytest.fixture(scope="module")
-def app() -> Iterator[Application]:
-    server = start_server("127.0.0.1", 0)
-    application = Application(server, open_set(sessions_dir() / DEMO))
-    yield application
-    application.close()
-    server.stop()
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
+    with running(tmp_path_factory.mktemp("diagnose"), sessions_dir() / DEMO) as application:
+        yield application
 
 
 def wait(app: Application) -> None:
-    until(app, lambda: not app.running, timeout=120.0)
+    until(app, lambda: not app.running)
 
 
 def test_find_add_undo_remove(app: Application) -> None:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from flexviz.app import uploads
-from flexviz.app.uploads import Inbox, new_folder, safe_name, unpack
+from flexviz.app.inbox import Inbox
+from flexviz.app.uploads import new_folder, safe_name, unpack
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from tests.small_set import write_small_set
@@ -68,8 +70,9 @@ def test_links_bombs_and_rubbish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         unpack("s.zip", buffer.getvalue(), tmp_path)
     with pytest.raises(InputError, match="usable zip"):
         unpack("s.zip", b"PK rubbish", tmp_path)
-    with pytest.raises(InputError, match=r"no measurements\.toml"):
-        unpack("s.zip", zip_of({"a.csv": b""}), tmp_path)
+    for files in ({"a.csv": b""}, {"a.urdf": b"", "b.urdf": b""}):
+        with pytest.raises(InputError, match=r"neither measurements\.toml nor session\.json"):
+            unpack("s.zip", zip_of(files), tmp_path)
     monkeypatch.setattr(uploads, "LARGEST_SET", 1000)
     with pytest.raises(InputError, match="MB unpacked"):
         unpack("s.zip", zip_of({"measurements.toml": b"x" * 2000}), tmp_path)
@@ -91,17 +94,59 @@ def test_good_names(tmp_path: Path) -> None:
     assert new_folder(tmp_path, "x").name == "x-2" and new_folder(tmp_path, "../..").parent == tmp_path
 
 
-def test_files_one_by_one(tmp_path: Path) -> None:
+@pytest.fixture
+def inbox() -> Iterator[Inbox]:
+    one = Inbox()
+    yield one
+    one.close()
+    assert not one.folder.exists()
+
+
+def test_files_one_by_one_in_any_order(tmp_path: Path, inbox: Inbox) -> None:
     folder = write_small_set(tmp_path / "small")
-    inbox = Inbox()
-    assert inbox.missing() == ["measurements.toml"]
-    text = (folder / "measurements.toml").read_text().replace("sub/c.csv", "c.csv")
-    inbox.put("measurements.toml", text.encode())
-    assert set(inbox.missing()) == {"a.csv", "b.parquet", "c.csv", "robot.urdf"}
-    for name in ("a.csv", "b.parquet", "sub/c.csv", "robot.urdf"):
+    assert inbox.missing() == ["measurements.toml"] and inbox.no_set
+    for name in ("sub/c.csv", "measurements.toml", "a.csv", "b.parquet"):  # a browser sends no folder
         inbox.put(name, (folder / name).read_bytes())
-    assert not inbox.missing()
-    assert len(read_set(inbox.write(tmp_path / "in")).groups) == 3 and not inbox.files
+    assert (inbox.folder / "sub" / "c.csv").is_file() and inbox.missing() == ["robot.urdf"]
+    inbox.put("robot.urdf", (folder / "robot.urdf").read_bytes())
+    assert not inbox.missing() and inbox.count == 5
+    there = inbox.take(tmp_path / "in")
+    assert len(read_set(there).groups) == 3 and inbox.count == 0
+    assert [entry.name for entry in (tmp_path / "in").iterdir()] == [there.name]
     inbox.put("measurements.toml", b"[[")
     with pytest.raises(InputError, match=r"measurements\.toml"):
         inbox.missing()
+
+
+def test_a_zip_without_its_robot_waits_for_it(tmp_path: Path, inbox: Inbox) -> None:
+    files = set_files(write_small_set(tmp_path / "small"))
+    urdf = files.pop("robot.urdf")
+    inbox.unpack("mine.zip", zip_of(files), progress=print, should_stop=bool)
+    assert inbox.missing() == ["robot.urdf"] and not inbox.no_set
+    inbox.put("robot.urdf", urdf)
+    assert not inbox.missing() and inbox.take(tmp_path / "in").name == "mine"
+
+
+def test_what_cannot_be_read_is_not_taken(tmp_path: Path, inbox: Inbox) -> None:
+    files = set_files(write_small_set(tmp_path / "small")) | {"a.csv": b"time\n0\n"}
+    inbox.unpack("mine.zip", zip_of(files), progress=print, should_stop=bool)
+    with pytest.raises(InputError, match=r"^a\.csv"):
+        inbox.take(tmp_path / "in")
+    assert not (tmp_path / "in").exists()
+
+
+def test_a_name_in_the_set_cannot_lead_out(tmp_path: Path, inbox: Inbox) -> None:
+    inbox.put("measurements.toml", b"format = 1\nrobot = '../../out.urdf'\n")
+    file = inbox.put("out.urdf", b"<robot/>")
+    assert file.parent == inbox.folder and inbox.missing() == ["../../out.urdf"]
+
+
+def test_an_inbox_has_limits(monkeypatch: pytest.MonkeyPatch, inbox: Inbox) -> None:
+    monkeypatch.setattr("flexviz.app.inbox.LARGEST_SET", 10)
+    with pytest.raises(InputError, match="together"):
+        inbox.put("a.csv", b"x" * 11)
+    monkeypatch.setattr("flexviz.app.inbox.MOST_FILES", 1)
+    inbox.put("a.csv", b"")
+    with pytest.raises(InputError, match="more than 1 files"):
+        inbox.put("b.csv", b"")
+    assert inbox.urdf() is None

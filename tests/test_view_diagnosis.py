@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import Diagnosis, Finding, Place, Step, Tie
+from flexviz.diagnosis.curves import DIRECTED
+from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.result import Absorbed, Evidence
+from flexviz.diagnosis.where import UNITS, ResidualMap
 from flexviz.effects import EFFECTS
 from flexviz.session import Analysis, Stair
 from flexviz.view.effect_card import card_html, picture
@@ -25,8 +28,8 @@ from flexviz.view.verdict import (
     verdict_html,
     verdict_text,
 )
-from flexviz.view.where import binned, instants, limits, samples, shaded, where_plots
-from flexviz.view.where_map import COLUMNS, map_html, shares
+from flexviz.view.where import instants, limits, range_html, samples, shaded, time_residual
+from flexviz.view.where_maps import COLUMNS, free_html, free_plot, map_html, map_of, map_plots
 
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
@@ -136,15 +139,13 @@ def residuals(n: int = 2000) -> Any:
     )
 
 
-def test_the_residual_against_velocity_shows_the_step() -> None:
+def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:
     found = samples(residuals(), 0)
-    assert found is not None
-    x, mean = binned(found.variables["velocity"], found.residual)
-    assert np.allclose(mean[x > 0.1], 2.0) and np.allclose(mean[x < -0.1], -2.0)
-    plots = {plot.key: plot for plot in where_plots(found, "joint1", "g1")}
-    assert plots["velocity"].band == (1, 2) and plots["velocity"].lines[1].values[0] == pytest.approx(0.196)
-    assert all(np.isfinite(line.values).all() for plot in plots.values() for line in plot.lines)
-    assert where_plots(None, "joint1", "g1")[0].note and samples(None, 0) is None
+    plot = time_residual(found, "joint1", "g1")
+    assert plot.bands == ((1, 2),) and plot.lines[1].values[0] == pytest.approx(0.196)
+    assert np.abs(plot.lines[0].values).max() == 2.0 and plot.span == (0.0, 10.0)
+    assert samples(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
+    assert "left g9 out" in time_residual(found, "joint1", "g9").note
 
 
 def test_a_range_marks_its_instants() -> None:
@@ -154,16 +155,62 @@ def test_a_range_marks_its_instants() -> None:
     assert (low, high) == pytest.approx((-1.0, 1.0), abs=0.11) and limits(found, "nothing") is None
     time, inside = instants(found, "position", 0.5, 1.0, "g2")
     assert np.mean(inside) == pytest.approx(np.mean(np.sin(np.linspace(0, 10, 2000)) >= 0.5), abs=0.01)
-    plot = next(p for p in where_plots(found, "joint1", "g2") if p.key == "time")
+    plot = time_residual(found, "joint1", "g2")
     assert set(shaded(plot, time, inside)) == {0.0, 1.0}
+    nowhere = instants(found, "position", 0.5, 1.0, "g9")
+    assert not len(nowhere[0]) and range_html("position", 0.5, 1.0, nowhere[1]) == ""
 
 
-def test_the_map_has_a_cell_for_every_joint_and_variable() -> None:
-    found = shares(residuals(), 2)
-    assert found[0, "velocity"] > 0.9 and found[1, "group"] < 0.1
-    text = map_html(found, ("joint1", "joint2"), 1)
-    assert text.count("<td style") == 2 * len(COLUMNS) and "<b>joint2</b>" in text
-    assert shares(None, 2) == {} and map_html({}, ("joint1",)) == ""
+def residual_map(joint: str, variable: str, explained: float, curves: tuple[str, ...] = ("",)) -> ResidualMap:
+    shape = (len(curves), 6)
+    mean = np.full(shape, 0.3)
+    mean[0, 0] = np.nan  # an empty bin
+    return ResidualMap(
+        joint, variable, UNITS[variable], curves, np.tile(np.linspace(-1, 1, 6), (shape[0], 1)), mean,
+        np.full(shape, 0.1), np.full(shape, 50), explained, 0.01, {}, (-0.5, 0.5),
+    )  # fmt: skip
+
+
+def test_the_maps_are_the_diagnosis_own() -> None:
+    assert set(COLUMNS) == set(UNITS)
+    maps = [residual_map("joint2", name, 0.1) for name in UNITS if name != DIRECTED]
+    maps.append(residual_map("joint2", DIRECTED, 0.4, ("forward", "backward")))
+    text = map_html(maps, ("joint1", "joint2"), 1)
+    assert text.count("<td style") == len(COLUMNS) and text.count("<td>–</td>") == len(COLUMNS)
+    assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_html((), ("joint1",)) == ""
+    assert map_of(maps, "joint1", "load") is None
+    plots = {plot.key: plot for plot in map_plots(maps, "joint2")}
+    assert [line.label for line in plots["position"].lines][:2] == ["forward", "backward"]  # they differ
+    velocity = plots["velocity"]
+    assert len(velocity.x) == 5 and velocity.bands == ((1, 2),)  # without the empty bin
+    assert velocity.lines[1].values == pytest.approx(0.196) and "10 %" in velocity.title
+    assert all(np.isfinite(column).all() for plot in plots.values() for column in plot.data())
+    maps[-1] = residual_map("joint2", DIRECTED, 0.12, ("forward", "backward"))
+    assert len(map_plots(maps, "joint2")[0].lines) == 3  # the direction says nothing more
+    assert not any(plot.lines for plot in map_plots((), "joint2"))
+
+
+def free_form(value: list[list[float]], variable: str = "position") -> FreeForm:
+    values = np.array(value)
+    names = ("forward", "backward") if len(values) == 2 else ("",)
+    centres = np.linspace(-1.0, 1.0, values.shape[1])
+    return FreeForm(
+        "joint2", variable, "rad", names, centres, values, 0.1 * np.ones_like(values), 0.43, 0.02, 1.0
+    )
+
+
+def test_the_free_curve_says_that_it_is_a_stopgap() -> None:
+    nan = float("nan")
+    both = free_plot(free_form([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
+    assert [line.label for line in both.lines if line.width > 1] == ["forward", "backward"]
+    assert len(both.x) == 2 and both.bands == ((1, 2), (4, 5)) and both.title.startswith("Stopgap")
+    assert both.lines[1].values == pytest.approx(both.lines[0].values + 0.196)
+    apart = free_plot(free_form([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
+    assert list(apart.lines[0].values) == [-2.0, -1.0, 2.0, 3.0] and len(apart.bands) == 1
+    assert len(free_plot(free_form([[1.0, 2.0, 3.0]])).x) == 3
+    text = free_html(free_form([[1.0, 2.0]]))
+    assert "Stopgap" in text and "43 ± 4 %" in text and "not a model" in text
+    assert not free_plot(None).lines and free_html(None) == ""
 
 
 def test_what_to_do_next(tmp_path: Any) -> None:

@@ -190,6 +190,17 @@ def test_a_robot_without_shapes_is_drawn_as_capsules(tmp_path: Path) -> None:
     assert shape.tip == "l2"
 
 
+def test_a_link_whose_mesh_is_not_there_is_drawn_as_a_stick_and_that_is_said(tmp_path: Path) -> None:
+    mesh = '<link name="l1"><visual><geometry><mesh filename="package://gone/arm.stl"/></geometry></visual>'
+    (tmp_path / "arm.urdf").write_text(BARE.replace('<link name="l1"/>', mesh + "</link>"))
+    shape = robot_shape(Robot.load("arm.urdf", base=tmp_path))
+    assert {body.joint for body in shape.bodies} >= {0, 1} and len(shape.missing) == 1
+    assert 'mesh "package://gone/arm.stl" not found' in shape.missing[0]
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    assert "sticks" in set_html(measurements, shape.missing) and "sticks" not in set_html(measurements)
+    assert "(and 1 other)" in set_html(measurements, shape.missing * 2)
+
+
 @pytest.mark.parametrize("source", ["robots:planar_2r", "example-robot-data:panda", "example-robot-data:ur5"])
 def test_shapes_of_shipped_robots_are_light_and_move_with_their_joints(source: str) -> None:
     robot = Robot.load(source)

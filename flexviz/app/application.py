@@ -16,7 +16,9 @@ from flexviz.app.controls import choose, press, watch
 from flexviz.app.dock import Dock
 from flexviz.app.events import Dispatcher, Event, EventQueue
 from flexviz.app.keys import Keys
-from flexviz.app.show import Show
+from flexviz.app.recordings import Recordings
+from flexviz.app.show import IDLE_JOBS, Show
+from flexviz.app.steps.another import KEYS as OTHER_JOBS
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.app.steps.files import KEYS as FILE_JOBS
@@ -25,12 +27,12 @@ from flexviz.app.steps.observer import ObserverStep
 from flexviz.app.steps.view import ViewPanel
 from flexviz.app.work import WARM, Opened
 from flexviz.errors import FlexvizError, one_line
-from flexviz.jobs import JobEvent, Worker, load_modules
+from flexviz.jobs import Job, JobEvent, Worker, load_modules
 from flexviz.session import Analysis, Session
 from flexviz.view.status import error_text
 
 TICK = 0.1  # [s] playheads, the time slider and live plots follow this often
-NOT_CONTROLS = ("job", "command", "client", "resized", "gone", "upload")
+NOT_CONTROLS = ("job", "command", "client", "resized", "gone", "upload", "recording")
 
 
 class Application:
@@ -63,7 +65,7 @@ class Application:
         self.keys = Keys(self)
         self.dock.finish()
         self.on("job", self._job)
-        self.on("client", self._came)
+        self.on("client", self.show.scene.aim)
         self.on("resized", self.show.scene.resized)
         self.on("gone", self.show.scene.gone)
 
@@ -109,22 +111,22 @@ class Application:
         """Add a CSS rule to the page."""
         self.dock.rules.append(rule)
 
-    def submit(self, key: str, function: Callable[..., Any], *args: Any, in_process: bool = True) -> None:
+    def submit(self, key: str, function: Callable[..., Any], *args: Any, in_process: bool = True) -> Job:
         """Start a job; what it has to say comes through the queue."""
 
         def listener(event: JobEvent) -> None:
             self.queue.put("job", event, each=True)
 
-        self.worker.submit(key, function, *args, listener=listener, in_process=in_process)
+        return self.worker.submit(key, function, *args, listener=listener, in_process=in_process)
 
     # -- the session ---------------------------------------------------------------------------------
 
     def open(self, opened: Opened) -> None:
         """Show a set from its beginning."""
-        for key in ("identify", "sweep", "diagnose", "replay", "check"):
+        for key in ("identify", "sweep", "diagnose", "check", *IDLE_JOBS):
             self.worker.stop(key)
         self.measurements = opened.measurements
-        self.truth = opened.truth
+        self.truth, self.missing = opened.truth, opened.shape.missing
         self.folder = opened.folder
         self.session = opened.session or Session.of(self.measurements)
         self.show.opened(opened)
@@ -144,6 +146,8 @@ class Application:
         """A new state of the analysis; everything that depends on it is drawn anew."""
         before = self.session.analysis
         self.session = self.session.then(label, analysis)
+        if not analysis.same_as(before):
+            self.recordings.changed(label)
         self._changed(before)
 
     def undo(self) -> None:
@@ -152,6 +156,7 @@ class Application:
         self._changed(before)
         if not self.session.analysis.same_as(before):
             self.say(f"undone: {label}")
+            self.recordings.note(f"undone: {label}")
 
     def redo(self) -> None:
         """One undone state forward."""
@@ -159,6 +164,7 @@ class Application:
         self._changed(before)
         if not self.session.analysis.same_as(before):
             self.say(f"redone: {self.session.present.label}")
+            self.recordings.note(f"redone: {self.session.present.label}")
 
     def _changed(self, before: Analysis) -> None:
         after = self.session.analysis
@@ -177,15 +183,29 @@ class Application:
             self.show.show_diagnosis()
 
     @property
+    def recordings(self) -> Recordings:
+        """The recordings that are under way."""
+        return self.data.files.recordings
+
+    @property
     def running(self) -> bool:
         """True while an identification, a sweep or a search for missing effects runs or waits."""
         return self.identify.running or self.observer.sweep.running or self.diagnose.running
+
+    def why_not(self) -> str:
+        """Why no fit can be started now, or ""."""
+        if self.running:
+            return "something runs"
+        if not self.session.analysis.groups_with("fit"):
+            return "no group is set to Fit in step Data"
+        return ""
 
     def refresh_running(self) -> None:
         """Something has begun or ended: what may be pressed has changed."""
         for step in self.steps.values():
             step.refresh()
         self.dock.refresh()
+        self.show.fill()
 
     def stop(self) -> None:
         """Stop what runs; identification and sweep keep what they have."""
@@ -234,16 +254,15 @@ class Application:
         """End the loop, the playback and the worker; keep what is not saved."""
         self._stopped.set()
         self.data.unsaved.close()
+        self.recordings.close()
+        self.data.another.close()
         self.show.playback.close()
         self.worker.close()
-
-    def _came(self, client: viser.ClientHandle) -> None:
-        self.show.scene.aim(client)
-        self.show.plots.connected()
 
     def _tick(self) -> None:
         self.show.tick()
         self.identify.tick()
+        self.data.files.tick()
 
     def _job(self, event: JobEvent) -> None:
         if event.job.key == "identify":
@@ -252,12 +271,14 @@ class Application:
             self.observer.sweep.heard(event)
         elif event.job.key == "diagnose":
             self.diagnose.heard(event)
-        elif event.job.key == "replay":
+        elif event.job.key in IDLE_JOBS:
             self.show.heard(event)
         elif event.job.key == "check":
             self.identify.check.heard(event)
         elif event.job.key in FILE_JOBS:
             self.data.files.heard(event)
+        elif event.job.key in OTHER_JOBS:
+            self.data.another.heard(event)
         elif event.job.key == "open":
             if event.kind == "done":
                 self.open(event.value)

@@ -7,7 +7,7 @@ from typing import Any
 import viser
 
 from flexviz.view.colours import PLAYHEAD, REFERENCE
-from flexviz.view.plots import Plot
+from flexviz.view.plots import LEVELS, Plot
 from flexviz.view.text import escape
 
 SHADE = f"{PLAYHEAD}40"
@@ -19,7 +19,6 @@ class Chart:
     def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
         self._server = server
         self._plot = plot
-        self._renewed = False
         self._handle = server.gui.add_uplot(
             plot.data(),
             series=_series(plot),  # type: ignore[arg-type]
@@ -45,15 +44,6 @@ class Chart:
             if before.title != plot.title:
                 self._handle.title = plot.title
             self._handle.data = plot.data()
-
-    def renew(self) -> None:
-        """Let every browser build the chart anew.
-
-        A chart whose data change in the moment in which it gets its width loses its horizontal axis; that
-        happens where a page is opened while the playhead moves.
-        """
-        self._renewed = not self._renewed
-        self._handle.axes = _axes(self._plot, 42 + self._renewed)  # type: ignore[assignment]
 
     def visible(self, on: bool) -> None:
         """Show or hide the chart."""
@@ -97,11 +87,6 @@ class ChartColumn:
             else:
                 chart.show(plot)
 
-    def renew(self) -> None:
-        """Let every browser build the charts anew."""
-        for chart in self._charts.values():
-            chart.renew()
-
     def move(self, time: float) -> None:
         """Move every playhead [s]."""
         with self._server.atomic():
@@ -112,7 +97,7 @@ class ChartColumn:
 def _look(plot: Plot) -> tuple[Any, ...]:
     lines = tuple((line.label, line.colour, line.width, line.dashed, line.points) for line in plot.lines)
     extra = plot.playhead is not None, plot.mark is not None, plot.shade is not None, plot.whole_x
-    return lines, extra, plot.band, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
+    return lines, extra, plot.bands, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
 
 
 def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
@@ -150,7 +135,9 @@ def _scales(plot: Plot) -> dict[str, Any]:
         "y": _scale(plot.logarithmic, plot.range),
     }
     if plot.playhead is not None or plot.mark is not None or plot.shade is not None:
-        scales["now"] = {"range": (0.02, 1.0)}  # its zeros lie below the chart
+        # its zeros lie below the chart; its top is as high as what is drawn (see `Plot.at`)
+        top = {"pad": 0, "soft": min(LEVELS), "mode": 1}
+        scales["now"] = {"range": {"min": {"pad": 0, "hard": 0.02}, "max": top}}
     return scales
 
 
@@ -159,15 +146,13 @@ def _scale(logarithmic: bool, limits: tuple[float, float] | None, base: int = 10
     return scale if limits is None else scale | {"range": limits}
 
 
-def _axes(plot: Plot, size: int = 42) -> tuple[dict[str, Any], ...]:
-    x: dict[str, Any] = {"scale": "x", "size": size, "space": 60}
+def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
+    x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
     if plot.whole_x:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
     return (x, {"scale": "y", "size": 58})
 
 
 def _bands(plot: Plot) -> tuple[dict[str, Any], ...] | None:
-    if plot.band is None:
-        return None
-    high, low = plot.band
-    return ({"series": [high + 1, low + 1], "fill": f"{REFERENCE}40"},)
+    fill = f"{REFERENCE}40"
+    return tuple({"series": [high + 1, low + 1], "fill": fill} for high, low in plot.bands) or None

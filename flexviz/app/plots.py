@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from flexviz.app.application import Application
 
 RIGHT = 430  # [pixels]
-RENEW = (1.5, 4.0, 8.0)  # [s] after a browser has come
 
 
 class PlotPanel:
@@ -24,7 +22,6 @@ class PlotPanel:
 
     def __init__(self, app: Application) -> None:
         self._app = app
-        self._renewals: list[float] = []
         gui = app.server.gui
         panel = gui.add_panel()
         self._signals, self._states, self._convergence = (
@@ -63,19 +60,6 @@ class PlotPanel:
         joint = app.show.joint
         self._compare.show(staircase_plots(stairs, joint, app.measurements.joints[joint]))
         self._steps.content = staircase_html(stairs)
-
-    def connected(self) -> None:
-        """A browser has come: its first charts are built anew once the page stands."""
-        now = time.monotonic()
-        self._renewals = [now + after for after in RENEW]
-
-    def tick(self, at: float) -> None:
-        """Move the playheads to `at` [s]; renew charts that are due."""
-        if self._renewals and time.monotonic() >= self._renewals[0]:
-            self._renewals.pop(0)
-            self._signals.renew()
-            self._app.show.scene.ask_sizes()
-        self.move(at)
 
     def move(self, time: float) -> None:
         """Move the playheads [s]."""

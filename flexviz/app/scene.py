@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from flexviz.view.torque_arrows import RADIUS, arrow, axes
 
 GHOST_OPACITY = 0.45
 LOOKED_AROUND = 0.02  # of the stage: a camera moved by less was not moved by a person
+ASK = 2.0  # [s] between two questions how large a canvas is: docks appear late, windows change
 
 
 class RobotNodes:
@@ -156,6 +158,7 @@ class Scene:
         self._aimed: dict[int, tuple[int, int]] = {}  # canvas size each browser was aimed for
         self._views: dict[int, np.ndarray] = {}  # and where its camera was put
         self._nudged = 1e-4  # share by which a camera is moved to make its browser speak
+        self._asked = 0.0  # when browsers were asked for their size [s, monotonic]
         self.measured: RobotNodes | None = None
         self.identified: RobotNodes | None = None
         server.scene.set_up_direction("+z")
@@ -213,20 +216,23 @@ class Scene:
         now = (client.camera.image_width, client.camera.image_height)
         if self.measured is None or self._aimed.get(client.client_id, now) == now:
             return
-        if self._unmoved(client):
+        if self._unmoved(client.client_id, client):
             self.aim(client)
 
-    def _unmoved(self, client: viser.ClientHandle) -> bool:
+    def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
         """Whether nobody has looked around in this browser."""
-        aimed = self._views.get(client.client_id)
+        aimed = self._views.get(number)
         if aimed is None:
             return False
         return bool(np.linalg.norm(client.camera.position - aimed) < LOOKED_AROUND * self._stage.width)
 
-    def ask_sizes(self) -> None:
+    def tick(self) -> None:
         """Let every browser say how large its canvas is now: it does so only when its camera moves."""
+        if time.monotonic() - self._asked < ASK:
+            return
+        self._asked = time.monotonic()
         for number, client in self._server.get_clients().items():
-            if self._unmoved(client):
+            if self._unmoved(number, client):
                 self._nudged = -self._nudged
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
 

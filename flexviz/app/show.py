@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,8 +11,8 @@ from flexviz.app.clock import Clock
 from flexviz.app.playback import Playback, Showing
 from flexviz.app.plots import PlotPanel
 from flexviz.app.scene import Scene
-from flexviz.app.work import Opened, replay_group
-from flexviz.jobs import JobEvent
+from flexviz.app.work import Opened, map_set, replay_group
+from flexviz.jobs import Job, JobEvent
 from flexviz.view.colours import BODY, MEASURED, MODEL, rgb
 from flexviz.view.motion import measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.view.stage import stage
@@ -19,9 +20,24 @@ from flexviz.view.status import joint_colours, joint_rms
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
+    from flexviz.diagnosis.freeform import FreeForm
+    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.identification import Identification
 
 TRAIL = 160  # points of a trail
+IDLE_JOBS = ("replay", "maps")  # done where nothing else runs, and again where something came between
+KEPT = 8  # results whose motions are kept
 MARKS = 300  # points of the path that may be highlighted
+
+
+@dataclass(eq=False)
+class Known:
+    """What was worked out about one result: its model's own motion by group, its maps, and what failed."""
+
+    result: Identification | None
+    replays: dict[str, Any] = field(default_factory=dict)
+    maps: tuple[ResidualMap, ...] = ()
+    failed: set[str] = field(default_factory=set)  # groups, and "maps"
 
 
 class Show:
@@ -34,16 +50,15 @@ class Show:
         self.playback = Playback(self.scene, self.clock)
         self.plots = PlotPanel(app)
         self.joint = 0
-        self._replays: dict[str, Any] = {}  # of the present result, by group
-        self._failed: set[str] = set()  # groups along which it could not be simulated
-        self._replayed: Any = None  # the result they belong to
+        self._known: list[Known] = [Known(None)]  # the present result's last
+        self._asked: dict[str, Job] = {}  # what is under way
         app.on("click", lambda joint: self.select(joint=joint))
         app.on("layout", self.layout)
 
     def opened(self, opened: Opened) -> None:
         """A new set: its robot on the stage, its first group playing."""
         measurements = opened.measurements
-        self._replays, self._replayed, self.joint = {}, None, 0
+        self._known, self.joint = [Known(None)], 0
         self.group = measurements.groups[0]
         self.motion = measured_motion(measurements, self.group, None)
         self.plots.where.opened()
@@ -78,19 +93,38 @@ class Show:
         self.show_model()
         self.plots.show_states()
 
+    @property
+    def maps(self) -> tuple[ResidualMap, ...]:
+        """Where the present model's residual lives: as the diagnosis found it, or as it was looked up."""
+        analysis = self._app.session.analysis
+        if analysis.diagnosis is not None and analysis.diagnosis_up_to_date and analysis.diagnosis.maps:
+            return analysis.diagnosis.maps
+        return self.known.maps
+
+    @property
+    def free_form(self) -> FreeForm | None:
+        """The curve for what no effect explains, where the diagnosis drew one."""
+        analysis = self._app.session.analysis
+        return analysis.diagnosis.free_form if analysis.diagnosis and analysis.diagnosis_up_to_date else None
+
+    @property
+    def known(self) -> Known:
+        """What is known about the present result; kept for a while, so that undo shows it at once."""
+        result = self._app.session.analysis.identification
+        if self._known[-1].result is not result:
+            same = [known for known in self._known if known.result is result] or [Known(result)]
+            others = [known for known in self._known if known.result is not result]
+            self._known = [*others[1 - KEPT :], same[0]]
+        return self._known[-1]
+
     def show_model(self) -> None:
-        """Draw the present result: motion, colours, plots; simulate its own motion where that is missing."""
+        """Draw the present result: motion, colours, plots."""
         measurements, result = self._app.measurements, self._app.session.analysis.identification
-        if result is not self._replayed:
-            self._replays, self._failed, self._replayed = {}, set(), result
         self.motion = measured_motion(measurements, self.group, result)
         self._app.view.suggest_deflection(nice_factor(self.motion))
-        run = self._replays.get(self.group.name)
+        run = self.known.replays.get(self.group.name)
         if run is not None:
             self.motion = with_replay(self.motion, run)
-        elif result is not None and self.group.name not in self._failed:
-            self._app.worker.stop("replay")
-            self._app.submit("replay", replay_group, measurements.path, result.model, self.group.name)
         rms = joint_rms(result, self.group.name)
         if self.scene.measured is not None:
             self.scene.measured.colour(joint_colours(rms, measurements.n))
@@ -98,6 +132,29 @@ class Show:
         self.show_motion()
         self.plots.show_signals()
         self.show_diagnosis()
+        self.fill()
+
+    def fill(self) -> None:
+        """Work out what the screen lacks where nothing else runs: the model's own motion, its maps."""
+        analysis = self._app.session.analysis
+        known, group = self.known, self.group.name
+        result = known.result
+        if result is None or self._app.running:
+            return
+        if group not in known.replays and group not in known.failed:
+            self._ask("replay", replay_group, analysis.path, result.model, group)
+        if not self.maps and "maps" not in known.failed and analysis.fitted is not None:
+            _, _, _, roles, effects, _ = analysis.fitted
+            settings = replace(analysis.without_result(), roles=roles, effects=effects)
+            self._ask("maps", map_set, settings, result.model)
+
+    def _ask(self, key: str, function: Any, *args: Any) -> None:
+        """Have a job done, unless that is under way."""
+        asked = self._asked.get(key)
+        if asked is not None and asked.args[1:] == args[1:]:
+            return
+        self._app.worker.stop(key)
+        self._asked[key] = self._app.submit(key, function, *args)
 
     def show_diagnosis(self) -> None:
         """Draw where the model fails and how the error fell."""
@@ -135,7 +192,7 @@ class Show:
     def _why_no_model(self) -> str:
         if self._app.session.analysis.identification is None:
             return "not identified yet"
-        return "simulation failed" if self.group.name in self._failed else "being simulated"
+        return "simulation failed" if self.group.name in self.known.failed else "being simulated"
 
     def layout(self, layout: str) -> None:
         """Side by side or overlaid."""
@@ -144,22 +201,32 @@ class Show:
         self.show_motion()
 
     def heard(self, event: JobEvent) -> None:
-        """What the simulation of the identified model has to say."""
-        _, model, group = event.job.args
-        result = self._app.session.analysis.identification
-        if result is None or model is not result.model:
-            return  # the result has been replaced meanwhile
-        if event.kind == "done":
-            self._replays[group] = event.value
-            if group == self.group.name:
-                self.show_model()
-        elif event.kind == "failed":
-            self._failed.add(group)
+        """What the simulation of the identified model, or the search for where it fails, has to say."""
+        key, model = event.job.key, event.job.args[1]
+        if event.kind in ("done", "failed", "stopped") and self._asked.get(key) is event.job:
+            del self._asked[key]
+        of = next((k for k in self._known if k.result is not None and k.result.model is model), None)
+        if of is None or of.result is None or event.kind not in ("done", "failed"):
+            return  # of a result that nobody will see again, or asked for again
+        name = event.job.args[2] if key == "replay" else key
+        if event.kind == "failed":
+            of.failed.add(name)
+            what = "simulated" if key == "replay" else "looked at for where it fails"
+            self._app.fail(f"the identified model could not be {what}: {event.value}")
             self.show_motion()
-            self._app.fail(f"the identified model could not be simulated: {event.value}")
+        elif key == "replay":
+            of.replays[name] = event.value
+            self._app.recordings.replayed(of.result, name, event.value)
+            if of is self.known and name == self.group.name:
+                self.show_model()
+        else:
+            of.maps = event.value
+            self._app.recordings.mapped(of.result, event.value)
+            self.plots.where.show()
 
     def tick(self) -> None:
         """Let playheads and the time slider follow the clock."""
         if self.clock.playing:
             self._app.view.tick()
-        self.plots.tick(self.clock.time)
+        self.plots.move(self.clock.time)
+        self.scene.tick()

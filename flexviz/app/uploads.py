@@ -1,4 +1,4 @@
-"""Files from a browser: a measurement set as a zip or file by file, checked before anything is written.
+"""Files from a browser: their names, kinds and sizes, checked before anything is written.
 
 Names are only names: what is written lies in a new folder of our own, whatever the file calls itself.
 No viser here.
@@ -14,6 +14,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from flexviz.errors import InputError
+from flexviz.session import SESSION_FILE
 
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
 LARGEST_SET = 2 * 2**30  # bytes of all files of a set, unpacked
@@ -81,8 +82,9 @@ def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPat
         entries = [(info, PurePosixPath(*path.parts[1:])) for info, path in entries]
     if len({str(path).lower() for _, path in entries}) < len(entries):
         raise InputError("two files have the same name")
-    if not any(str(path) == MAIN for _, path in entries):
-        raise InputError(f"there is no {MAIN} in it")
+    names = [str(path) for _, path in entries]
+    if MAIN not in names and SESSION_FILE not in names and sum(n.endswith(".urdf") for n in names) != 1:
+        raise InputError(f"there is neither {MAIN} nor {SESSION_FILE} in it, nor one robot's URDF")
     return entries
 
 
@@ -115,47 +117,3 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None
             if left < 0:
                 raise InputError(f"{info.filename[:80]!r} is larger than it says")
             sink.write(chunk)
-
-
-class Inbox:
-    """Files that came one by one, until measurements.toml and everything it names are there."""
-
-    def __init__(self) -> None:
-        self.files: dict[str, bytes] = {}
-
-    def put(self, name: str, content: bytes) -> str:
-        """Take one file; returns its safe name."""
-        safe = safe_name(name)
-        total = len(content) + sum(len(other) for key, other in self.files.items() if key != safe)
-        if total > LARGEST_SET:
-            raise InputError(f"more than {LARGEST_SET / 2**20:.0f} MB together")
-        if len(self.files) >= MOST_FILES and safe not in self.files:
-            raise InputError(f"more than {MOST_FILES} files")
-        self.files[safe] = content
-        return safe
-
-    def missing(self) -> list[str]:
-        """What is still needed: measurements.toml, then the files it names."""
-        import tomllib
-
-        if MAIN not in self.files:
-            return [MAIN]
-        try:
-            document = tomllib.loads(self.files[MAIN].decode("utf-8"))
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{MAIN}: {error}") from None
-        groups = document.get("groups", [])
-        named = [g.get("file") for g in groups if isinstance(g, dict)] if isinstance(groups, list) else []
-        robot = document.get("robot")
-        if isinstance(robot, str) and ":" not in robot:
-            named.append(robot)
-        return [name for name in dict.fromkeys(named) if isinstance(name, str) and name not in self.files]
-
-    def write(self, parent: Path) -> Path:
-        """Write the set into a new folder in `parent`; returns the folder."""
-        folder = new_folder(parent, "uploaded")
-        folder.mkdir(parents=True)
-        for name, content in self.files.items():
-            (folder / name).write_bytes(content)
-        self.files = {}
-        return folder

@@ -18,9 +18,9 @@ from flexviz.view.where import (
     range_html,
     samples,
     shaded,
-    where_plots,
+    time_residual,
 )
-from flexviz.view.where_map import Shares, map_html, shares
+from flexviz.view.where_maps import free_html, free_plot, map_html, map_of, map_plots
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -36,11 +36,11 @@ class WhereTab:
         self._app = app
         self._of: tuple[Any, int] | None = None  # the result and the joint the samples belong to
         self._samples: Samples | None = None
-        self._shares: tuple[Any, Shares] | None = None  # and the result they belong to
         gui = app.server.gui
         with tab:
             self._map = gui.add_html("")
             self._groups = gui.add_html("")
+            self._stopgap = gui.add_html("")
             self._variable: Any = gui.add_dropdown(
                 "Highlight", (OFF, *VARIABLES), initial_value=OFF, visible=False,
                 hint="where this variable is in the range, the instants are marked in time and on the robot",
@@ -64,24 +64,23 @@ class WhereTab:
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
             self._samples, self._of = samples(result, joint), (result, joint)
         name = app.measurements.joints[joint]
-        if self._shares is None or self._shares[0] is not result:
-            self._shares = result, shares(result, app.measurements.n)
-        self._map.content = map_html(self._shares[1], app.measurements.joints, joint)
+        maps = app.show.maps
+        self._map.content = map_html(maps, app.measurements.joints, joint)
         self._groups.content = groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
-        plots = where_plots(self._samples, name, app.show.group.name)
+        residual = time_residual(self._samples, name, app.show.group.name)
         found = self._instants()
         self._range.visible = found is not None
         if found is None:
             app.show.scene.mark(None)
         else:
             time, inside = found
-            plots = tuple(
-                plot if plot.shade is None else replace(plot, shade=shaded(plot, time, inside))
-                for plot in plots
-            )
+            if residual.shade is not None:
+                residual = replace(residual, shade=shaded(residual, time, inside))
             app.show.scene.mark(app.show.marked(time, inside))
-        self._charts.show(plots)
+        curve = app.show.free_form
+        self._stopgap.content = free_html(curve)
+        self._charts.show((free_plot(curve), residual, *map_plots(maps, name)))
         self.move(app.show.clock.time)
 
     def move(self, time: float) -> None:
@@ -105,5 +104,14 @@ class WhereTab:
             low, high = ends
             low, high = float(f"{low:.6g}"), float(f"{high:.6g}")
             self._range.min, self._range.max, self._range.step = low, high, (high - low) / STEPS
-            self._range.value = (low + 0.75 * (high - low), high)
+            self._range.value = self._first_range(key, low, high)
         self.show()
+
+    def _first_range(self, key: str, low: float, high: float) -> tuple[float, float]:
+        """Where the residual lives along a variable; the highest quarter where that is not known."""
+        show = self._app.show
+        one = map_of(show.maps, self._app.measurements.joints[show.joint], key)
+        if one is None or not low <= one.range[0] < one.range[1] <= high:
+            return low + 0.75 * (high - low), high
+        first, last = one.range
+        return float(f"{first:.4g}"), float(f"{last:.4g}")

@@ -16,6 +16,7 @@ from flexviz.view.tables import truth_values
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
+    from flexviz.diagnosis.where import ResidualMap
     from flexviz.identification import Identification, SweepResult
     from flexviz.measurements import MeasurementSet
     from flexviz.model import FlexibleModel
@@ -61,9 +62,8 @@ def identify_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -
     """Identify as the analysis says; `progress` gets every iteration."""
     from flexviz.identification import identify
 
-    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
     return identify(
-        measurements,
+        chosen_set(analysis),
         effects=analysis.effects,
         observer=analysis.observer,
         bandwidth=analysis.bandwidth,
@@ -112,7 +112,7 @@ def diagnose_set(
         known = identification.model if identification.converged else None
     if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
         known = None  # another observer's values may lie far from what the diagnosis would start with
-    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
+    measurements = chosen_set(analysis)
     measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
     diagnosis = diagnose(measurements, apply=apply, start=known, progress=progress, should_stop=should_stop)
     added: list[tuple[tuple[str, ...], Identification]] = []
@@ -126,18 +126,29 @@ def diagnose_set(
     return Looked(diagnosis, identification, tuple(added))
 
 
-def check_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -> Identification:
-    """A trial fit, to see what the data can identify."""
-    from flexviz.identification import identify
+def map_set(
+    analysis: Analysis, model: FlexibleModel, *, progress: Progress, should_stop: Stop
+) -> tuple[ResidualMap, ...]:
+    """Where a model's residual lives, as the diagnosis sees it: every joint's against every variable."""
+    from flexviz.diagnosis.fitting import Workbench
+    from flexviz.diagnosis.where import where_it_fails
+    from flexviz.effects import choose_effects
+    from flexviz.equation import Layout
+    from flexviz.identification.identify import carried
 
-    measurements = with_roles(cached_set(analysis.path), dict(analysis.roles))
-    return identify(
-        measurements,
-        effects=analysis.effects,
-        observer=analysis.observer,
-        bandwidth=analysis.bandwidth,
-        should_stop=should_stop,
-    )
+    def check() -> None:
+        if should_stop():
+            raise Cancelled
+
+    measurements = chosen_set(analysis)
+    groups = [group.name for group in measurements.groups]
+    effects = (*measurements.effects, *analysis.effects)
+    chosen = choose_effects(effects, measurements.joints, carried(measurements), groups)
+    layout = Layout(measurements.joints, chosen)
+    bench = Workbench(measurements, layout)
+    check()
+    fit = bench.fit(layout, layout.vector(model), iterations=0)
+    return where_it_fails(bench, fit, check)[1]
 
 
 def sweep_set(
@@ -147,7 +158,7 @@ def sweep_set(
     from flexviz.identification import sweep
 
     return sweep(
-        with_roles(cached_set(analysis.path), dict(analysis.roles)),
+        chosen_set(analysis),
         analysis.observer,
         bandwidths,
         effects=analysis.effects,
@@ -175,6 +186,11 @@ def replay_group(
     )
 
 
+def chosen_set(analysis: Analysis) -> MeasurementSet:
+    """The analysis' set with its groups used as they are to be."""
+    return with_roles(cached_set(analysis.path), dict(analysis.roles))
+
+
 def cached_set(path: Path) -> MeasurementSet:
     """The set as this process read it last; read again when its file has changed."""
     stamp = (path / "measurements.toml").stat().st_mtime_ns
@@ -189,7 +205,7 @@ def _read(path: Path, stamp: int) -> MeasurementSet:
 
 
 def sets_beside(*paths: Path) -> dict[str, Path]:
-    """Name -> folder of what one can choose: `paths`, and sets and sessions bundled, kept, and beside them."""
+    """Name -> folder of what one can choose: `paths`, and what is bundled, kept, or beside them."""
     from flexviz.resources import sessions_dir
 
     found: dict[str, Path] = {}

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.uploads import new_folder, unpack
-from flexviz.errors import Cancelled, InputError
+from flexviz.app.uploads import new_folder
+from flexviz.errors import InputError
 from flexviz.session import Session, save_session, zipped
 
 if TYPE_CHECKING:
-    from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
 Progress = Callable[[Any], None]
 Stop = Callable[[], bool]
 PRESETS = ("planar-2r", "panda")
-SURPRISE = "surprise me"
+SURPRISE, NOTHING = "surprise me", "nothing"
 
 
 def output_dir() -> Path:
@@ -66,29 +65,27 @@ def session_zip(
         return f"{folder.name}.zip", zipped(folder)
 
 
-def unpack_upload(name: str, content: bytes, *, progress: Progress, should_stop: Stop) -> Path:
-    """Write an uploaded zip's set; returns its folder."""
-    return unpack(name, content, output_dir())
+def simulate_quiz(robot: str | Path, effect: str, *, progress: Progress, should_stop: Stop) -> Path:
+    """Simulate a set with a hidden effect; which one, and where, is only in its truth.json.
 
-
-def simulate_quiz(preset: str, effect: str, *, progress: Progress, should_stop: Stop) -> Path:
-    """Simulate a set with a hidden effect; which one, and where, is only in its truth.json."""
+    `robot` is a preset's name, or the path of a URDF.
+    """
     import numpy as np
 
-    from flexviz.simulation.sets import simulate_preset
+    from flexviz.simulation.sets import make_plan, simulate_preset
 
-    if preset not in PRESETS:
-        raise InputError(f"{preset!r} cannot be simulated here")
+    if not isinstance(robot, Path) and robot not in PRESETS:
+        raise InputError(f"{robot!r} cannot be simulated here")
     rng = np.random.default_rng()
     seed = int(rng.integers(1, 100_000))
     name = str(rng.choice(hideable())) if effect == SURPRISE else effect
-    if name not in hideable():
+    if name not in (*hideable(), NOTHING):
         raise InputError(f"{name!r} cannot be hidden")
-    folder = new_folder(output_dir(), f"quiz-{preset}-{seed}")
+    folder = new_folder(output_dir(), f"quiz-{Path(robot).stem}-{seed}")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    joint = "" if _everywhere(name) else f":{rng.choice(_joints(preset))}"
+    joint = "" if _everywhere(name) else f":{rng.choice(make_plan(robot).robot.joints)}"
     simulate_preset(
-        preset, folder, [name + joint], seed,
+        robot, folder, [] if name == NOTHING else [name + joint], seed,
         progress=lambda _, share: progress(share), should_stop=should_stop,
     )  # fmt: skip
     return folder
@@ -105,30 +102,26 @@ def hideable() -> tuple[str, ...]:
 def _everywhere(name: str) -> bool:
     from flexviz.effects import EFFECTS
 
-    return EFFECTS[name].scope != "joint"
+    return name == NOTHING or EFFECTS[name].scope != "joint"
 
 
-def _joints(preset: str) -> Sequence[str]:
-    from flexviz.simulation.presets import make_preset
+def new_recording(name: str) -> Path:
+    """A new file for a recording of the set called `name`, with the time in its own name."""
+    folder = output_dir()
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{stamped(name).name}.rrd"
 
-    return make_preset(preset).robot.joints
 
+def report(
+    session: Session,
+    measurements: MeasurementSet,
+    folder: Path | None,
+    *,
+    progress: Progress,
+    should_stop: Stop,
+) -> tuple[str, bytes]:
+    """What the session holds as one HTML file: its name and content; `folder` is where it is saved."""
+    from flexviz.report import session_report
 
-def record(
-    path: Path, identification: Identification | None, file: Path, *, progress: Progress, should_stop: Stop
-) -> Path:
-    """Write a recording of a set and its identification over the one before."""
-    from flexviz.app.work import cached_set
-    from flexviz.recording import record_set
-
-    file.parent.mkdir(parents=True, exist_ok=True)
-    record_set(
-        cached_set(path),
-        identification,
-        file,
-        progress=lambda _, share: progress(share),
-        should_stop=should_stop,
-    )
-    if should_stop():
-        raise Cancelled
-    return file
+    text = session_report(session, measurements, "html", folder=folder)
+    return f"{measurements.name}-report.html", text.encode()

@@ -17,8 +17,8 @@ def simulate(
     preset: Annotated[
         str,
         typer.Argument(
-            metavar="PRESET|SET",
-            help="paper-a … paper-f, planar-2r, panda, or the folder of a set to repeat.",
+            metavar="PRESET|URDF|SET",
+            help="paper-a … paper-f, planar-2r, panda, a robot's .urdf, or the folder of a set to repeat.",
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write the set to.")],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
@@ -47,6 +48,7 @@ class Plan:
     single: write the signals as float32.
     extra: also write link positions and joint torques.
     note: where the true values come from, for truth.json.
+    files: further files of the set: name -> text, or the path of a file to copy.
     laws: (joint, law) of what the library does not have; truth.json does not tell of them.
     """
 
@@ -65,7 +67,7 @@ class Plan:
     single: bool = False
     extra: bool = True
     note: str = ""
-    files: dict[str, str] = field(default_factory=dict)
+    files: Mapping[str, str | Path] = field(default_factory=dict)
     laws: tuple[tuple[str, OwnLaw], ...] = ()
 
     def run(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
@@ -28,23 +30,15 @@ def plan_from_set(measurements: MeasurementSet) -> Plan:
     proportion to the robot's inertia. Sensor noise is estimated from the recordings.
     """
     robot = measurements.robot
-    inertia = mean_inertia(robot, measurements)
-    b = (
-        measurements.initial_motor_inertia
-        if measurements.initial_motor_inertia is not None
-        else 0.5 * inertia
-    )
-    k = measurements.initial_stiffness
-    k = (2 * np.pi * 8.0) ** 2 * inertia if k is None else k  # [Nm/rad] a joint that vibrates at 8 Hz
-    friction = 0.5 * np.asarray(b)  # [Nm s/rad]
+    inertia = inertia_along(robot, [group.segments[0].theta for group in measurements.groups])
+    k, b, friction = proportional(inertia, measurements.initial_stiffness, measurements.initial_motor_inertia)
     step = measurements.groups[0].segments[0].step
     hold = measurements.torque_hold
     cycle = step / max(1, round(step / (hold if 0 < hold <= step else min(step, LONGEST_CYCLE))))
     if measurements.kp is not None and measurements.kd is not None:
         kp, kd = measurements.kp, measurements.kd
     else:
-        speed = 2 * np.pi * 8.0  # [rad/s] bandwidth of the motor's position loop
-        kp, kd = (b + inertia) * speed**2, 2.0 * (b + inertia) * speed
+        kp, kd = position_gains(inertia, b)
     segments = [segment for group in measurements.groups for segment in group.segments]
     theta_noise, torque_noise = segments_noise(segments)
     return Plan(
@@ -96,13 +90,31 @@ def smooth(theta: Array, step: float) -> Array:
     return sosfiltfilt(butter(4, BAND, fs=1.0 / step, output="sos"), theta, axis=0, padlen=margin)
 
 
-def mean_inertia(robot: Robot, measurements: MeasurementSet) -> Array:
-    """(n,) diagonal of the mass matrix along the set's motion [kg m²], a little at least."""
+def inertia_along(robot: Robot, motions: Sequence[Array]) -> Array:
+    """(n,) diagonal of the mass matrix along motions (N, n) [kg m²], a little at least."""
     data = robot.model.createData()
     diagonal = []
-    for group in measurements.groups:
-        theta = robot.to_pin(group.segments[0].theta)
+    for motion in motions:
+        theta = robot.to_pin(motion)
         for q in theta[:: max(1, len(theta) // 20)]:
             diagonal.append(np.diag(pin.crba(robot.model, data, np.ascontiguousarray(q))).copy())
     mean = robot.from_pin(np.mean(diagonal, axis=0))
     return np.maximum(mean, 1e-3 * mean.max())
+
+
+def proportional(
+    inertia: Array, stiffness: Array | None = None, motor_inertia: Array | None = None
+) -> tuple[Array, Array, Array]:
+    """Stiffness [Nm/rad], motor inertia [kg m²] and viscous friction [Nm s/rad], where they are not given.
+
+    All (n,), in proportion to the link side's inertia [kg m²]: a joint that vibrates at 8 Hz.
+    """
+    b = 0.5 * inertia if motor_inertia is None else np.asarray(motor_inertia)
+    k = (2 * np.pi * 8.0) ** 2 * inertia if stiffness is None else np.asarray(stiffness)
+    return k, b, 0.5 * b
+
+
+def position_gains(inertia: Array, motor_inertia: Array) -> tuple[Array, Array]:
+    """Gains (n,) [Nm/rad], [Nm s/rad] of a position loop with a bandwidth of 8 Hz."""
+    speed = 2 * np.pi * 8.0
+    return (motor_inertia + inertia) * speed**2, 2.0 * (motor_inertia + inertia) * speed

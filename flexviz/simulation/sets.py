@@ -12,6 +12,7 @@ import numpy as np
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, read_set, write_set
 from flexviz.measurements.writing import make_way
+from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.hiding import hide
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS, make_preset
@@ -32,12 +33,14 @@ class SimulatedSet:
 
 
 def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str = "rest") -> Plan:
-    """The plan of a preset, or of an existing set repeated in simulation, with effects hidden in it."""
+    """The plan of a preset, of a robot's URDF, or of a set to repeat, with effects hidden in it."""
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
     name = str(preset_or_set)
     if name in PRESETS:
         plan = make_preset(name, start)
+    elif Path(name).suffix == ".urdf":
+        plan = replace(plan_from_urdf(name), start=start)
     elif Path(name).exists():
         plan = replace(plan_from_set(read_set(name)), start=start)
     else:
@@ -58,7 +61,7 @@ def simulate_preset(
     overwrite: bool = False,
     table_format: str = "parquet",
 ) -> SimulatedSet:
-    """Simulate a preset, or an existing set anew, and write it to `out`: all of it, or nothing.
+    """Simulate a preset, a robot's URDF, or a set anew, and write it to `out`: all of it, or nothing.
 
     Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
     """

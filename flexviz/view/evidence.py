@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ def evidence_plot(finding: Finding | None, group: str, height: int = 190) -> Plo
     time = np.asarray(evidence.time[rows])
     if len(time) < 2:
         return no_plot(KEY, "")
-    return time_plot(
+    plot = time_plot(
         KEY,
         f"{finding_name(finding)}, {chosen}",
         "Nm",
@@ -40,3 +41,4 @@ def evidence_plot(finding: Finding | None, group: str, height: int = 190) -> Plo
         ],
         height=height,
     )
+    return replace(plot, playhead=None)

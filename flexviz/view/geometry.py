@@ -1,7 +1,8 @@
 """The robot's shape: one light mesh for each moving joint's body, and one for the base.
 
 Collision shapes are taken where a link has them, else visual ones, thinned when they are heavy; a robot whose
-links have no shape at all is drawn as capsules between its joint frames.
+links have no shape at all is drawn as capsules between its joint frames, and so is a link whose mesh is not
+there: nothing is computed from shapes.
 """
 
 from __future__ import annotations
@@ -48,11 +49,13 @@ class Shape:
     bodies: the base first, then the joints' bodies in the set's order (those that have a shape).
     tip: the link whose path is drawn as a trail.
     reach: largest distance of a link from the base [m].
+    missing: why meshes of the URDF are not drawn, one sentence each.
     """
 
     bodies: tuple[Body, ...]
     tip: str
     reach: float
+    missing: tuple[str, ...] = ()
 
 
 def robot_shape(robot: Robot) -> Shape:
@@ -69,17 +72,20 @@ def robot_shape(robot: Robot) -> Shape:
     reach = max(float(np.linalg.norm(pose[:3, 3])) for pose in poses.values()) or 1.0
     parts: dict[int | None, list[tuple[str, Any]]] = {}
     bare = not any(link.collisions or link.visuals for link in urdf.link_map.values())
+    missing: list[str] = []
     for name, link in urdf.link_map.items():
-        mesh = None if bare else link_mesh(link, robot)
+        lost = len(missing)
+        mesh = None if bare else link_mesh(link, robot, missing)
         joint = robot.joint_of_link(name)
         if mesh is None:
-            mesh = stick(robot, urdf, name, reach, poses) if bare or joint is not None else None
+            bare_link = bare or len(missing) > lost
+            mesh = stick(robot, urdf, name, reach, poses) if bare_link or joint is not None else None
         if mesh is not None:
             parts.setdefault(joint, []).append((name, mesh))
     bodies = [
         merged(joint, parts[joint], poses) for joint in sorted(parts, key=lambda j: -1 if j is None else j)
     ]
-    return Shape(tuple(bodies), tip_link(robot, poses), reach)
+    return Shape(tuple(bodies), tip_link(robot, poses), reach, tuple(dict.fromkeys(missing)))
 
 
 def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Array]) -> Body:
@@ -94,13 +100,20 @@ def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Arr
     return Body(joint, parts[0][0], np.concatenate(vertices), np.concatenate(faces).astype(np.uint32))
 
 
-def link_mesh(link: Any, robot: Robot) -> Any | None:
-    """One link's collision shape (visual when it has none) as one mesh in the link's frame."""
+def link_mesh(link: Any, robot: Robot, missing: list[str]) -> Any | None:
+    """One link's collision shape (visual when it has none) as one mesh in the link's frame.
+
+    Why a mesh cannot be had is added to `missing`.
+    """
     import trimesh
 
     meshes = []
     for element in link.collisions or link.visuals:
-        mesh = geometry_mesh(element.geometry, robot)
+        try:
+            mesh = geometry_mesh(element.geometry, robot)
+        except InputError as error:
+            missing.append(str(error))
+            continue
         if mesh is not None:
             if element.origin is not None:
                 mesh.apply_transform(element.origin)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 POINTS = 600  # points a line may have
+LEVELS = (1.0, 0.95)  # of a playhead, by turns
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +44,10 @@ class Plot:
     span: (first, last) x of the axis, so that the plots of a tab agree; None where the data decide.
     range: (lowest, highest) value of the ordinate; None where the data decide.
     mark: (M,) 0/1 line at what is worth a look, or None.
-    band: two lines (their index) between which the chart is filled, or None.
+    bands: pairs of lines (their index) between which the chart is filled.
     shade: (M,) 0/1: the stretches of x that are highlighted, or None.
     whole_x: True where x counts, so that the axis shows whole numbers only.
+    level: how high playhead, mark and shade are drawn on their own scale, whose top it is.
     """
 
     key: str
@@ -61,26 +63,28 @@ class Plot:
     logarithmic_x: bool = False
     range: tuple[float, float] | None = None
     mark: Array | None = None
-    band: tuple[int, int] | None = None
+    bands: tuple[tuple[int, int], ...] = ()
     shade: Array | None = None
     whole_x: bool = False
+    level: float = 1.0
 
     def data(self) -> tuple[Array, ...]:
         """x and every line, as the chart wants them; shade, mark and playhead come last."""
         columns = [self.x, *(line.values for line in self.lines)]
-        if self.shade is not None:
-            columns.append(self.shade)
-        if self.mark is not None:
-            columns.append(self.mark)
-        if self.playhead is not None:
-            columns.append(self.playhead)
+        flags = (self.shade, self.mark, self.playhead)
+        columns += [self.level * flag for flag in flags if flag is not None]
         return tuple(np.ascontiguousarray(column, dtype=float) for column in columns)
 
     def at(self, time: float) -> Plot:
-        """The same plot with its playhead at `time` (nothing changes in a plot without one)."""
+        """The same plot with its playhead at `time` (nothing changes in a plot without one).
+
+        The level changes with every move, and with it the scale's top: a chart whose data change in the
+        moment in which it gets its width sets out its axes only where a scale changes too.
+        """
         if self.playhead is None:
             return self
-        return replace(self, playhead=playhead(self.x, time))
+        level = LEVELS[self.level == LEVELS[0]]
+        return replace(self, playhead=playhead(self.x, time), level=level)
 
 
 def thin(

@@ -11,6 +11,7 @@ from flexviz.measurements import Group
 from flexviz.view.colours import MEASURED, MODEL, RESIDUAL
 from flexviz.view.motion import Motion
 from flexviz.view.plots import Plot, aligned, no_plot, time_plot
+from flexviz.view.where import left_out
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -49,7 +50,8 @@ def signals_plots(
         first = time_plot(
             "torque", f"Torque, {name}", "Nm", time, [("measured", MEASURED, measured)], height=200
         )
-        waiting = no_plot("residual", "Model torque and residual appear here after Run (step 3, Identify).")
+        why = "Model torque and residual appear here after Run (step 3, Identify)."
+        waiting = no_plot("residual", why if result is None else left_out(group.name))
         return aligned((first, waiting, _error_plot(joint, name, motion)), time[0], time[-1])
     model_time, explained, residual = model
     inside = (time >= model_time[0]) & (time <= model_time[-1])

@@ -19,8 +19,8 @@ INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 MARKS = {"yes": "●", "weak": "◐", "no": "○"}
 
 
-def set_html(measurements: MeasurementSet) -> str:
-    """What a set holds, in a few lines."""
+def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
+    """What a set holds, in a few lines; `missing` says which meshes its robot lacks."""
     kind = '<span class="fv-tag">simulated data</span>' if measurements.simulated else ""
     rates = sorted({round(1.0 / segment.step) for g in measurements.groups for segment in g.segments})
     rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
@@ -31,7 +31,11 @@ def set_html(measurements: MeasurementSet) -> str:
         ("Own effects", ", ".join(title(name) for name in measurements.effects) or "none"),
     ]
     body = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
-    notes = "".join(f'<div class="fv-warn">{escape(text)}</div>' for text in measurements.warnings[:3])
+    warnings = [*measurements.warnings[:3]]
+    if missing:
+        more = f" (and {plural(len(missing) - 1, 'other')})" if len(missing) > 1 else ""
+        warnings.append(f"Drawn as sticks where meshes are missing: {missing[0]}{more}")
+    notes = "".join(f'<div class="fv-warn">{escape(text)}</div>' for text in warnings)
     table = f'<table class="fv-table fv-left">{body}</table>'
     return f'<div class="fv"><b>{escape(measurements.name)}</b> {kind}{table}{notes}</div>'
 

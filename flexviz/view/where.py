@@ -1,4 +1,7 @@
-"""Where the model fails: the residual of one joint against each variable."""
+"""Where in time the model fails: one joint's residual, and the instants at which a variable is in a range.
+
+What each variable explains is computed by the diagnosis; `where_maps` shows it.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.view.colours import REFERENCE, RESIDUAL
-from flexviz.view.plots import Line, Plot, no_plot, thin
+from flexviz.view.plots import Line, Plot, aligned, no_plot, thin
 from flexviz.view.text import escape, number
+from flexviz.view.where_maps import HEIGHT, NORMAL
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -18,7 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EMPTY = (
-    "The residual against position, velocity, acceleration, load, time, group and frequency appears here "
+    "The residual against position, velocity, acceleration, load, time, group and frequency appears here, "
+    "with the noise floor, "
     "after Run (step 3, Identify) or Find the missing effect (step 4, Diagnose)."
 )
 UNITS = {
@@ -29,11 +34,7 @@ UNITS = {
     "time": "s",
 }
 VARIABLES = tuple(UNITS)
-BINS = 24
-LEAST = 8  # samples a bin needs
-HEIGHT = 150  # [pixels]
 SHOWN_GROUPS = 12
-NORMAL = 1.96  # standard deviations of a 95 % interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,83 +86,34 @@ def samples(result: Identification | None, joint: int) -> Samples | None:
     return Samples(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
 
 
-def binned(variable: Array, residual: Array, bins: int = BINS) -> tuple[Array, Array]:
-    """Middles of equally wide bins and the mean residual in each, where a bin has enough samples."""
-    low, high = (float(edge) for edge in np.quantile(variable, (0.005, 0.995)))
-    if not high > low:
-        return np.zeros(0), np.zeros(0)
-    index = np.floor((variable - low) / (high - low) * bins).astype(int)
-    inside = (index >= 0) & (index < bins)
-    count = np.bincount(index[inside], minlength=bins)
-    total = np.bincount(index[inside], residual[inside], bins)
-    enough = count >= LEAST
-    middles = low + (np.arange(bins) + 0.5) * (high - low) / bins
-    return middles[enough], total[enough] / count[enough]
-
-
-def where_plots(found: Samples | None, name: str, shown: str) -> tuple[Plot, ...]:
-    """Binned mean against every variable with the noise band, the spectrum of the shown group, each group."""
+def time_residual(found: Samples | None, name: str, shown: str) -> Plot:
+    """One joint's residual over time in the shown group, with the band that noise fills."""
     if found is None:
-        return tuple(no_plot(key, EMPTY if key == "position" else "") for key in (*VARIABLES, "spectrum"))
-    plots = [_against(found, key, name) for key in VARIABLES if key != "time"]
-    plots.append(_time(found, name, shown))
-    plots.append(_spectrum(found, name, shown))
-    return tuple(plots)
-
-
-def _against(found: Samples, key: str, name: str) -> Plot:
-    x, mean = binned(found.variables[key], found.residual)
-    if len(x) < 2:
-        return no_plot(key, f"The {key} of {name} hardly changes.")
-    title = f"Residual of {name} [Nm] against {key} [{UNITS[key]}]"
-    return Plot(
-        key, title, x, _with_band(x, mean, found.floor), f"{key} [{UNITS[key]}]", height=HEIGHT, band=(1, 2)
-    )
-
-
-def _with_band(x: Array, mean: Array, floor: float) -> tuple[Line, ...]:
-    half = NORMAL * floor if np.isfinite(floor) else 0.0
-    return (
-        Line("mean", RESIDUAL, mean, 2.2, points=True),
-        Line("noise +95 %", REFERENCE, np.full(len(x), half), 1.0),
-        Line("noise −95 %", REFERENCE, np.full(len(x), -half), 1.0),
-    )
-
-
-def _time(found: Samples, name: str, shown: str) -> Plot:
+        return no_plot("time", EMPTY)
     rows = _rows(found, shown)
     time, residual = found.variables["time"][rows], found.residual[rows]
     if len(time) < 2:
-        return no_plot("time", "")
+        return no_plot("time", left_out(shown))
     x, (values,) = thin(time, [residual])
-    lines = _with_band(x, values, found.floor)
-    lines = (Line("residual", RESIDUAL, values, 1.3), *lines[1:])
-    title = f"Residual of {name} [Nm] against time, {shown}"
-    return Plot(
-        "time", title, x, lines, height=HEIGHT, playhead=np.zeros(len(x)), band=(1, 2), shade=np.zeros(len(x))
+    half = np.full(len(x), NORMAL * found.floor if np.isfinite(found.floor) else 0.0)
+    lines = (
+        Line("residual", RESIDUAL, values, 1.3),
+        Line("noise +95 %", REFERENCE, half, 1.0),
+        Line("noise −95 %", REFERENCE, -half, 1.0),
     )
-
-
-def _spectrum(found: Samples, name: str, shown: str) -> Plot:
-    from scipy.signal import welch
-
-    rows = _rows(found, shown)
-    time, residual = found.variables["time"][rows], found.residual[rows]
-    if len(time) < 64:
-        return no_plot("spectrum", "")
-    rate = 1.0 / float(np.median(np.diff(time)))
-    frequency, power = welch(residual, rate, nperseg=min(len(residual), int(8 * rate)))
-    top = frequency <= min(25.0, rate / 2)
-    values = np.sqrt(np.maximum(power[top], 1e-30))[1:]
-    x, (density,) = thin(frequency[top][1:], [values])
-    floor = float(density.max()) * 1e-5
-    title = f"Spectrum of the residual of {name} [Nm/√Hz], {shown}"
-    line = Line("density", RESIDUAL, np.maximum(density, floor), 1.5)
-    return Plot("spectrum", title, x, (line,), "frequency [Hz]", logarithmic=True, height=HEIGHT)
+    title = f"Residual of {name} [Nm] against time, {shown}"
+    nowhere = np.zeros(len(x))
+    plot = Plot("time", title, x, lines, height=HEIGHT, playhead=nowhere, bands=((1, 2),), shade=nowhere)
+    return aligned([plot], time[0], time[-1])[0]
 
 
 def _rows(found: Samples, shown: str) -> NDArray[np.bool_]:
-    return found.group == (found.names.index(shown) if shown in found.names else 0)
+    return found.group == (found.names.index(shown) if shown in found.names else -1)
+
+
+def left_out(group: str) -> str:
+    """Why there is no residual of a group."""
+    return f"The last Run left {group} out (Ignore in step Data): it has no residual."
 
 
 def limits(found: Samples | None, variable: str) -> tuple[float, float] | None:
@@ -194,7 +146,9 @@ def shaded(plot: Plot, time: Array, inside: NDArray[np.bool_]) -> Array:
 
 def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]) -> str:
     """What is highlighted."""
-    share = float(np.mean(inside)) if len(inside) else 0.0
+    if not len(inside):
+        return ""
+    share = float(np.mean(inside))
     return (
         f'<div class="fv fv-dim">{escape(variable)} from {number(low, 3)} to {number(high, 3)} '
         f"{UNITS[variable]}: {100 * share:.0f} % of the time in this group, orange in the plot over time and "

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.work import check_set
+from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.view.identifiability import check_html
 
@@ -78,7 +79,7 @@ class Check:
             return
         self._asked = analysis.settings
         self._write('<div class="fv fv-dim">Checking what can be identified.</div>')
-        self._app.submit("check", check_set, analysis.without_result())
+        self._app.submit("check", identify_set, replace(analysis.without_result(), refine=False))
 
     def heard(self, event: JobEvent) -> None:
         """What the check has to say."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
+from flexviz.app.steps.another import AnotherSet
 from flexviz.app.steps.files import Files
 from flexviz.app.steps.unsaved import UnsavedWork
 from flexviz.app.work import open_set, sets_beside
@@ -40,6 +41,7 @@ class DataStep:
             self._hint = gui.add_html("")
             self.checked = gui.add_folder(None)
             self.files = Files(app)
+            self.another = AnotherSet(app)
             self._dark = gui.add_checkbox("Dark theme", False)
         watch(self._choice, app.queue, "set")
         watch(self._dark, app.queue, "dark")
@@ -52,7 +54,7 @@ class DataStep:
         self.unsaved.opened()
         self.list_sets()
         self.files.opened()
-        self._about.content = set_html(measurements)
+        self._about.content = set_html(measurements, self._app.missing)
         for row in self._rows:
             row.remove()
         self._rows, self._roles = [], {}

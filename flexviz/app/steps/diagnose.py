@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexviz.app.steps.findings import FindingList
 from flexviz.app.steps.model import ModelList
+from flexviz.app.steps.task import Task
 from flexviz.app.work import Looked, diagnose_set
 from flexviz.jobs import JobEvent
 from flexviz.session import Analysis
@@ -22,7 +23,9 @@ class DiagnoseStep:
 
     def __init__(self, app: Application) -> None:
         self._app = app
-        self._running: Analysis | None = None  # what the running search looks at
+        stopped = "stopped before an answer; the model is as it was"
+        # of what the running search looks at
+        self._task = Task(app, "diagnose", stopped, self._progress, self._take)
         self._before: Analysis | None = None  # the state it was started from
         self._label = ""
         gui = app.server.gui
@@ -48,7 +51,7 @@ class DiagnoseStep:
     @property
     def running(self) -> bool:
         """True while a search runs or waits."""
-        return self._running is not None
+        return self._task.running
 
     def opened(self) -> None:
         """A new set is shown."""
@@ -59,7 +62,7 @@ class DiagnoseStep:
         """Show the session's diagnosis, and what may be pressed."""
         analysis = self._app.session.analysis
         diagnosis, fresh = analysis.diagnosis, analysis.diagnosis_up_to_date
-        why = self._why_not()
+        why = self._app.why_not()
         self._find.disabled = bool(why)
         text = f"Off: {why}." if why else ""
         self._why.content = f'<div class="fv fv-dim">{text}</div>' if text else ""
@@ -98,46 +101,27 @@ class DiagnoseStep:
 
     def stop(self) -> None:
         """Stop the search; nothing is added."""
-        if self.running:
-            self._app.worker.stop("diagnose")
-            self._app.say("stopping", "busy")
+        self._task.stop()
 
     def heard(self, event: JobEvent) -> None:
         """What the search has to say."""
-        if event.kind == "started":
+        self._task.heard(event)
+
+    def _progress(self, value: Any) -> None:
+        if hasattr(value, "cost"):
+            self._app.identify.iterated(value)
             return
-        if event.kind == "progress":
-            if hasattr(event.value, "cost"):
-                self._app.identify.iterated(event.value)
-                return
-            self._app.dock.progress(float(getattr(event.value, "share", 0.0)))
-            self._app.say(progress_sentence(event.value), "busy")
-            return
-        analysis, self._running = self._running, None
-        if event.kind == "done" and analysis is not None:
-            self._take(analysis, event.value)
-        elif event.kind == "failed":
-            self._app.fail(event.value)
-        elif event.kind == "stopped":
-            self._app.say("stopped before an answer; the model is as it was")
-        if event.kind != "done":
-            self._app.show.show_model()
-        self._app.refresh_running()
+        self._app.dock.progress(float(getattr(value, "share", 0.0)))
+        self._app.say(progress_sentence(value), "busy")
 
     def _start(self, label: str, analysis: Analysis, apply: bool) -> None:
-        if self._why_not():
+        if self._app.why_not():
             return
-        before = self._app.session.analysis
-        self._running, self._before, self._label = analysis, before, label
-        self._app.worker.stop("check")
-        self._app.worker.stop("replay")
-        self._app.identify.begin()
-        self._app.dock.progress(0.0)
-        self._app.say("looking", "busy")
+        self._before, self._label = self._app.session.analysis, label
+        self._app.identify.begin(analysis.effects, fits=not apply)
         result = analysis.identification if analysis.up_to_date else None
         model = None if result is None else result.model
-        self._app.submit("diagnose", diagnose_set, analysis.without_result(), model, apply)
-        self._app.refresh_running()
+        self._task.start(analysis, "looking", diagnose_set, analysis.without_result(), model, apply)
 
     def _take(self, analysis: Analysis, looked: Looked) -> None:
         app, before = self._app, self._before
@@ -164,10 +148,3 @@ class DiagnoseStep:
         if found is not None and found.verdict == "missing" and found.findings and found.findings[0].joint:
             app.show.select(joint=app.measurements.joint_index(found.findings[0].joint))
         app.say(f"{self._label} in {number(diagnosis.seconds, 2)} s")
-
-    def _why_not(self) -> str:
-        if self._app.running:
-            return "something runs"
-        if not self._app.session.analysis.groups_with("fit"):
-            return "no group is set to Fit in step Data"
-        return ""

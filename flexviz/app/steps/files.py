@@ -1,39 +1,22 @@
-"""Files in step 1: save, download and record the session; upload a set; simulate one that hides an effect."""
+"""Files in step 1: save, download, report and record the session."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.recordings import KINDS, Kind, Recordings
 from flexviz.app.style import half, in_row
-from flexviz.app.uploads import Inbox
-from flexviz.app.work import open_set
-from flexviz.app.workspace import (
-    PRESETS,
-    SURPRISE,
-    hideable,
-    output_dir,
-    record,
-    save,
-    session_zip,
-    simulate_quiz,
-    unpack_upload,
-)
-from flexviz.errors import FlexvizError
+from flexviz.app.workspace import report, save, session_zip
 from flexviz.jobs import JobEvent
 from flexviz.view.text import escape
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
 
-KEYS = ("save", "download", "quiz", "record", "unpack")  # its jobs
-WORDS = {
-    "save": "saving",
-    "download": "preparing the download",
-    "quiz": "simulating",
-    "record": "recording",
-    "unpack": "unpacking",
-}
+KEYS = ("save", "download", "report")  # its jobs
+WORDS = {"save": "saving", "download": "preparing the download", "report": "writing the report"}
+VIEWER = "127.0.0.1:9876"  # where a viewer that was started with `rerun` listens
 
 
 class Files:
@@ -41,147 +24,170 @@ class Files:
 
     def __init__(self, app: Application) -> None:
         self._app = app
-        self._inbox = Inbox()
-        self._file: Path | None = None  # the recording
-        self._recorded: Any = None  # the result it holds
         self._asked: int | None = None  # the browser that wants a download
+        self._recorded: Path | None = None  # the last recording that is whole
+        self._said: dict[Kind, str] = {}
         gui = app.server.gui
         self._save = gui.add_button(
-            "Save session", color="gray", hint="into ./sessions, with the set, all results and the history"
+            "Save session", color="gray", hint="into ./sessions, with all results and the history"
         )
-        self._download = gui.add_button("Download session", color="gray", hint="the same as one zip file")
+        self._download = gui.add_button(
+            "Download session", color="gray", hint="with its measurement set, as one zip file"
+        )
+        self._report = gui.add_button("Report", color="gray")
+        self._fetch = gui.add_button("Download recording", color="gray")
         self._record = gui.add_checkbox(
-            "Record", False, hint="keeps a Rerun recording in ./sessions up to date with every result"
+            "Record", False, hint="records what happens, as it happens, in a Rerun file in ./sessions"
+        )
+        self._live = gui.add_checkbox(
+            "Live viewer", False, hint="sends the same to a Rerun viewer that runs on this machine"
+        )
+        self._address = gui.add_text(
+            "Viewer at", VIEWER, hint="where the viewer listens; start one with: rerun --port 9876"
         )
         self._note = gui.add_html("")
-        with gui.add_folder("Another set", expand_by_default=False):
-            self._upload = gui.add_upload_button(
-                "Upload", color="gray", hint="a zip of a measurement set or session, or its files one by one"
-            )
-            self._waiting = gui.add_html(
-                '<div class="fv fv-dim">A zip, or measurements.toml and the files it names one by one.</div>'
-            )
-            self._preset: Any = gui.add_dropdown("Robot", PRESETS, initial_value=PRESETS[0])
-            self._effect: Any = gui.add_dropdown("Hide", (SURPRISE, *hideable()), initial_value=SURPRISE)
-            self._quiz = gui.add_button(
-                "Quiz me", color="gray",
-                hint="simulates a set with a hidden effect; the truth stays hidden until you ask for it",
-            )  # fmt: skip
-        app.add_style(half(self._record._impl.uuid))
+        self.recordings = Recordings(app, self._recording)
+        for box in (self._record, self._live):
+            app.add_style(half(box._impl.uuid))
         app.add_style(in_row(self._save._impl.uuid, self._download._impl.uuid))
+        app.add_style(in_row(self._report._impl.uuid, self._fetch._impl.uuid))
         app.press(self._save, "save", lambda: self._start("save", save, app.folder))
-        app.press(self._quiz, "quiz", self._simulate)
-        app.watch(self._record, "record", lambda _: self._recording())
-        app.watch(self._preset, "quiz-robot", lambda _: None)
-        app.watch(self._effect, "quiz-effect", lambda _: None)
-        app.on("download", self._downloads)
-        app.on("upload", self._uploaded)
+        app.watch(self._record, "record", lambda on: self._switch("file", on))
+        app.watch(self._live, "record-live", lambda on: self._switch("viewer", on))
+        app.watch(self._address, "viewer-address", lambda _: None)
+        for button, key, act in (
+            (self._download, "download", self._downloads),
+            (self._report, "report", self._reports),
+            (self._fetch, "fetch", self._fetches),
+        ):
+            self._press_of(button, key)
+            app.on(key, act)
 
-        @self._download.on_click
+    def _press_of(self, button: Any, key: str) -> None:
+        """Put `key` and the browser into the queue when the button is pressed."""
+
+        @button.on_click
         async def _(event: Any) -> None:
             if event.client_id is not None:
-                app.queue.put("download", event.client_id)
-
-        @self._upload.on_upload
-        async def _(event: Any) -> None:
-            file = event.target.value
-            app.queue.put("upload", (file.name, file.content), each=True)
+                self._app.queue.put(key, event.client_id)
 
     def opened(self) -> None:
-        """A new set is shown: it gets a recording of its own."""
-        self._file, self._recorded = None, None
-        self._recording()
+        """A new set is shown: it gets recordings of its own."""
+        for kind in KINDS:
+            if self._box(kind).value:
+                self.recordings.stop(kind)
+                self._switch(kind, True)
+        self.refresh()
 
     def refresh(self) -> None:
-        """A result may have come."""
-        self._recording()
+        """Show what may be pressed, and why not."""
+        analysis = self._app.session.analysis
+        nothing = analysis.identification is None and analysis.diagnosis is None
+        self._report.disabled = nothing
+        self._report.hint = (
+            "nothing to report yet: press Find the missing effect (step 4) or Run (step 3) first"
+            if nothing
+            else "what was found, as one HTML file that needs nothing else"
+        )
+        self._fetch.disabled = self._recorded is None
+        self._fetch.hint = (
+            "nothing is recorded yet: switch Record on, and off again when all is in it"
+            if self._recorded is None
+            else f"{self._recorded.name}, to be opened with Rerun"
+        )
+        self._address.disabled = bool(self._live.value)
+
+    def tick(self) -> None:
+        """Let the recordings go on."""
+        self.recordings.tick()
+        size = self.recordings.size()
+        if size:
+            self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
 
     def heard(self, event: JobEvent) -> None:
-        """What saving, recording or simulating has to say."""
+        """What saving and sending have to say."""
         app, key = self._app, event.job.key
-        if event.kind == "progress" and key == "quiz":
-            app.say(f"simulating: {100 * float(event.value):.0f} %", "busy")
-        elif event.kind == "failed":
+        if event.kind == "failed":
             app.fail(event.value)
-            if key == "record":
-                self._record.value = False
-        elif event.kind == "stopped" and key != "record":
+        elif event.kind == "stopped":
             app.say(f"stopped {WORDS[key]}")
+        elif event.kind == "done" and key == "save":
+            app.saved(event.job.args[0], event.value)
+            app.say(f"session saved in {short(event.value)}")
         elif event.kind == "done":
-            if key == "save":
-                app.saved(event.job.args[0], event.value)
-            self._done(key, event.value)
+            self._send(*event.value)
 
-    def _done(self, key: str, value: Any) -> None:
-        app = self._app
-        if key == "save":
-            app.say(f"session saved in {_short(value)}")
-        elif key == "download":
-            name, content = value
-            client = app.server.get_clients().get(self._asked if self._asked is not None else -1)
-            if client is not None:
-                client.send_file_download(name, content, save_immediately=True)
-            app.say(f"{name}: {len(content) / 1e6:.1f} MB sent")
-        elif key in ("quiz", "unpack"):
-            self._open(value)
-        elif key == "record":
-            self._note.content = f'<div class="fv fv-dim">Recorded in {escape(_short(value))}.</div>'
-            app.session = app.session.with_recording(value)
+    # -- out of the browser --------------------------------------------------------------------------
 
     def _start(self, key: str, function: Any, *more: Any) -> None:
         app = self._app
         app.say(WORDS[key], "busy")
         app.submit(key, function, app.session, app.measurements, *more, in_process=False)
 
-    def _downloads(self, client_id: int) -> None:
-        self._asked = client_id
+    def _downloads(self, client: int) -> None:
+        self._asked = client
         self._start("download", session_zip)
 
-    def _simulate(self) -> None:
-        self._app.say(WORDS["quiz"], "busy")
-        self._app.submit("quiz", simulate_quiz, self._preset.value, self._effect.value)
+    def _reports(self, client: int) -> None:
+        self._asked = client
+        self._start("report", report, self._app.folder)
 
-    def _uploaded(self, upload: tuple[str, bytes]) -> None:
-        name, content = upload
-        try:
-            if name.lower().endswith(".zip"):
-                self._app.say("unpacking", "busy")
-                self._app.submit("unpack", unpack_upload, name, content, in_process=False)
-                return
-            self._inbox.put(name, content)
-            missing = self._inbox.missing()
-        except FlexvizError as error:
-            self._app.fail(f"upload: {error}")
-            return
-        if missing:
-            text = f"{len(self._inbox.files)} uploaded; still missing: {', '.join(missing[:6])}"
-            self._waiting.content = f'<div class="fv fv-warn">{escape(text)}</div>'
-            return
-        self._waiting.content = ""
-        self._open(self._inbox.write(output_dir()))
+    def _fetches(self, client: int) -> None:
+        if self._recorded is not None:
+            self._asked = client
+            self._send(self._recorded.name, self._recorded.read_bytes())
 
-    def _open(self, folder: Path) -> None:
-        self._app.say(f"opening {folder.name}", "busy")
-        self._app.submit("open", open_set, folder, in_process=False)
+    def _send(self, name: str, content: bytes) -> None:
+        client = self._app.server.get_clients().get(self._asked if self._asked is not None else -1)
+        if client is not None:
+            client.send_file_download(name, content, save_immediately=True)
+        self._app.say(f"{name}: {len(content) / 1e6:.1f} MB sent")
 
-    def _recording(self) -> None:
-        """Record the present result, where that is wanted and not done."""
+    # -- recordings ----------------------------------------------------------------------------------
+
+    def _switch(self, kind: Kind, on: bool) -> None:
+        if not on:
+            self.recordings.stop(kind)
+            self._say(kind, "The recording is being closed." if kind == "file" else "")
+        else:
+            try:
+                self.recordings.start(kind, self._address.value)
+                self._say(kind, "A recording begins." if kind == "file" else "Calling the viewer.")
+            except Exception:
+                self._box(kind).value = False
+                raise
+        self.refresh()
+
+    def _recording(self, kind: Kind, state: str, value: Any) -> None:
+        """What a recording has to say."""
         app = self._app
-        session = getattr(app, "session", None)
-        if not self._record.value or session is None:
-            self._note.content = "" if not self._record.value else self._note.content
-            return
-        result = session.analysis.identification
-        if self._file is not None and result is self._recorded:
-            return
-        if self._file is None:
-            self._file = output_dir() / f"{app.measurements.name}.rrd"
-        self._recorded = result
-        self._note.content = '<div class="fv fv-dim">Recording.</div>'
-        app.submit("record", record, app.measurements.path, result, self._file)
+        if state == "failed":
+            self._box(kind).value = False
+            self._say(kind, "")
+            app.fail(value)
+        elif state == "open":
+            where = self._address.value or VIEWER
+            self._say(kind, f"Recording in {short(value)}." if kind == "file" else f"Sent to {where}.")
+        elif kind == "viewer":
+            self._say(kind, "")
+        else:
+            self._recorded = value.file
+            self._say(kind, f"Recorded in {short(value.file)} ({value.bytes / 1e6:.1f} MB).")
+            app.session = app.session.with_recording(value.file)
+        self.refresh()
+
+    def _box(self, kind: Kind) -> Any:
+        return self._record if kind == "file" else self._live
+
+    def _say(self, kind: Kind, text: str) -> None:
+        self._said[kind] = text
+        lines = "".join(f"<div>{escape(said)}</div>" for said in self._said.values() if said)
+        content = f'<div class="fv fv-dim">{lines}</div>' if lines else ""
+        if content != self._note.content:
+            self._note.content = content
 
 
-def _short(path: Path) -> str:
+def short(path: Path) -> str:
     """A path as a person in the present folder would write it."""
     try:
         return f"./{path.resolve().relative_to(Path.cwd())}"

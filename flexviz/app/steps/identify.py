@@ -6,8 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.controls import watch
+from flexviz.app.show import IDLE_JOBS
 from flexviz.app.steps.check import Check
 from flexviz.app.steps.effects import EffectList
+from flexviz.app.steps.task import Task
 from flexviz.app.style import in_row
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
@@ -25,9 +27,13 @@ class IdentifyStep:
     def __init__(self, app: Application) -> None:
         self._app = app
         gui = app.server.gui
-        self._running: tuple[Any, ...] | None = None
+        stopped = "stopped before a first result"
+        # of the settings it was started with
+        self._task = Task(app, "identify", stopped, self.iterated, self._take, self._draw_convergence)
         self.iterations: list[Any] = []
         self._new_iterations = False
+        self._fits = False  # whether iterations that come belong to one result
+        self.effects_fitted: tuple[str, ...] = ()  # of the model that is being fitted
         self.folder = gui.add_folder(None, visible=False)
         with self.folder:
             self.effects = EffectList(app)
@@ -52,7 +58,7 @@ class IdentifyStep:
     @property
     def running(self) -> bool:
         """True while an identification runs."""
-        return self._running is not None
+        return self._task.running
 
     def opened(self) -> None:
         """A new set is shown."""
@@ -94,29 +100,36 @@ class IdentifyStep:
         analysis = self._app.session.analysis
         if self._app.running or not analysis.groups_with("fit"):
             return
-        self._running = analysis.settings
-        self._app.worker.stop("check")
-        self._app.worker.stop("replay")  # it is simulated anew afterwards
-        self.begin()
-        self._app.dock.progress(1.0)  # how many iterations it takes is not known
-        self._app.say("running", "busy")
-        self._app.submit("identify", identify_set, analysis.without_result())
-        self._app.refresh_running()
+        self.begin(analysis.effects)
+        # how many iterations it takes is not known: the bar is full
+        self._task.start(analysis.settings, "running", identify_set, analysis.without_result(), share=1.0)
 
     def stop(self) -> None:
         """Stop the identification; it gives back what it has."""
-        if self.running:
-            self._app.worker.stop("identify")
-            self._app.say("stopping", "busy")
+        self._task.stop()
 
-    def begin(self) -> None:
-        """An identification begins: its convergence is drawn from the start."""
-        self.iterations = []
+    def begin(self, effects: tuple[str, ...], fits: bool = True) -> None:
+        """A fit of a model with these effects begins: what was done in idle time makes room.
+
+        `fits` is whether iterations will come that belong to one result.
+        """
+        for key in ("check", *IDLE_JOBS):
+            self._app.worker.stop(key)
+        self.iterations, self.effects_fitted, self._fits = [], effects, fits
         self._draw_convergence()
+
+    @property
+    def fitting(self) -> bool:
+        """Whether a fit is under way that gives one result."""
+        return self._app.running and self._fits
 
     def iterated(self, iteration: Any) -> None:
         """An iteration of an identification."""
         self.iterations.append(iteration)
+        if self._fits:
+            if len(self.iterations) == 1:
+                self._app.recordings.began()
+            self._app.recordings.iterated(iteration)
         self._app.say(progress_text(self.iterations), "busy")
         self._new_iterations = True
 
@@ -128,24 +141,13 @@ class IdentifyStep:
 
     def heard(self, event: JobEvent) -> None:
         """What the identification has to say."""
-        if event.kind == "progress":
-            self.iterated(event.value)
-            return
-        if event.kind == "started":
-            return
-        settings, self._running = self._running, None
+        self._task.heard(event)
+
+    def _take(self, settings: tuple[Any, ...], result: Any) -> None:
         self._draw_convergence()
-        if event.kind == "done" and settings is not None and settings[0] == self._app.session.analysis.path:
-            result = event.value
+        if settings[0] == self._app.session.analysis.path:
             self._app.change("identified", self._app.session.analysis.with_identification(result, settings))
             self._app.say(self._summary(result), "" if result.converged else "bad")
-        elif event.kind == "failed":
-            self._app.fail(event.value)
-        elif event.kind == "stopped":
-            self._app.say("stopped before a first result")
-        if event.kind != "done":
-            self._app.show.show_model()
-        self._app.refresh_running()
 
     def _summary(self, result: Any) -> str:
         count = plural(len(result.iterations), "iteration")

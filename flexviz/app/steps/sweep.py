@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
+from flexviz.app.steps.task import Task
 from flexviz.app.work import sweep_set
 from flexviz.jobs import JobEvent
 from flexviz.session import Analysis
@@ -31,7 +32,7 @@ class Sweep:
         self, app: Application, bandwidths: Callable[[], tuple[float, ...]], take: Callable[[float], None]
     ) -> None:
         self._app, self._bandwidths, self._take = app, bandwidths, take
-        self._running: tuple[Any, ...] | None = None
+        self._task = Task(app, "sweep", "sweep stopped before its first fit", self._progress, self._swept)
         self._result: Any = None
         self._of: tuple[Any, ...] | None = None  # what the result belongs to
         gui = app.server.gui
@@ -50,7 +51,7 @@ class Sweep:
     @property
     def running(self) -> bool:
         """True while a sweep runs or waits."""
-        return self._running is not None
+        return self._task.running
 
     def opened(self) -> None:
         """A new set is shown: the old sweep says nothing about it."""
@@ -59,43 +60,34 @@ class Sweep:
     def run(self) -> None:
         """Start a sweep with the present settings."""
         analysis = self._app.session.analysis
-        if self.running or self._why_not():
+        if self._app.why_not():
             return
-        self._running = belongs_to(analysis)
-        self._app.dock.progress(0.0)
-        self._app.say("sweep starts", "busy")
-        self._app.submit("sweep", sweep_set, analysis.without_result(), self._bandwidths())
-        self._app.refresh_running()
+        self._task.start(
+            belongs_to(analysis), "sweep starts", sweep_set, analysis.without_result(), self._bandwidths()
+        )
 
     def stop(self) -> None:
         """Stop; what is done so far is shown."""
-        if self.running:
-            self._app.worker.stop("sweep")
-            self._app.say("stopping the sweep", "busy")
+        self._task.stop()
 
     def heard(self, event: JobEvent) -> None:
         """What the sweep has to say."""
-        if event.kind == "started":
-            return
-        if event.kind == "progress":
-            done, total = event.value
-            self._app.dock.progress(done / total)
-            self._app.say(f"sweep: {done} of {total} bandwidths", "busy")
-            return
-        of, self._running = self._running, None
-        if event.kind == "failed":
-            self._app.fail(event.value)
-        elif event.kind == "stopped":
-            self._app.say("sweep stopped before its first fit")
-        elif of is not None and of[0] == self._app.session.analysis.path:
-            self._result, self._of = event.value, of
-            self._app.say(f"swept {plural(len(event.value.bandwidths), 'bandwidth')}")
-        self._app.refresh_running()
+        self._task.heard(event)
+
+    def _progress(self, value: tuple[int, int]) -> None:
+        done, total = value
+        self._app.dock.progress(done / total)
+        self._app.say(f"sweep: {done} of {total} bandwidths", "busy")
+
+    def _swept(self, of: tuple[Any, ...], result: Any) -> None:
+        if of[0] == self._app.session.analysis.path:
+            self._result, self._of = result, of
+            self._app.say(f"swept {plural(len(result.bandwidths), 'bandwidth')}")
 
     def refresh(self) -> None:
         """Show the result for the chosen joint, and what may be pressed."""
-        why = self._why_not()
-        self._start.disabled = self.running or bool(why)
+        why = self._app.why_not()
+        self._start.disabled = bool(why)
         self._best.visible = self._folder.visible = self._result is not None
         note = f'<div class="fv fv-dim">Sweep is off: {why}.</div>' if why and not self.running else ""
         if self._result is not None:
@@ -106,10 +98,3 @@ class Sweep:
                 note += '<div class="fv fv-warn">The settings have changed since this sweep.</div>'
             self._charts.show(sweep_plots(self._result, joint, name))
         self._about.content = note
-
-    def _why_not(self) -> str:
-        if self._app.running:
-            return "something runs"
-        if not self._app.session.analysis.groups_with("fit"):
-            return "no group is set to Fit in step Data"
-        return ""

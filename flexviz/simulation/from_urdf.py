@@ -1,0 +1,117 @@
+"""A plan for any robot of which there is only a URDF: everything else in proportion to its inertia."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.errors import InputError
+from flexviz.model import FlexibleModel
+from flexviz.robot import PayloadBody, Robot
+from flexviz.robot_files import mesh_names, resolve_mesh
+from flexviz.simulation.control import Controller
+from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.plant import Array
+from flexviz.simulation.presets import rough
+from flexviz.simulation.references import Fourier, random_fourier
+from flexviz.simulation.resimulating import inertia_along, position_gains, proportional
+from flexviz.simulation.sensors import Sensors
+
+DURATION = 12.0  # [s] of each group
+REACH = 1.0  # [rad] or [m] that a joint moves at most to either side of its middle
+WIDE = 20.0  # limits farther apart than this are none
+CYCLE = 0.00025  # [s] of the controller
+QUIET = 2e-5  # [rad] standard deviation of the encoders' noise
+PAYLOAD_SHARES = (0.05, 0.1)  # of the arm's mass
+MOTIONS = (("t1", 31), ("t2", 32), ("t3", 33), ("t4", 34))  # trajectories and their seeds
+PAIRS = (("t1", "p1"), ("t2", "p2"), ("t3", "p3"), ("t4", "p2"))
+
+
+def plan_from_urdf(urdf: str | Path) -> Plan:
+    """Four groups with three payloads on smooth random motions within the URDF's limits.
+
+    Stiffness, motor inertia, friction and controller are values in proportion to the robot's inertia: those
+    of no real robot, but of its size. The URDF and the meshes in its folder become files of the set.
+
+    Raises
+    ------
+    InputError: the URDF cannot be used, has no inertia, or a joint has no room to move.
+    """
+    path = Path(urdf)
+    robot = Robot.load(path)
+    middle, reach = room(robot)
+    motions = {
+        name: random_fourier(robot, seed, centre=middle, reach=reach, duration=DURATION, harmonics=6)
+        for name, seed in MOTIONS
+    }
+    inertia = inertia_along(robot, [sampled(motion) for motion in motions.values()])
+    mass = float(robot.cad_parameters[:, 0].sum())
+    if mass <= 0 or not np.all(np.isfinite(inertia)) or inertia.max() <= 0:
+        raise InputError("the URDF gives no inertia: <inertial> in every moving link is needed", file=path)
+    stiffness, motor_inertia, friction = proportional(inertia)
+    kp, kd = position_gains(inertia, motor_inertia)
+    torque = np.abs(stiffness) * 1e-3  # [Nm] of a deflection of a thousandth
+    rng = np.random.default_rng(2024)
+    return Plan(
+        name=path.stem,
+        robot=robot,
+        source=path.name,
+        model=FlexibleModel(robot.joints, stiffness, motor_inertia, friction, friction, robot.cad_parameters),
+        payloads=payloads(robot, mass),
+        groups=tuple(
+            PlannedGroup(t + p, t, p, motions[t], DURATION, 0.001, validation=t == "t4") for t, p in PAIRS
+        ),
+        controller=Controller(kp, kd, CYCLE),
+        sensors=Sensors(np.full(robot.n, QUIET), 0.02 * torque),
+        initial_stiffness=rough(stiffness, 0.3, rng),
+        initial_motor_inertia=rough(motor_inertia, 0.3, rng),
+        note="in proportion to the URDF's inertia; no real robot has these values",
+        single=True,
+        files={path.name: path.read_text(encoding="utf-8"), **meshes(robot, path)},
+    )
+
+
+def room(robot: Robot) -> tuple[Array, Array]:
+    """(n,) middle of each joint's motion, and how far it goes to either side [rad]."""
+    low, high = np.asarray(robot.lower_limit), np.asarray(robot.upper_limit)
+    free = ~np.isfinite(high - low) | (high - low > WIDE)
+    middle = np.where(free, 0.0, 0.5 * (low + high))
+    reach = np.where(free, REACH, np.minimum(0.4 * (high - low), REACH))
+    for joint, far in zip(robot.joints, reach, strict=True):
+        if far < 0.05:
+            raise InputError(
+                f'joint "{joint}" has no room to move; limits that are apart would be right',
+                file=robot.urdf_path,
+            )
+    return middle, reach
+
+
+def sampled(motion: Fourier) -> Array:
+    """(20, n) positions along a motion [rad]."""
+    return motion.sample(np.linspace(0.0, DURATION, 20))[0]
+
+
+def payloads(robot: Robot, mass: float) -> dict[str, tuple[PayloadBody, ...]]:
+    """No payload, and two balls on the arm's last link, `PAYLOAD_SHARES` of `mass` [kg]."""
+    last = max(range(robot.n), key=lambda joint: int(robot.order[joint]))
+    link = next(name for name in robot.links if robot.joint_of_link(name) == last)
+    found: dict[str, tuple[PayloadBody, ...]] = {"p1": ()}
+    for number, share in enumerate(PAYLOAD_SHARES, start=2):
+        weight = float(f"{share * mass:.2g}")
+        size = 0.4 * weight * 0.05**2  # of a ball with a radius of 5 cm
+        body = PayloadBody(link, weight, [0.05 * number, 0.0, 0.05], [size, size, size, 0.0, 0.0, 0.0])
+        found[f"p{number}"] = (body,)
+    return found
+
+
+def meshes(robot: Robot, path: Path) -> dict[str, Path]:
+    """The meshes that lie in the URDF's own folder, by their place in it; others stay where they are."""
+    found: dict[str, Path] = {}
+    for name in mesh_names(robot.urdf):
+        try:
+            mesh = resolve_mesh(name, path).resolve()
+            found[mesh.relative_to(path.parent.resolve()).as_posix()] = mesh
+        except (InputError, ValueError):
+            continue
+    return found

@@ -1,0 +1,131 @@
+"""Live recordings of the app: to a file, to a viewer, and what is said where that fails."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from flexviz.app.application import Application
+from flexviz.app.recordings import local_address, model_label
+from flexviz.app.workspace import output_dir
+from flexviz.errors import InputError
+from flexviz.recording import check_recording
+from tests.app_running import running
+from tests.small_set import write_small_set
+from tests.test_app import act, status, until
+
+
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
+    root = tmp_path_factory.mktemp("recordings")
+    with running(root, write_small_set(root / "small")) as application:
+        yield application
+
+
+def switch(app: Application, key: str, on: bool) -> None:
+    """As a browser does it: the control's value, and the event."""
+    box = {"record": app.data.files._record, "record-live": app.data.files._live}[key]
+    box.value = on
+    act(app, key, on)
+
+
+def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = app.data.files
+    assert files._fetch.disabled and "switch Record on" in str(files._fetch.hint)
+    act(app, "run")
+    until(app, lambda: not app.running)
+    switch(app, "record", True)  # what is known by then is in it
+    until(app, lambda: "Recording" in files._note.content and "MB so far" in files._note.content)
+    file = next(output_dir().glob("small-*.rrd"))
+    act(app, "effect-torque_offset", True)
+    act(app, "run")
+    until(app, lambda: not app.running)
+    act(app, "undo")
+    switch(app, "record", False)
+    until(app, lambda: "Recorded in ./sessions/small-" in files._note.content)
+    checked = check_recording(file)
+    entities = set(checked.entities)
+    assert {"/results/1/about", "/results/2/about", "/log"} <= entities
+    assert any(entity.startswith("/results/2/optimiser/") for entity in entities)
+    assert app.session.recordings == (file,)
+
+    sent: list[tuple[str, bytes]] = []
+    client = SimpleNamespace(
+        send_file_download=lambda name, content, **_: sent.append((name, content)),
+        add_notification=lambda *_, **__: None,
+    )
+    monkeypatch.setattr(app.server, "get_clients", lambda: {7: client})
+    act(app, "fetch", 7)
+    assert sent == [(file.name, file.read_bytes())]
+
+
+def test_a_viewer_that_is_not_there_is_said_and_leaves_the_app_usable(app: Application) -> None:
+    files = app.data.files
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        files._address.value = f"127.0.0.1:{free.getsockname()[1]}"
+    switch(app, "record-live", True)
+    until(app, lambda: not files._live.value)
+    assert "no Rerun viewer answers" in status(app) and "bad" in status(app)
+    assert not files._address.disabled and not app.running
+    files._address.value = "example.org:9876"
+    switch(app, "record-live", True)
+    assert not files._live.value and "not on this machine" in status(app)
+    switch(app, "record", True)
+    until(app, lambda: app.recordings.size() > 0)
+    switch(app, "record", False)
+    until(app, lambda: "Recorded in" in files._note.content)
+
+
+def test_a_viewer_that_goes_away_takes_nothing_with_it(
+    app: Application, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Recording:
+        file, failure, lost_viewer, told = None, "", "", []
+
+        def __init__(self, *_: Any, viewer: str | None, **__: Any) -> None:
+            assert viewer == "127.0.0.1:9876"
+
+        def close(self) -> None:
+            self.told.append("close")
+
+        def __getattr__(self, name: str) -> Any:
+            return lambda *_: self.told.append(name)
+
+    monkeypatch.setattr("flexviz.recording.live.LiveRecording", Recording)
+    app.data.files._address.value = "127.0.0.1:9876"
+    switch(app, "record-live", True)
+    until(app, lambda: "Sent to 127.0.0.1:9876" in app.data.files._note.content)
+    assert "note" in Recording.told
+    recording: Any = app.recordings._open["viewer"]
+    recording.lost_viewer = "connection refused"
+    until(app, lambda: not app.data.files._live.value)
+    assert "the Rerun viewer has gone" in status(app)
+    until(app, lambda: "close" in Recording.told)
+
+
+@pytest.mark.parametrize("text", ["", "9876", "127.0.0.1:9", "localhost", "rerun+http://127.0.0.1:9/proxy"])
+def test_viewers_on_this_machine(text: str) -> None:
+    assert local_address(f" {text} ") == text
+
+
+@pytest.mark.parametrize(
+    "text", ["example.org", "10.0.0.1:9876", "rerun+http://10.0.0.1/proxy", "http://[", "a b"]
+)
+def test_other_machines_are_not_called(text: str) -> None:
+    with pytest.raises(InputError, match="not on this machine"):
+        local_address(text)
+
+
+def test_models_have_names() -> None:
+    assert model_label(()) == "the model as it is"
+    assert model_label(("coulomb_friction:joint2",)) == "with Coulomb friction on joint2"
+
+
+def test_recordings_lie_in_the_folder_of_sessions(app: Application) -> None:
+    assert all(file.parent == output_dir() for file in Path.cwd().rglob("*.rrd"))
