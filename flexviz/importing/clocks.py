@@ -59,7 +59,8 @@ def clock_of(log: Log, table: Table, asked: str | None, time: Time, file: Path, 
     if name is None and time.step is not None:
         return Clock("", table.name, np.arange(table.rows), time.step, time.shift.get(table.name, 0.0))
     if name is None:
-        likely = ", ".join(f'"{x}"' for x in likely_clocks(table)) or "none; or step = 0.001, seconds a row"
+        named = [name for name in log.unread if called_time(name)] or likely_clocks(table)
+        likely = ", ".join(f'"{x}"' for x in named) or "none; or step = 0.001, seconds a row"
         raise InputError(
             f"which column of {log.file.name} says when? likely: {likely}", file=file, place="time.column"
         )

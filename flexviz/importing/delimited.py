@@ -76,7 +76,8 @@ def read_delimited(path: Path, reading: Reading) -> Log:
     columns, units, unusable = columns_of(numbers, {})
     unusable |= {name: first_text(table[name], layout) for name in texts}
     unusable |= {n: "it is empty" for n in table.column_names if pa.types.is_null(table[n].type)}
-    return Log(path, "CSV", (Table("", columns, None, layout.units | units),), unusable)
+    unread = tuple(name for name in layout.names if not reading.wants(name))
+    return Log(path, "CSV", (Table("", columns, None, layout.units | units),), unusable, unread=unread)
 
 
 def usable(kind: pa.DataType) -> bool:

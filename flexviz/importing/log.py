@@ -52,6 +52,7 @@ class Log:
     kind: "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3".
     tables: what it holds; a column's name occurs once in all of them.
     unusable: name -> why it is not a signal (text, too short, …).
+    unread: names of columns that were not asked for.
     notes: what was noticed while reading, one sentence each.
     """
 
@@ -60,6 +61,7 @@ class Log:
     tables: tuple[Table, ...]
     unusable: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
 
     @property
     def columns(self) -> dict[str, Table]:
@@ -78,7 +80,7 @@ class Log:
                 place=place,
             )
         raise InputError(
-            f'"{column}" is not in {self.file.name}; {choose_from(column, columns, limit=40)}',
+            f'"{column}" is not in {self.file.name}; {choose_from(column, [*self.unread, *columns], limit=40)}',
             file=file or self.file,
             place=place,
         )

@@ -21,14 +21,15 @@ def read_parquet(path: Path, reading: Reading) -> Log:
     with translated(path):
         with papq.ParquetFile(path) as file:
             schema = file.schema_arrow
-        names = [field.name for field in schema if holds_numbers(field.type)]
-        names = [name for name in names if needed(name, reading)]
+        every = [field.name for field in schema if holds_numbers(field.type)]
+        names = [name for name in every if needed(name, reading)]
         table = papq.read_table(path, columns=names)
         columns, units, unusable = columns_of(table, {})
     unusable |= {f.name: f"it holds {f.type}" for f in schema if not holds_numbers(f.type)}
     if table.num_rows < SHORTEST:
         raise InputError(f"{table.num_rows} rows, at least {SHORTEST} would be right", file=path)
-    return Log(path, "Parquet", (Table("", columns, None, units),), unusable)
+    unread = tuple(name for name in every if name not in names)
+    return Log(path, "Parquet", (Table("", columns, None, units),), unusable, unread=unread)
 
 
 def needed(name: str, reading: Reading) -> bool:

@@ -1,0 +1,289 @@
+"""Every format gives back exactly what was recorded: times, angles and torques, in any names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pyarrow.parquet as papq
+import pytest
+from import_data import (
+    START,
+    lists,
+    message,
+    motor_messages,
+    truth,
+    write_lerobot,
+    write_mapping,
+    write_mcap,
+    write_robot,
+)
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+from scipy.io import savemat
+
+from flexviz.errors import InputError
+from flexviz.importing import import_logs
+from flexviz.importing.log import Reading
+from flexviz.importing.sources import find_sources, open_log
+from flexviz.measurements import read_set
+
+DATA = truth(rows=1000)
+
+
+@pytest.fixture(autouse=True)
+def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is tested here is reading; fitting the whole model each time would only take time."""
+    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+
+
+def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time, θ and τ of the first group of the set that an import writes."""
+    done = import_logs(mapping, mapping.parent / "set")
+    assert done.folder is not None, [str(s) for s in done.suspicions]
+    group = read_set(done.folder).groups[0]
+    assert len(group.segments) == 1
+    return group.time, group.segments[0].theta, group.segments[0].tau
+
+
+def check(mapping: Path, tolerance: float = 1e-12) -> None:
+    """An import gives the truth back."""
+    time, theta, tau = imported(mapping)
+    assert np.abs(time - DATA.time).max() < 1e-9
+    assert np.abs(theta - DATA.theta).max() < tolerance
+    assert np.abs(tau - DATA.tau).max() < 100 * tolerance
+
+
+def wide() -> dict[str, np.ndarray]:
+    """Columns as people call them, in degrees and mNm and with a time in ms."""
+    table: dict[str, np.ndarray] = {"Time [ms]": DATA.time * 1e3}
+    for j in range(2):
+        table |= {f"Pos {j + 1} [deg]": np.rad2deg(DATA.theta[:, j]), f"M {j + 1}": 1e3 * DATA.tau[:, j]}
+    return table
+
+
+def rows_of(table: dict[str, np.ndarray], separator: str, point: str = ".") -> list[str]:
+    return [
+        separator.join(repr(float(x)).replace(".", point) for x in row)
+        for row in zip(*table.values(), strict=True)
+    ]
+
+
+def comma(file: Path) -> None:
+    pacsv.write_csv(pa.table(wide()), file)
+
+
+def semicolon_with_decimal_comma_and_units(file: Path) -> None:
+    names = [name.split(" [")[0] for name in wide()]
+    lines = ["# recorded today", ";".join(names), "ms;deg;mNm;deg;mNm", *rows_of(wide(), ";", ",")]
+    file.write_text("\n".join(lines), encoding="cp1252")
+
+
+def tabs_with_hash_header(file: Path) -> None:
+    file.write_text("# " + "\t".join(wide()) + "\n" + "\n".join(rows_of(wide(), "\t")))
+
+
+def spaces_without_header(file: Path) -> None:
+    file.write_text("\n".join("   " + row for row in rows_of(wide(), "   ")) + "\n")
+
+
+def text_and_empty_columns_beside(file: Path) -> None:
+    header = ",".join(f'"{name}"' for name in [*wide(), "mode", "nothing"])
+    file.write_bytes(
+        ("\ufeff" + header + "\r\n" + "\r\n".join(f"{row},run," for row in rows_of(wide(), ","))).encode()
+    )
+
+
+@pytest.mark.parametrize(
+    "write, time, theta, tau",
+    [
+        (comma, "Time [ms]", "Pos # [deg]", "M #"),
+        (semicolon_with_decimal_comma_and_units, "Time", "Pos #", "M #"),
+        (tabs_with_hash_header, "Time [ms]", "Pos # [deg]", "M #"),
+        (spaces_without_header, "column1", "columnP#", "columnM#"),
+        (text_and_empty_columns_beside, "Time [ms]", "Pos # [deg]", "M #"),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_wide_csv(tmp_path: Path, write: Callable[[Path], None], time: str, theta: str, tau: str) -> None:
+    write_robot(tmp_path)
+    write(tmp_path / "run.csv")
+    mapping = write_mapping(
+        tmp_path,
+        ["run.csv"],
+        f'{{ from = "{theta}", unit = "deg" }}',
+        f'{{ from = "{tau}", unit = "mNm" }}',
+        time=f'column = "{time}"\nunit = "ms"',
+    )
+    if write is spaces_without_header:
+        names = {"columnP1": "column2", "columnM1": "column3", "columnP2": "column4", "columnM2": "column5"}
+        text = mapping.read_text()
+        for name, column in names.items():
+            text = text.replace(name, column)
+        mapping.write_text(text)
+    check(mapping, 1e-11)
+
+
+def test_csv_states_its_units_and_what_cannot_be_used(tmp_path: Path) -> None:
+    semicolon_with_decimal_comma_and_units(tmp_path / "a.csv")
+    log = open_log(tmp_path / "a.csv", Reading())
+    assert log.tables[0].units == {"Time": "ms", "Pos 1": "deg", "M 1": "mNm", "Pos 2": "deg", "M 2": "mNm"}
+    text_and_empty_columns_beside(tmp_path / "b.csv")
+    log = open_log(tmp_path / "b.csv", Reading())
+    assert log.unusable["mode"] == 'row 1 (line 2) holds "run", a number would be right'
+    assert "nothing" in log.unusable
+    lines = ["t,x,y"] + [f"{0.001 * i},{i},{i}" for i in range(100)]
+    lines[61] = "0.06,oops,60"
+    (tmp_path / "c.csv").write_text("\n".join(lines))
+    log = open_log(tmp_path / "c.csv", Reading())
+    assert log.unusable == {"x": 'row 61 (line 62) holds "oops", a number would be right'}
+    assert list(log.columns) == ["t", "y"]
+
+
+def test_iso_times_stay_exact(tmp_path: Path) -> None:
+    stamps = np.datetime64(START, "ns") + np.round(DATA.time * 1e9).astype("timedelta64[ns]")
+    table = {"stamp": pa.array(stamps), **{f"p{j + 1}": DATA.theta[:, j] for j in range(2)}}
+    table |= {f"t{j + 1}": DATA.tau[:, j] for j in range(2)}
+    write_robot(tmp_path)
+    for suffix, write in (("csv", pacsv.write_csv), ("parquet", papq.write_table)):
+        write(pa.table(table), tmp_path / f"run.{suffix}")
+        mapping = write_mapping(tmp_path, [f"run.{suffix}"], '"p#"', '"t#"', time='column = "stamp"')
+        check(mapping)
+        (tmp_path / "set").rename(tmp_path / f"set-{suffix}")
+
+
+def test_parquet_with_lists_and_a_step(tmp_path: Path) -> None:
+    fixed = pa.FixedSizeListArray.from_arrays(pa.array(DATA.tau.ravel()), 2)
+    table = pa.table({"q": lists(DATA.theta, pa.float64()), "tau": fixed, "name": ["x"] * len(DATA.time)})
+    papq.write_table(table, tmp_path / "run.parquet")
+    write_robot(tmp_path)
+    mapping = write_mapping(tmp_path, ["run.parquet"], '"q[#]"', '"tau[#]"', time="step = 0.002")
+    mapping.write_text(mapping.read_text().replace("[1]", "[0]").replace("[2]", "[1]"))
+    check(mapping)
+
+
+@pytest.mark.parametrize("layout", ["columns", "rows", "struct", "simulink"])
+def test_matlab(tmp_path: Path, layout: str) -> None:
+    time = DATA.time[:, None]
+    variables = {
+        "columns": {"t": time, "q": DATA.theta, "tau": DATA.tau, "note": "run 1", "K": 3.0},
+        "rows": {"t": time.T, "q": DATA.theta.T, "tau": DATA.tau.T},
+        "struct": {"log": {"t": time, "q": DATA.theta, "tau": DATA.tau, "other": {"x": np.arange(7.0)}}},
+        "simulink": {"out": {"time": time, "signals": [{"values": DATA.theta}, {"values": DATA.tau}]}},
+    }[layout]
+    theta, tau, when = {
+        "columns": ("q(:,#)", "tau(:,#)", "t"),
+        "rows": ("q(#,:)", "tau(#,:)", "t"),
+        "struct": ("log.q(:,#)", "log.tau(:,#)", "log.t"),
+        "simulink": ("out.signals(1).values(:,#)", "out.signals(2).values(:,#)", "out.time"),
+    }[layout]
+    savemat(tmp_path / "run.mat", variables, do_compression=True)
+    write_robot(tmp_path)
+    check(write_mapping(tmp_path, ["run.mat"], f'"{theta}"', f'"{tau}"', time=f'column = "{when}"'))
+
+
+def test_matlab_7_3_says_what_to_do(tmp_path: Path) -> None:
+    file = tmp_path / "run.mat"
+    file.write_bytes(
+        b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + b"\x89HDF\r\n\x1a\n" + bytes(600)
+    )
+    with pytest.raises(InputError, match=r"version 7\.3 is HDF5.*'-v7'.*parquetwrite"):
+        open_log(file, Reading())
+
+
+@pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
+@pytest.mark.parametrize(
+    "names", [["joint1.pos", "joint2.pos"], {"motors": ["joint1.pos", "joint2.pos"]}, None]
+)
+def test_lerobot(tmp_path: Path, version: str, names: object) -> None:
+    other = truth(seed=1, rows=400)
+    write_lerobot(tmp_path / "data", [other, DATA, other], version, names)
+    write_robot(tmp_path)
+    entry = "/joint#.pos" if names else "[#]"
+    mapping = write_mapping(
+        tmp_path,
+        ['file = "data"\nepisode = 1', 'file = "data"\nepisode = 2'],
+        f'"observation.state{entry}"',
+        f'"observation.effort{entry}"',
+    )
+    if not names:
+        mapping.write_text(mapping.read_text().replace("[1]", "[0]").replace("[2]", "[1]"))
+    check(mapping)
+    assert [source.episode for source in find_sources([tmp_path / "data"])] == [0, 1, 2]
+
+
+def bag2(path: Path, plugin: StoragePlugin) -> Path:
+    """A ROS 2 bag of the motor topic, by the writer of rosbags; sqlite3 without definitions is like Humble's."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = store.types["sensor_msgs/msg/JointState"]
+    with Writer2(path, version=8, storage_plugin=plugin) as writer:
+        topic = writer.add_connection("/motor_states", kind.__msgtype__, typestore=store)
+        for logged, _, content in motor_messages(DATA):
+            writer.write(topic, logged, store.serialize_cdr(state(store, content), kind.__msgtype__))
+    return path
+
+
+def state(store: object, content: dict, **header: object) -> object:
+    """A JointState of rosbags."""
+    types = store.types  # type: ignore[attr-defined]
+    stamp = types["builtin_interfaces/msg/Time"](**content["header"]["stamp"])
+    head = types["std_msgs/msg/Header"](stamp=stamp, frame_id="", **header)
+    arrays = {key: np.array(content[key]) for key in ("position", "velocity", "effort")}
+    return types["sensor_msgs/msg/JointState"](header=head, name=content["name"], **arrays)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "folder of mcap", "folder of db3", "db3", "ROS 1"])
+def test_bags(tmp_path: Path, kind: str) -> None:
+    write_robot(tmp_path)
+    name = "run.mcap"
+    if kind == "mcap":
+        write_mcap(tmp_path / name, motor_messages(DATA))
+    elif kind == "ROS 1":
+        name = "run.bag"
+        store = get_typestore(Stores.ROS1_NOETIC)
+        with Writer1(tmp_path / name) as writer:
+            topic = writer.add_connection("/motor_states", "sensor_msgs/msg/JointState", typestore=store)
+            for logged, _, content in motor_messages(DATA):
+                raw = store.serialize_ros1(state(store, content, seq=0), "sensor_msgs/msg/JointState")
+                writer.write(topic, logged, raw)
+    else:
+        bag2(tmp_path / "bag", StoragePlugin.SQLITE3 if "db3" in kind else StoragePlugin.MCAP)
+        name = "bag/bag.db3" if kind == "db3" else "bag"
+    theta, tau = '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'
+    check(write_mapping(tmp_path, [name], theta, tau))
+
+
+def test_two_drivers_on_one_topic(tmp_path: Path) -> None:
+    """An arm and a gripper that publish alternately, and joints whose order changes, are told apart."""
+    messages = []
+    for i, (logged, topic, content) in enumerate(motor_messages(DATA)):
+        ns = START + round(DATA.time[i] * 1e9)
+        messages.append((logged, topic, content))
+        messages.append((logged + 900_000, topic, message(ns + 900_000, ["finger"], [0.1])))
+        if i % 2:
+            for key in ("name", "position", "effort"):
+                content[key] = content[key][::-1]
+    write_mcap(tmp_path / "run.mcap", messages)
+    log = open_log(tmp_path / "run.mcap", Reading())
+    assert [table.rows for table in log.tables] == [1000, 1000]
+    assert "/motor_states/finger/effort" in log.unusable
+    write_robot(tmp_path)
+    check(
+        write_mapping(
+            tmp_path, ["run.mcap"], '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'
+        )
+    )
+
+
+def test_folder_of_logs(tmp_path: Path) -> None:
+    comma(tmp_path / "b.csv")
+    comma(tmp_path / "a.csv")
+    (tmp_path / "notes.md").write_text("no log")
+    assert [source.path.name for source in find_sources([tmp_path])] == ["a.csv", "b.csv"]
+    with pytest.raises(InputError, match="given twice"):
+        find_sources([tmp_path, tmp_path / "a.csv"])
