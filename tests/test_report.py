@@ -97,7 +97,7 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
         "A payload twice as heavy would tell the two apart.",
         "Coulomb friction at the link on joint2",
         "31 % ± 4 % of the residual of joint2 follows its velocity, most of it from 0.200 to 1.00 rad/s.",
-        "1987.3", "4.1", "not to be trusted", "part is observer error", "0.01 Nm",
+        "1987.3", "4.1", "not to be trusted", "part is observer error", "0.0158 Nm",
         "flexviz report", "sha256sum --check", "numpy", "held out",
     ):  # fmt: skip
         assert words in page.text, words

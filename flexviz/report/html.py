@@ -34,6 +34,7 @@ DARK = 0.9  # shade from which white ink is read better
 SHORT = 16  # rows of a table that a page break does not cut
 WORD = 18  # characters of a word that a column is at least made for
 GAP = 2  # characters of room beside it
+PAPER, PAPER_DENSE = 84, 104  # characters across A4, in normal and in small print
 
 
 def html(document: Document, footer: str) -> str:
@@ -104,19 +105,37 @@ def _inline(part: Inline) -> str:
 
 def _table(table: Table) -> str:
     numbers = set(table.numbers)
+    widths, dense = fitted(table)
     kinds = [' class="n"' if i in numbers else "" for i in range(len(table.head))]
     head = "".join(
-        f'<th scope="col"{kind} style="min-width:{_width(table, i)}ch">{escape(title)}</th>'
-        for i, (kind, title) in enumerate(zip(kinds, table.head, strict=True))
+        f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
+        for kind, width, title in zip(kinds, widths, table.head, strict=True)
     )
     rows = "".join(
         f"<tr>{''.join(_cell(cell, i in numbers) for i, cell in enumerate(row))}</tr>" for row in table.rows
     )
     caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-    classes = [*(["dense"] if table.dense else []), *(["short"] if len(table.rows) <= SHORT else [])]
+    classes = [*(["dense"] if dense else []), *(["short"] if len(table.rows) <= SHORT else [])]
     kind = f' class="{" ".join(classes)}"' if classes else ""
     body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
     return f'<div class="wide"><table{kind}>{caption}{body}</table></div>'
+
+
+def fitted(table: Table) -> tuple[list[int], bool]:
+    """Least width of each column [characters], so that words stay whole where paper has room for them.
+
+    A number is never broken; of texts the longest words give way first. The second value: in small print.
+    """
+    fixed = set(table.numbers)
+    widths = [_width(table, i, i in fixed) for i in range(len(table.head))]
+    dense = table.dense or sum(widths) > PAPER
+    room = PAPER_DENSE if dense else PAPER
+    while sum(widths) > room:
+        widest = max((i for i in range(len(widths)) if i not in fixed), key=lambda i: widths[i], default=None)
+        if widest is None or widths[widest] <= GAP + 1:
+            break
+        widths[widest] -= 1
+    return widths, dense
 
 
 def _cell(cell: Cell, number: bool) -> str:
@@ -137,7 +156,9 @@ def shaded(share: float) -> str:
     return css((red, green, blue))
 
 
-def _width(table: Table, column: int) -> int:
-    """Characters of the longest word in a column, within reason: so wide it must be."""
-    texts = [table.head[column], *(row[column].text for row in table.rows)]
-    return min(max((len(word) for text in texts for word in text.split()), default=1), WORD) + GAP
+def _width(table: Table, column: int, number: bool) -> int:
+    """Characters that a column needs: its longest word, or its longest number, within reason."""
+    words = table.head[column].split()
+    for row in table.rows:
+        words += [row[column].text] if number else row[column].text.split()
+    return min(max(map(len, words), default=1), WORD) + GAP

@@ -183,8 +183,8 @@ def ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Round values between 10^low and 10^high: 1, 2 and 5 of each decade, fewer where it spans many."""
-    digits = (1, 2, 5) if high - low < 2.5 else (1,)
+    """Round values between 10^low and 10^high: as many of each decade as there is room for."""
+    digits = (1, 2, 3, 4, 5, 6, 8) if high - low < 0.9 else (1, 2, 5) if high - low < 2.5 else (1,)
     every = max(1, math.ceil((high - low) / 7))
     out = []
     for power in range(math.floor(low), math.ceil(high) + 1):

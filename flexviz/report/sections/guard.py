@@ -7,6 +7,7 @@ import numpy as np
 from flexviz.diagnosis.guard import Guard, ParameterCurve
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
+from flexviz.report.sections.parameters import unit
 from flexviz.view.text import number, title
 
 MOST = 40  # parameters listed
@@ -65,11 +66,11 @@ def _parameters(found: Guard) -> Table:
         place = ", ".join(part for part in (p.joint, p.place) if part) or "–"
         rows.append(
             [
-                title(p.name),
+                p.name if p.joint is None and ":" in p.name else title(p.name),  # combinations as they are
                 place,
                 number(float(p.values[found.in_use])),
                 *_span(p),
-                p.unit,
+                unit(p.unit),
                 number(p.moved, 2),
                 Cell("trusted" if p.trusted else "not to be trusted", strong=not p.trusted),
             ]
