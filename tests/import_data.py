@@ -1,4 +1,4 @@
-"""Logs of known truth in every format that people have: the arm of `small_set`, recorded in their units and names."""
+"""Logs of known truth in the formats that people have: the arm of `small_set` in their units and names."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def message(
 
 
 def write_mcap(file: Path, messages: Sequence[tuple[int, str, dict[str, Any]]]) -> Path:
-    """An MCAP file of (time of recording [ns], topic, JointState), by the ROS 2 writer of the mcap project."""
+    """An MCAP file of (time of recording [ns], topic, JointState), by mcap's writer for ROS 2."""
     with file.open("wb") as stream:
         writer = Writer(stream)
         schema = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)

@@ -218,7 +218,7 @@ def test_lerobot(tmp_path: Path, version: str, names: object) -> None:
 
 
 def bag2(path: Path, plugin: StoragePlugin) -> Path:
-    """A ROS 2 bag of the motor topic, by the writer of rosbags; sqlite3 without definitions is like Humble's."""
+    """A ROS 2 bag of the motor topic, by the writer of rosbags."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = store.types["sensor_msgs/msg/JointState"]
     with Writer2(path, version=8, storage_plugin=plugin) as writer:

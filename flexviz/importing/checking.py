@@ -41,9 +41,11 @@ def check_groups(
     # where θ is wrong itself, its torque and the columns beside it say nothing
     found = [s for s in found if s.kind != "unexplained" or not far & set(s.joints)]
     known |= {(joint, "theta") for joint in far}
-    return found + [
-        s for s in compare(mapping, [t for _, t in tables]) if (s.joints[0], "theta") not in known
-    ]
+    for s in compare(mapping, [table for _, table in tables]):
+        about = "tau" if s.kind == "swapped" else "theta"
+        if (s.joints[0], "theta") not in known and (s.joints[0], about) not in known:
+            found.append(s)
+    return found
 
 
 def payload_bodies(mapping: Mapping, robot: Robot, file: Path) -> dict[str, tuple[PayloadBody, ...]]:

@@ -65,7 +65,10 @@ def compare_joint(
     deflection = theta - other
     size = float(np.sqrt((deflection @ deflection) * (tau @ tau)))
     if name == "q" and size > 0.0 and float(deflection @ tau) < SWAPPED * size:
-        message = "theta − q falls where tau rises, a spring does the opposite: are theta and q swapped?"
+        message = (
+            "theta − q falls where tau rises, a spring does the opposite: are theta and q swapped, or is the "
+            "sign of tau wrong?"
+        )
         found.append(Suspicion("swapped", "odd", (joint,), name, message))
     return found
 

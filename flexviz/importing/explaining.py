@@ -24,6 +24,7 @@ SLOPES = (0.4, 2.5)  # of τ against the CAD model, from masses that are known r
 MOST_MOTOR = 4.0  # motor inertia at the joint side, in units of the joint's largest M_jj(q) of the CAD model
 FASTEST, WIDEST = 40.0, 8 * np.pi  # [rad/s], [rad] where the robot description says nothing
 SMALL_LINK = 0.05  # share of the largest diagonal entry that every joint is granted: wrists have large motors
+SAME_MOTION = 0.95  # squared correlation of θ and q
 UNITS = np.geomspace(1e-4, 1e4, 49)  # of τ, in Nm, that are tried
 MOST_INSTANTS = 600  # of all groups together
 
@@ -53,6 +54,7 @@ class Judge:
     ----------
     span, speed: (n,) of each joint's θ [rad], [rad/s].
     width, fastest: (n,) what the joint can [rad], [rad/s].
+    q_ratio: (n,) how many times as far as q θ turns; 0 where q is not recorded or another motion.
     """
 
     def __init__(self, robot: Robot, groups: Sequence[tuple[tuple[PayloadBody, ...], GroupTable]]) -> None:
@@ -64,6 +66,7 @@ class Judge:
         self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)
         self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
         self.width, self.fastest = limits(robot)
+        self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
         self.torque = np.concatenate([motion.torque for _, motion in self.samples])
         self.inertia = largest_inertia(robot)
         self.usable = self._usable()
@@ -124,6 +127,17 @@ class Judge:
         n = self.robot.n
         ways = [self.explain_freely(np.ones(n), np.zeros(n), sign * np.ones(n)) for sign in (1.0, -1.0)]
         return sum(max(one.share, other.share) for one, other in zip(*ways, strict=True))
+
+
+def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
+    """How many times as far as q θ of joint j turns; 0 where q is not recorded or is another motion."""
+    pairs = [(table.theta[:, j], table.q[:, j]) for table in tables if table.q is not None]
+    pairs = [(theta - np.mean(theta), q - np.mean(q)) for theta, q in pairs if np.isfinite(q).all()]
+    both = sum(float(theta @ q) for theta, q in pairs)
+    powers = [sum(float(x @ x) for x in side) for side in zip(*pairs, strict=True)] if pairs else [0.0, 0.0]
+    if both == 0.0 or both**2 < SAME_MOTION * powers[0] * powers[1]:
+        return 0.0
+    return powers[0] / both
 
 
 def limits(robot: Robot) -> tuple[Array, Array]:

@@ -10,8 +10,9 @@ import numpy as np
 from flexviz.importing.explaining import SLOPES, Explained, Judge
 from flexviz.importing.mapping import Mapping, Torque
 from flexviz.importing.suspicion import Fix, Suspicion
+from flexviz.importing.theta_units import against_q, possible_ways
 from flexviz.importing.traces import size_of
-from flexviz.importing.units import ANGLE, CURRENT, TORQUE
+from flexviz.importing.units import CURRENT, TORQUE
 from flexviz.measurements.data import Array
 
 GOOD = 0.7  # explained share of every joint from which nothing is searched
@@ -19,9 +20,8 @@ GAIN = 0.4  # what a change must add to the sum of the joints' shares
 FREE_GAIN = 0.2  # the same where τ may have any scale, which hides much of a wrong sign
 BELIEVED = 0.5  # share that the changed joints must reach
 POOR = 0.2  # share below which a joint is called unexplained
+LOGGED_IN = ("Nm", "mNm", "Ncm")  # units that torques are really recorded in
 SCALE_GAIN = 0.2  # share that another scale of τ must add to be called a wrong unit
-SMALL = 0.2  # [rad] a larger motion is in no smaller unit than it is said to be
-ROOM = 1.3  # times the range and speed of the joint that may be used
 ROUNDS = 6  # changes that are looked for one after the other
 
 
@@ -38,17 +38,19 @@ class Assumed:
 
 def judge(mapping: Mapping, judged: Judge) -> list[Suspicion]:
     """Everything about units, signs and zero positions that the torques contradict."""
-    if not judged.usable:
-        return []
     n = judged.robot.n
-    now = Assumed(np.ones(n), np.zeros(n), np.ones(n))
-    start = now
+    by_q, factors = against_q(mapping, judged)
+    if not judged.usable:
+        return merged(by_q, mapping)
+    factor = np.array([factors.get(j, 1.0) for j in range(n)])
+    start = Assumed(factor, np.zeros(n), np.ones(n))
     found, now, shares = search(mapping, judged, start, free=False)
     if np.min(shares) < BELIEVED:  # τ may have another scale too: then it is its shape that tells
         others, then, shape = search(mapping, judged, start, free=True)
         if np.sum(shape) > np.sum(shares) + GAIN:
             found, now = others, then
             shares = shares_of(judged.explain(now.factor, now.zero, now.sign), free=False)
+    found += by_q
     found += judge_scale(mapping, judged, now, shares)
     known = {joint for suspicion in found for joint in suspicion.joints}
     poor = {j: s for j, s in zip(mapping.names, shares, strict=True) if s < POOR and j not in known}
@@ -107,7 +109,7 @@ def changes(mapping: Mapping, judged: Judge, now: Assumed, free: bool) -> list[A
     every = range(len(mapping.names))
     if len(mapping.names) > 1:
         result += turned(mapping, now, mapping.names)
-    units = {j: {} if free else units_of_theta(mapping, judged, now, j) for j in every}
+    units = {j: {} if free else possible_ways(mapping, judged, j, now.factor[j]) for j in every}
     for label in sorted({label for ways in units.values() for label in ways}):
         result.append(with_theta(now, {j: units[j][label] for j in every if label in units[j]}, label))
     for j, joint in enumerate(mapping.names):
@@ -139,34 +141,6 @@ def signs(fixes: Sequence[Fix]) -> str:
     """How a change of signs is said."""
     values = {fix.value for fix in fixes}
     return f"sign = {values.pop()}" if len(values) == 1 else "the other sign"
-
-
-def units_of_theta(mapping: Mapping, judged: Judge, now: Assumed, j: int) -> dict[str, tuple[float, Fix]]:
-    """Other units and the other side of the gear: how it is said -> (factor, fix).
-
-    Only those that bring a motion which is too large for the joint into its range, or a very small one up.
-    """
-    joint = mapping.names[j]
-    entry = mapping.joints[joint]
-    size = size_of(entry.theta.unit, ANGLE)
-    ways = {
-        f'unit = "{unit}"': (ANGLE[unit] / size, Fix(joint, "theta", "unit", unit))
-        for unit in ("rad", "deg", "rev")
-        if not np.isclose(ANGLE[unit], size)
-    }
-    if entry.gear != 1.0:
-        other = "joint" if entry.theta.side == "motor" else "motor"
-        factor = entry.gear if entry.theta.side == "motor" else 1.0 / entry.gear
-        ways[f'side = "{other}"'] = (factor, Fix(joint, "theta", "side", other))
-    span, speed = judged.span[j] * abs(now.factor[j]), judged.speed[j] * abs(now.factor[j])
-    too_large = span > judged.width[j] or speed > judged.fastest[j]
-    return {
-        said: way
-        for said, way in ways.items()
-        if (too_large if way[0] < 1.0 else span < SMALL)
-        and span * way[0] < ROOM * judged.width[j]
-        and speed * way[0] < ROOM * judged.fastest[j]
-    }
 
 
 def with_theta(now: Assumed, changed: dict[int, tuple[float, Fix]], reason: str) -> Assumed:
@@ -206,7 +180,7 @@ def judge_scale(mapping: Mapping, judged: Judge, now: Assumed, shares: Array) ->
             unknown[joint] = free.slope
             continue
         message = f"it is {free.slope:.3g} times what the robot's masses ask for: {known[0]}"
-        found.append(Suspicion("unit", "wrong", (joint,), "tau", message, (known[1],)))
+        found.append(Suspicion("unit", "wrong", (joint,), "tau", message, known[1]))
     large = {joint: slope for joint, slope in unknown.items() if slope > 1.0}
     small = {joint: slope for joint, slope in unknown.items() if slope <= 1.0}
     for slopes in (large, small):
@@ -229,46 +203,47 @@ def hint(mapping: Mapping, slopes: dict[str, float]) -> str:
     return f'a current (unit = "A", torque_constant), or before a gear (of about {about}; gear, side)'
 
 
-def other_torques(mapping: Mapping, joint: str, slope: float) -> tuple[str, Fix] | None:
-    """The unit or side of τ with which its slope is near 1."""
+def other_torques(mapping: Mapping, joint: str, slope: float) -> tuple[str, tuple[Fix, ...]] | None:
+    """The unit or side of τ, or both, with which its slope is near 1; as few changes as are needed."""
     entry = mapping.joints[joint]
     tau: Torque = entry.tau
-    constant = entry.torque_constant
-    size = size_of(tau.unit, TORQUE | CURRENT) * ((constant or 1.0) if tau.unit in CURRENT else 1.0)
-    ways = {
-        f'unit = "{u}"': (TORQUE[u] / size, Fix(joint, "tau", "unit", u)) for u in TORQUE if u != tau.unit
-    }
-    if constant is not None:
-        ways |= {
-            f'unit = "{u}"': (CURRENT[u] * constant / size, Fix(joint, "tau", "unit", u))
-            for u in CURRENT
-            if u != tau.unit
-        }
-    if entry.gear != 1.0:
-        other = "joint" if tau.side == "motor" else "motor"
-        factor = entry.gear if other == "motor" else 1.0 / entry.gear
-        ways[f'side = "{other}" (gear {entry.gear:g})'] = (factor, Fix(joint, "tau", "side", other))
-    right = {said: way for said, way in ways.items() if SLOPES[0] < slope * way[0] < SLOPES[1]}
+    currents = CURRENT if entry.torque_constant is not None else {}
+    units = {unit: TORQUE[unit] for unit in LOGGED_IN}
+    units |= {unit: size * (entry.torque_constant or 1.0) for unit, size in currents.items()}
+    now = size_of(tau.unit, TORQUE | CURRENT) * (entry.torque_constant or 1.0 if tau.unit in CURRENT else 1.0)
+    other = "joint" if tau.side == "motor" else "motor"
+    turn = entry.gear if other == "motor" else 1.0 / entry.gear
+    ways: dict[tuple[Fix, ...], float] = {}
+    for unit, size in ({tau.unit: now} | units).items():
+        change = () if unit == tau.unit else (Fix(joint, "tau", "unit", unit),)
+        ways[change] = size / now
+        if turn != 1.0:
+            ways[(*change, Fix(joint, "tau", "side", other))] = size / now * turn
+    right = {change: slope * by for change, by in ways.items() if SLOPES[0] < slope * by < SLOPES[1]}
     if not right:
         return None
-    said = min(right, key=lambda text: abs(np.log(slope * right[text][0])))
-    return f"with {said} it is {slope * right[said][0]:.2g} times", right[said][1]
+    change = min(right, key=lambda fixes: (len(fixes), abs(np.log(right[fixes]))))
+    said = ", ".join(f'{fix.key} = "{fix.value}"' for fix in change)
+    return f"with {said} it is {right[change]:.2g} times", change
 
 
 def merged(found: Sequence[Suspicion], mapping: Mapping) -> list[Suspicion]:
     """The same unit on several joints as one, and on all where most have it and the mapping says the same."""
     result = [s for s in found if s.kind != "unit" or not s.fixes]
-    alike: dict[tuple[str, str, str | float | int], list[Suspicion]] = {}
+    alike: dict[tuple[tuple[str, str, str | float | int], ...], list[Suspicion]] = {}
     for s in found:
         if s.kind == "unit" and s.fixes:
-            alike.setdefault((s.signal, s.fixes[0].key, s.fixes[0].value), []).append(s)
-    for (signal, key, value), same in alike.items():
+            change = tuple((f.signal, f.key, f.value) for f in s.fixes if f.joint == s.joints[0])
+            alike.setdefault(change, []).append(s)
+    for change, same in alike.items():
         joints = [joint for s in same for joint in s.joints]
-        if key == "unit" and 2 * len(joints) > len(mapping.names):
-            before = getattr(getattr(mapping.joints[joints[0]], signal), key)
-            joints += [j for j in mapping.names if getattr(getattr(mapping.joints[j], signal), key) == before]
+        signal = getattr(mapping.joints[joints[0]], change[0][0])
+        if 2 * len(joints) > len(mapping.names):
+            for joint in mapping.names:
+                other = getattr(mapping.joints[joint], change[0][0])
+                joints += [joint] if (other.unit, other.side) == (signal.unit, signal.side) else []
         ordered = tuple(joint for joint in mapping.names if joint in joints)
-        fixes = tuple(Fix(joint, signal, key, value) for joint in ordered)
+        fixes = tuple(Fix(joint, *one) for joint in ordered for one in change)
         result.append(replace(same[0], joints=ordered, fixes=fixes))
     return result
 

@@ -80,7 +80,8 @@ class Log:
                 place=place,
             )
         raise InputError(
-            f'"{column}" is not in {self.file.name}; {choose_from(column, [*self.unread, *columns], limit=40)}',
+            f'"{column}" is not in {self.file.name}; '
+            + choose_from(column, [*self.unread, *columns], limit=40),
             file=file or self.file,
             place=place,
         )

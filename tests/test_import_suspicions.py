@@ -1,0 +1,215 @@
+"""Each fault put into good data is named, with what undoes it; good data raise none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from import_data import JOINTS, truth, write_mapping, write_robot
+
+from flexviz.importing import import_logs
+from flexviz.importing.assembling import Assembled
+from flexviz.importing.checking import check_groups
+from flexviz.importing.delays import suspicious_delay, torque_delay
+from flexviz.importing.mapping import LogEntry, Mapping, parse
+from flexviz.importing.suspicion import Suspicion, fixed
+from flexviz.measurements import GroupTable, MeasurementSet, read_set
+from flexviz.resources import sessions_dir
+from flexviz.robot import Robot
+
+DEGREE = np.pi / 180
+
+
+@cache
+def arm() -> tuple[Robot, tuple[SimpleNamespace, ...]]:
+    """A planar arm that gravity loads, and two motions of it."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        robot = Robot.load(write_robot(Path(folder)), JOINTS)
+    return robot, (truth(0, 1500), truth(5, 1500))
+
+
+@cache
+def demo() -> MeasurementSet:
+    """The bundled set: a soft arm without gravity, rich motion, friction that the model does not know."""
+    return read_set(sessions_dir() / "planar-2r-demo")
+
+
+def mapping_of(joints: Any, **keys: Any) -> Mapping:
+    """A mapping of joints with all signals and these keys."""
+    entry = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", "q": f"q{joint}", **keys} for joint in joints}
+    return parse({"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": entry}, Path("m"))
+
+
+def assembled(table: GroupTable) -> Assembled:
+    entry = LogEntry.model_validate({"file": "a", "group": table.name, "payload": "none"})
+    return Assembled(entry, "CSV", table, {}, 0.0, ())
+
+
+def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> list[Assembled]:
+    """The arm's motions with θ, τ and q multiplied, and zero added to θ and q; one number or one a joint."""
+    return [
+        assembled(
+            GroupTable(f"g{i}", "t", "none", d.time, d.theta * theta + zero, d.tau * tau, d.q * q + zero)
+        )
+        for i, d in enumerate(arm()[1])
+    ]
+
+
+def found(groups: list[Assembled], **keys: Any) -> list[Suspicion]:
+    return check_groups(mapping_of(JOINTS, **keys), arm()[0], groups)
+
+
+def test_good_data_raise_none() -> None:
+    assert found(tables()) == []
+    measurements = demo()
+    groups = [assembled(replace(GroupTable.of(g), payload="none")) for g in measurements.groups]
+    assert check_groups(mapping_of(measurements.joints), measurements.robot, groups) == []
+
+
+one, other = np.array([-1.0, 1.0]), np.array([1.0, -1.0])
+FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], set[tuple[str, str, str, Any]]]] = {
+    # what is done to the data; what the mapping says; the fixes (joint, signal, key, value)
+    "theta in degrees": (
+        {"theta": 1 / DEGREE, "q": 1 / DEGREE},
+        {},
+        {(j, "theta", "unit", "deg") for j in JOINTS},
+    ),
+    "one theta in degrees": ({"theta": [1.0, 1 / DEGREE]}, {}, {("joint2", "theta", "unit", "deg")}),
+    "q in degrees": ({"q": 1 / DEGREE}, {}, {(j, "q", "unit", "deg") for j in JOINTS}),
+    "theta before the gear": (
+        {"theta": 100.0},
+        {"gear": 100.0},
+        {(j, "theta", "side", "motor") for j in JOINTS},
+    ),
+    "tau before the gear": ({"tau": 0.01}, {"gear": 100.0}, {(j, "tau", "side", "motor") for j in JOINTS}),
+    "tau in mNm": ({"tau": 1e3}, {}, {(j, "tau", "unit", "mNm") for j in JOINTS}),
+    "a current": ({"tau": 1 / 9.0}, {"torque_constant": 9.0}, {(j, "tau", "unit", "A") for j in JOINTS}),
+    "tau turned round": ({"tau": one}, {}, {("joint1", "tau", "sign", -1)}),
+    "all tau turned round": ({"tau": -1.0}, {}, {(j, "tau", "sign", -1) for j in JOINTS}),
+    "theta turned round": ({"theta": other, "q": other}, {}, {("joint2", "theta", "sign", -1)}),
+    "q turned round": ({"q": other}, {}, {("joint2", "q", "sign", -1)}),
+    "a joint turned round": (
+        {"theta": other, "tau": other, "q": other},
+        {},
+        {("joint2", "theta", "sign", -1), ("joint2", "tau", "sign", -1)},
+    ),
+    "another zero": ({"zero": [-np.pi / 2, 0.0]}, {}, {("joint1", "theta", "offset", 1.570796)}),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_is_named_and_undone(fault: str) -> None:
+    changes, keys, expected = FAULTS[fault]
+    changes = {name: np.array(value) if isinstance(value, list) else value for name, value in changes.items()}
+    suspicions = found(tables(**changes), **keys)
+    fixes = {(f.joint, f.signal, f.key, f.value) for s in suspicions for f in s.fixes}
+    assert fixes == expected, [str(s) for s in suspicions]
+    severity = "odd" if fault == "another zero" else "wrong"
+    assert {s.severity for s in suspicions} == {severity}
+    mapping = fixed(mapping_of(JOINTS, **keys), tuple(f for s in suspicions for f in s.fixes))
+    joint, signal, key, value = next(iter(expected))
+    assert getattr(getattr(mapping.joints[joint], signal), key) == value
+
+
+def test_current_without_a_constant_is_named_by_its_size() -> None:
+    (suspicion,) = found(tables(tau=1 / 9.0))
+    assert suspicion.severity == "wrong" and suspicion.joints == JOINTS and not suspicion.fixes
+    assert 'a current (unit = "A", torque_constant), or before a gear' in suspicion.message
+    (suspicion,) = found(tables(tau=1 / 900.0), gear=90.0)
+    numbers = suspicion.message.split("torque_constant about ")[1].split(" Nm/A")[0].split(", ")
+    assert [float(number) for number in numbers] == pytest.approx([10.0, 10.0], rel=0.3)
+
+
+def test_gear_that_nobody_named() -> None:
+    suspicions = found(tables(theta=100.0))
+    assert [(s.joints, s.signal, s.severity) for s in suspicions] == [
+        ((j,), "theta", "wrong") for j in JOINTS
+    ]
+    assert all("times as far as q: is that the motor's angle before a gear" in s.message for s in suspicions)
+    suspicions = found([replace(g, table=replace(g.table, q=None)) for g in tables(theta=300.0)])
+    assert [(s.joints, s.signal, s.severity) for s in suspicions] == [
+        ((j,), "theta", "wrong") for j in JOINTS
+    ]
+    assert all("degrees" in s.message and "before the gear" in s.message for s in suspicions)
+
+
+def test_q_of_another_joint_or_another_zero_or_swapped() -> None:
+    groups = tables()
+    crossed = [replace(g, table=replace(g.table, q=g.table.q[:, ::-1])) for g in groups]  # type: ignore[index]
+    assert {(s.kind, s.signal) for s in found(crossed)} == {("unexplained", "q")}
+    moved = [replace(g, table=replace(g.table, q=g.table.q + 0.5)) for g in groups]  # type: ignore[operator]
+    assert [(s.kind, s.severity, s.fixes[0].value) for s in found(moved)] == [
+        ("zero", "odd", pytest.approx(-0.5, abs=0.02))
+    ] * 2
+    swapped = [replace(g, table=replace(g.table, q=g.table.theta, theta=g.table.q)) for g in groups]  # type: ignore[arg-type]
+    assert {(s.kind, s.severity) for s in found(swapped)} == {("swapped", "odd")}
+
+
+def test_two_faults_at_once() -> None:
+    """A current of a motor before its gear, one joint turned round: every part of it is found."""
+    factors = np.array([1.0, -1.0])
+    groups = tables(theta=100.0 * factors, tau=factors / 100.0 / 0.1, q=1.0)
+    suspicions = found(groups, gear=100.0, torque_constant=0.1)
+    fixes = {(f.joint, f.signal, f.key) for s in suspicions if s.severity == "wrong" for f in s.fixes}
+    assert fixes == {
+        *((joint, "theta", "side") for joint in JOINTS),
+        *((joint, "tau", key) for joint in JOINTS for key in ("unit", "side")),
+        *(("joint2", signal, "sign") for signal in ("theta", "tau")),
+    }
+
+
+def test_robot_without_masses_says_nothing_of_torques() -> None:
+    import re
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = write_robot(Path(folder))
+        file.write_text(re.sub(r"<inertial>.*?</inertial>", "", file.read_text(), flags=re.DOTALL))
+        robot = Robot.load(file, JOINTS)
+    assert {s.kind for s in check_groups(mapping_of(JOINTS), robot, tables(tau=-1.0))} == {"swapped"}
+    far = check_groups(mapping_of(JOINTS), robot, tables(theta=1 / DEGREE, q=1 / DEGREE))
+    assert {s.signal for s in far} == {"theta"}
+
+
+def delayed(measurements: MeasurementSet, samples: int) -> MeasurementSet:
+    """The set with τ stamped so many samples too early, short enough to be quick."""
+
+    def shift(segment: Any) -> Any:
+        rows = slice(0, 6000)
+        ahead = slice(samples, samples + 6000)
+        return replace(segment, time=segment.time[rows], theta=segment.theta[rows], tau=segment.tau[ahead])
+
+    groups = [replace(g, segments=tuple(shift(s) for s in g.segments)) for g in measurements.fit_groups[:2]]
+    return replace(measurements, groups=tuple(groups))
+
+
+def test_delay_of_the_torque() -> None:
+    """Torque and acceleration that disagree by three samples are pointed out, to 0.05 ms."""
+    good = torque_delay(delayed(demo(), 0), lambda what: None, lambda: False)
+    assert good is not None and abs(good.seconds) < 5e-5 and suspicious_delay(good, demo()) == []
+    late = torque_delay(delayed(demo(), 3), lambda what: None, lambda: False)
+    assert late is not None and late.seconds == pytest.approx(0.003, abs=5e-5) and late.share > 0.99
+    (suspicion,) = suspicious_delay(late, demo())
+    assert suspicion.kind == "delay" and suspicion.severity == "odd"
+    assert (
+        "torque and acceleration disagree in time" in suspicion.message and "(3 samples)" in suspicion.message
+    )
+
+
+def test_wrong_is_not_written_unless_insisted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+    data = arm()[1][0]
+    write_robot(tmp_path)
+    columns = np.column_stack([data.time, data.theta, -data.tau])
+    np.savetxt(tmp_path / "run.csv", columns, delimiter=",", header="t,p1,p2,m1,m2")
+    mapping = write_mapping(tmp_path, ["run.csv"], '"p#"', '"m#"', time='column = "t"')
+    done = import_logs(mapping, tmp_path / "set")
+    assert done.folder is None and done.wrong and not (tmp_path / "set").exists()
+    assert import_logs(mapping, tmp_path / "set", accept=True).folder == tmp_path / "set"
