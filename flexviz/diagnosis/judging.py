@@ -69,11 +69,17 @@ def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
     if effect.effect == "torque_delay":
         return by_name["delay"] > SHARPEST * raw_step
     torque = fit.point.narrow.torque[0][:, effect.joint or 0]
-    if effect.effect == "backlash":
-        return min(float((torque > 0).mean()), float((torque < 0).mean())) > BOTH_WAYS
     if EFFECTS[effect.effect].scope == "episode":
         return by_name["torque"] > SMALLEST_EPISODE * float((torque**2).mean()) ** 0.5
     return effect.effect != "torque_gain" or by_name["gain_error"] < LARGEST_GAIN
+
+
+def only_an_offset(fit: Fit, effect: ChosenEffect) -> bool:
+    """Whether an effect is a gap in a joint that is always loaded the same way: it never crosses it."""
+    if effect.effect != "backlash":
+        return False
+    torque = fit.point.narrow.torque[0][:, effect.joint or 0]
+    return min(float((torque > 0).mean()), float((torque < 0).mean())) < BOTH_WAYS
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.judging import GAIN, WORTH, credible, excess, needed_gain, removed, structured
+from flexviz.diagnosis.judging import (
+    GAIN,
+    WORTH,
+    credible,
+    excess,
+    needed_gain,
+    only_an_offset,
+    removed,
+    structured,
+)
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.identification.interval import best_intervals
 from flexviz.identification.projection import Projection, Weigh
@@ -35,6 +44,7 @@ CLEAR = 0.3  # of it, what an effect has to remove that no score speaks for
 WORST = 2  # joints whose own laws are tried whatever their score
 SHORT, LONGER, FULL, LAST = 3, 6, 14, 20  # iterations of a refit
 MOST = 0.3  # of what the objective holds above the noise
+OFFSET = 50.0  # lead in the objective that a gap which is never crossed has to have
 NESTED = 12.0  # gain in the objective over the law that an effect refines
 RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
 
@@ -248,8 +258,12 @@ class Search:
         return self.finished(best) if gain >= needed_gain(best.effect, gained) and worth else None
 
     def simplest(self, possible: list[Tried]) -> Tried:
-        """The best one, or the simpler law that it refines, where that does as well."""
+        """The best one, or what does as well: the simpler law that it refines; anything beside a gap never
+        crossed."""
         best = possible[0]
+        if only_an_offset(best.fit, best.effect):
+            others = [t for t in possible[1:] if not only_an_offset(t.fit, t.effect)]
+            return others[0] if others and others[0].fit.objective < best.fit.objective + OFFSET else best
         simpler = EFFECTS[best.effect.effect].replaces
         for t in possible[1:]:
             if t.effect.effect == simpler and t.effect.joint == best.effect.joint:
