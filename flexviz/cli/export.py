@@ -60,12 +60,11 @@ def export(
     """
     from flexviz.cli import output
     from flexviz.cli.progress import note
-    from flexviz.exporting import check_formats, write
-    from flexviz.measurements.writing import make_way
+    from flexviz.exporting import check_folder, check_formats, write
 
     load_own(effects_from)
     formats = check_formats(to or [])
-    make_way(out.absolute(), overwrite=False)
+    check_folder(out)
     asked = Wanted(source, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     plain = Wanted(source, [], [], DEFAULT_OBSERVER, None, False)
     if result is not None and asked != plain:
@@ -113,23 +112,26 @@ def _from_session(source: Path, payload: str | None) -> Subject | None:
         return None
     opened = open_session(source)
     analysis = opened.session.analysis
-    if analysis.identification is None:
+    diagnosis = analysis.diagnosis
+    found = analysis.identification or diagnosis
+    if found is None:
         raise InputError(
             "the session has no result yet; run it there, or give the measurement set "
             f"{opened.measurements.path} to identify it now",
             file=source,
         )
+    current = analysis.up_to_date if found is analysis.identification else analysis.diagnosis_up_to_date
     remarks = []
     if opened.changed:
         remarks.append(f"Changed since these values were found: {', '.join(opened.changed)}.")
-    elif not analysis.up_to_date:
+    elif not current:
         remarks.append("The session's settings have been changed since these values were found.")
-    diagnosis = analysis.diagnosis if analysis.diagnosis_up_to_date else None
+    fits = found is not diagnosis and analysis.diagnosis_up_to_date
     return subject_of(
         opened.measurements,
-        analysis.identification,
+        found,
         payload=payload,
-        diagnosis=diagnosis,
+        diagnosis=diagnosis if fits else None,
         file=source,
         remarks=remarks,
     )
@@ -137,12 +139,15 @@ def _from_session(source: Path, payload: str | None) -> Subject | None:
 
 def _identified(wanted: Wanted, payload: str | None) -> Subject:
     from flexviz.cli.progress import Reporter, interruptible
-    from flexviz.exporting import subject_of
+    from flexviz.exporting import check_payload, subject_of
+    from flexviz.measurements import read_set
 
     with (
         Reporter(f"reading {wanted.path}") as report,
         interruptible("nothing is written") as should_stop,
     ):
+        if payload is not None:  # better said before the work
+            check_payload(read_set(wanted.path), payload)
         measurements, found = run_identification(wanted, report, should_stop)
         if found.stopped:
             raise Cancelled("stopped by the user; nothing was written")
