@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from flexviz.diagnosis.result import Absorbed
 
 
+GuardOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--guard/--no-guard",
+        help="Also look at what moves with the observer's bandwidth (without either: only where the "
+        "model does not reach the measurement noise).",
+    ),
+]
+
+
 def diagnose(
     measurement_set: SetArgument,
     apply: Annotated[
@@ -23,14 +33,7 @@ def diagnose(
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
     ] = None,
-    guard: Annotated[
-        bool | None,
-        typer.Option(
-            "--guard/--no-guard",
-            help="Also look at what moves with the observer's bandwidth (without either: only where the "
-            "model does not reach the measurement noise).",
-        ),
-    ] = None,
+    guard: GuardOption = None,
     effects_from: EffectsFromOption = None,
 ) -> int:
     """Say whether the model is complete, and if not, which effect is missing and where."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flexviz.cli.diagnose import GuardOption
 from flexviz.cli.own import EffectsFromOption, load_own
 from flexviz.errors import InputError, choose_from
 
@@ -25,14 +26,7 @@ SourceArgument = Annotated[
 def report(
     source: SourceArgument,
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .html, .md or .json.")],
-    guard: Annotated[
-        bool | None,
-        typer.Option(
-            "--guard/--no-guard",
-            help="Also look at what moves with the observer's bandwidth (without either: only where the "
-            "model does not reach the measurement noise).",
-        ),
-    ] = None,
+    guard: GuardOption = None,
     keep: Annotated[
         Path | None,
         typer.Option("--session", metavar="DIR", help="Also keep the results as a session in a new folder."),
