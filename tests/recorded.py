@@ -44,18 +44,14 @@ class Read:
         return str(self.component(entity, "TextDocument:text")[-1])
 
 
-def newest_blueprint(file: Path) -> dict[str, list[Any]]:
-    """Component -> all its values in the blueprint that was sent last."""
+def blueprint_of(file: Path) -> dict[str, list[Any]]:
+    """Component -> all its values in the only blueprint."""
     reader = RrdReader(str(file))
-    found: list[tuple[bytes, dict[str, list[Any]]]] = []
-    for store in reader.blueprints():
-        values: dict[str, list[Any]] = {}
-        last = b""
-        for chunk in reader.stream(store=store):
-            batch = chunk.to_record_batch()
-            last = max(last, *batch.column("rerun.controls.RowId").to_pylist())
-            for name, column in zip(batch.schema.names, batch.columns, strict=True):
-                if not pa.types.is_timestamp(column.type):
-                    values.setdefault(name, []).extend(column.to_pylist())
-        found.append((last, values))
-    return max(found, key=lambda entry: entry[0])[1]
+    (store,) = reader.blueprints()
+    values: dict[str, list[Any]] = {}
+    for chunk in reader.stream(store=store):
+        batch = chunk.to_record_batch()
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            if not pa.types.is_timestamp(column.type):
+                values.setdefault(name, []).extend(column.to_pylist())
+    return values

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from recorded import Read, newest_blueprint
-from small_set import write_small_set
 
 from flexviz._pinocchio import pin
-from flexviz.errors import ConvergenceError, InputError
+from flexviz.errors import ConvergenceError
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, read_set, write_set
 from flexviz.observers import make_observer
-from flexviz.recording import check_recording, record_set
+from flexviz.recording import record_set
 from flexviz.recording.columns import broken_at_gaps, stride_for
 from flexviz.recording.paths import path
 from flexviz.recording.scene import normals, quaternions
@@ -27,14 +22,17 @@ from flexviz.recording.texts import escaped
 from flexviz.resources import sessions_dir
 from flexviz.simulation import replay
 from flexviz.view.motion import measured_motion, with_replay
+from tests.recorded import Read, blueprint_of
+from tests.small_set import write_small_set
 
-FIRST = "t1p1"
+FIRST, HELD_OUT = "t1p1", "t4p2"
 pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")  # it replaces exceptions
 
 
 @pytest.fixture(scope="module")
 def demo() -> Any:
-    return read_set(sessions_dir() / "planar-2r-demo")
+    whole = read_set(sessions_dir() / "planar-2r-demo")
+    return replace(whole, groups=(whole.group(FIRST), whole.group(HELD_OUT)))
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +146,9 @@ def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
         stride = stride_for(len(run.time), 10_000)
         np.testing.assert_array_equal(values, run.theta[::stride, j])
         assert len(instants) == len(values)
-    heavier = [entity for entity in content.batches if "/t2p2/" in entity and entity.endswith("payload\\ 1")]
+    heavier = [
+        entity for entity in content.batches if f"/{HELD_OUT}/" in entity and entity.endswith("payload\\ 1")
+    ]
     assert len(heavier) == 2
 
 
@@ -164,95 +164,22 @@ def test_simulated_data_are_called_simulated(content: Read) -> None:
 def test_words(demo: Any, result: Any, content: Read) -> None:
     summary = content.text("/results/1/about")
     assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
-    assert "validation, never fitted" in content.text(path("groups", "t4p2", "about"))
+    assert "validation, never fitted" in content.text(path("groups", HELD_OUT, "about"))
     assert "closed loop" in content.text(path("groups", FIRST, "about")) or demo.kp is None
     assert escaped("a_b|c*") == "a\\_b\\|c\\*"
 
 
 def test_blueprint(recorded: Any) -> None:
-    values = newest_blueprint(recorded.file)
+    values = blueprint_of(recorded.file)
     assert ["time"] in values["TimePanelBlueprint:timeline"]
     assert ["iteration"] in values["DataframeQuery:timeline"]
     views = [entry[0] for entry in values["ViewBlueprint:class_identifier"] if entry]
     assert (
-        views.count("3D") == 4 and "TimeSeries" in views and "Dataframe" in views and "TextDocument" in views
+        views.count("3D") == 2 and "TimeSeries" in views and "Dataframe" in views and "TextDocument" in views
     )
     names = " ".join(entry[0] for entry in values["ViewBlueprint:display_name"] if entry)
     for words in ("3D t1p1", "d⁴θ/dt⁴", "Residual [Nm]", "Cost", "Step", "Parameters", "About"):
         assert words in names
-
-
-# -- files -------------------------------------------------------------------------------------------
-
-
-def test_checksum_and_damage(recorded: Any, tmp_path: Path) -> None:
-    assert check_recording(recorded.file).sha256 == recorded.sha256
-    beside = recorded.file.with_name("demo.rrd.sha256")
-    assert beside.read_text() == f"{recorded.sha256}  demo.rrd\n"
-    raw = bytearray(recorded.file.read_bytes())
-    raw[len(raw) // 2] ^= 1
-    damaged = tmp_path / "demo.rrd"
-    damaged.write_bytes(raw)
-    (tmp_path / "demo.rrd.sha256").write_text(beside.read_text())
-    for name, data, words in (
-        ("demo.rrd", bytes(raw), "damaged"),
-        ("empty.rrd", b"", "Rerun recording"),
-        ("garbage.rrd", b"garbage" * 99, "Rerun recording"),
-        ("cut.rrd", bytes(raw[:20]), "Rerun recording"),
-    ):
-        (tmp_path / name).write_bytes(data)
-        with pytest.raises(InputError, match=words) as caught:
-            check_recording(tmp_path / name)
-        assert name in str(caught.value) and "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="cannot be read"):
-        check_recording(tmp_path / "nothing.rrd")
-
-
-def test_stopping_keeps_what_was_recorded(demo: Any, result: Any, tmp_path: Path) -> None:
-    for file, place in (("x.rrd", "x.rrd"), ("old.rrd", "old.unfinished.rrd")):
-        (tmp_path / "old.rrd").write_text("what was there")
-        asked = iter(range(1000))
-        written = record_set(demo, result, tmp_path / file, should_stop=lambda asked=asked: next(asked) > 6)
-        assert not written.complete and written.file == tmp_path / place
-        content = Read(written.file)
-        assert path("groups", FIRST, "measured", "theta", "joint1") in content.batches
-        assert not any("simulated" in entity for entity in content.batches)
-    assert (tmp_path / "old.rrd").read_text() == "what was there"
-
-
-def test_a_failure_leaves_what_was_there(demo: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(*arguments: Any) -> None:
-        raise ConvergenceError("no shape")
-
-    monkeypatch.setattr("flexviz.recording.recorder.robot_shape", fails)
-    (tmp_path / "old.rrd").write_text("what was there")
-    for file in ("old.rrd", "new.rrd"):
-        with pytest.raises(ConvergenceError):
-            record_set(demo, None, tmp_path / file)
-    assert [entry.name for entry in tmp_path.iterdir()] == ["old.rrd"]
-    assert (tmp_path / "old.rrd").read_text() == "what was there"
-
-
-@pytest.mark.parametrize("out", ["", "nowhere/x.rrd"])
-def test_impossible_targets(demo: Any, tmp_path: Path, out: str) -> None:
-    with pytest.raises(InputError, match=r"would be right|does not exist"):
-        record_set(demo, None, tmp_path / out)
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_terminated_program_keeps_what_was_recorded(tmp_path: Path, number: int) -> None:
-    command = [sys.executable, "-m", "flexviz", "record", str(sessions_dir() / "planar-2r-demo"), "--out"]
-    process = subprocess.Popen([*command, str(tmp_path / "x.rrd")], stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
-    for line in process.stderr:
-        if "simulating" in line:
-            break
-    process.send_signal(number)
-    process.communicate(timeout=60)
-    assert process.returncode == (130 if number == signal.SIGINT else 128 + signal.SIGTERM)
-    content = Read(tmp_path / "x.rrd")
-    assert "converged" in content.text("/results/1/about").lower()
-    assert check_recording(tmp_path / "x.rrd").sha256 in (tmp_path / "x.rrd.sha256").read_text()
 
 
 # -- other sets --------------------------------------------------------------------------------------

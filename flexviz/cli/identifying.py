@@ -58,24 +58,45 @@ def run_identification(
     wanted: Wanted, report: Reporter, should_stop: Callable[[], bool]
 ) -> tuple[MeasurementSet, Identification]:
     """Read the set, check what was asked for against it, identify."""
-    from flexviz.identification import identify
+    measurements = read_wanted(wanted)
+    return measurements, identify_wanted(measurements, wanted, report, should_stop)
+
+
+def read_wanted(wanted: Wanted) -> MeasurementSet:
+    """Read the set and check what was asked for against it."""
     from flexviz.measurements import read_set
     from flexviz.observers import make_observer
 
     make_observer(wanted.observer, wanted.bandwidth)  # a wrong name is better said before a long file is read
     measurements = read_set(wanted.path)
     check_choices(measurements, wanted)
-    result = identify(
+    return measurements
+
+
+def identify_wanted(
+    measurements: MeasurementSet,
+    wanted: Wanted,
+    report: Reporter,
+    should_stop: Callable[[], bool],
+    also: Callable[[Iteration], None] = lambda iteration: None,
+) -> Identification:
+    """Identify as it was asked for; `also` is told every iteration too."""
+    from flexviz.identification import identify
+
+    def progress(iteration: Iteration) -> None:
+        report(*describe(iteration))
+        also(iteration)
+
+    return identify(
         measurements,
         groups=wanted.groups or None,
         effects=wanted.effects,
         observer=wanted.observer,
         bandwidth=wanted.bandwidth,
         refine=wanted.refine,
-        progress=lambda iteration: report(*describe(iteration)),
+        progress=progress,
         should_stop=should_stop,
     )
-    return measurements, result
 
 
 def check_choices(measurements: MeasurementSet, wanted: Wanted) -> None:

@@ -1,9 +1,11 @@
-"""`flexviz record SET --out FILE.rrd`: everything about one identification as a Rerun recording."""
+"""`flexviz record SET --out FILE.rrd`: everything about one analysis as a Rerun recording."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,10 +18,21 @@ from flexviz.cli.identifying import (
     SetArgument,
     Wanted,
     exit_code,
+    identify_wanted,
     parse_bandwidth,
-    run_identification,
+    read_wanted,
 )
 from flexviz.cli.own import EffectsFromOption, load_own
+from flexviz.errors import Cancelled
+
+if TYPE_CHECKING:
+    from flexviz.cli.progress import Reporter
+    from flexviz.diagnosis import Diagnosis
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+    from flexviz.recording import RecordingFile
+
+Stop = Callable[[], bool]
 
 
 def record(
@@ -30,31 +43,110 @@ def record(
     observer: ObserverOption = "butterworth-zero-phase",
     bandwidth: BandwidthOption = None,
     refine: RefineOption = False,
+    diagnose: Annotated[
+        bool,
+        typer.Option(
+            "--diagnose",
+            help="Also look for what is missing, add it effect by effect, and record every step.",
+        ),
+    ] = False,
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """Identify, and record signals, observer states, residuals, iterations and both robots."""
+    """Identify, and record signals, observer states, residuals, iterations and both robots as it goes on."""
     from flexviz.cli import output, tables
     from flexviz.cli.progress import Reporter, interruptible
+    from flexviz.recording import RecordingFile, ending_tidily
 
     load_own(effects_from)
     output.check_output_file(out)
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
-    with (
-        Reporter(f"reading {measurement_set}") as report,
-        interruptible("the recording is kept") as should_stop,
-    ):
-        measurements, result = run_identification(wanted, report, should_stop)
-        from flexviz.recording import record_set
+    results: list[Identification] = []
+    with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
+        measurements = read_wanted(wanted)
 
-        written = record_set(
-            measurements,
-            result,
-            out,
-            progress=lambda what, share: report(what, fraction=share),
-            should_stop=should_stop,
-        )
+        def progress(what: str, share: float) -> None:
+            report(what, fraction=share)
+
+        file = RecordingFile(measurements, out, progress=progress, should_stop=stop)
+        with file, ending_tidily():
+            record_all(file, wanted, diagnose, report, stop, results)
+    written = file.written
+    assert written is not None
     console = output.results()
-    for line in tables.summary(result):
-        console.print(line, soft_wrap=True)
-    console.print(f"{written.file}: {written.bytes / 1e6:.1f} MB, {written.chunks} chunks", soft_wrap=True)
-    return exit_code(result) if written.complete else 130
+    if results:
+        for line in tables.summary(results[-1]):
+            console.print(line, soft_wrap=True)
+    state = "" if written.complete else ", stopped before everything was recorded"
+    size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"
+    console.print(f"{written.file}: {size}{state}", soft_wrap=True)
+    return exit_code(results[-1]) if written.complete else 130
+
+
+def record_all(
+    file: RecordingFile,
+    wanted: Wanted,
+    diagnose: bool,
+    report: Reporter,
+    stop: Stop,
+    results: list[Identification],
+) -> None:
+    """Record a set, its identification and, with `diagnose`, the way to the model that lacks nothing."""
+    from flexviz.observers import make_observer
+
+    measurements = file.measurements
+    file.recorder.begin(file.part(0.0, 0.1))
+    file.recorder.observe(make_observer(wanted.observer, wanted.bandwidth), file.part(0.1, 0.25))
+
+    def solve(effects: list[str], label: str) -> None:
+        file.started(label)
+        asked = replace(wanted, effects=effects)
+        result = identify_wanted(measurements, asked, report, stop, file.iteration)
+        file.recorder.result(result)
+        results.append(result)
+        if result.stopped:
+            raise Cancelled("stopped by the user")
+        file.step(f"{label}: where it fails", 0.3)
+        file.recorder.maps(maps(measurements, effects, result))
+
+    effects = wanted.effects
+    solve(effects, f"with {', '.join(effects)}" if effects else "as it is")
+    if diagnose:
+        found = search(measurements, effects, report, stop)
+        file.recorder.diagnosis(found)
+        if found.stopped:
+            raise Cancelled("stopped by the user")
+        for step in found.steps:
+            if step.added is not None:
+                effects = [*effects, step.added.text]
+                solve(effects, f"+ {step.added.text}")
+    file.simulate(results[-1], file.part(0.5, 1.0))
+    file.step("writing", 1.0)
+
+
+def search(measurements: MeasurementSet, effects: list[str], report: Reporter, stop: Stop) -> Diagnosis:
+    """Look for what is missing beside these effects, and add it."""
+    from flexviz.diagnosis import diagnose
+
+    return diagnose(
+        replace(measurements, effects=(*measurements.effects, *effects)),
+        apply=True,
+        progress=lambda p: report(p.text, fraction=p.share),
+        should_stop=stop,
+    )
+
+
+def maps(measurements: MeasurementSet, effects: list[str], result: Identification):
+    """Where an identified model's residual lives, as the diagnosis sees it."""
+    from flexviz.diagnosis.fitting import Workbench
+    from flexviz.diagnosis.where import where_it_fails
+    from flexviz.effects import choose_effects
+    from flexviz.equation import Layout
+    from flexviz.identification.identify import carried
+
+    groups = [group.name for group in measurements.groups]
+    names = (*measurements.effects, *effects)
+    layout = Layout(
+        measurements.joints, choose_effects(names, measurements.joints, carried(measurements), groups)
+    )
+    bench = Workbench(measurements, layout)
+    return where_it_fails(bench, bench.fit(layout, layout.vector(result.model), iterations=0))[1]

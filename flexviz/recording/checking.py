@@ -1,17 +1,19 @@
-"""Whether a recording is whole: its own SHA-256 beside it, and its chunks read back."""
+"""Whether a recording is whole: its footer, its chunks read back and counted, its own SHA-256 beside it."""
 
 from __future__ import annotations
 
-import hashlib
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from rerun.chunk import RrdReader
 
 from flexviz.errors import InputError
+from flexviz.files import sha256_of
 
-BLOCK = 1 << 20  # [bytes]
+CUT = ("no footer", "exceeds file size")  # what the reader says of a file that ends too early
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,7 @@ class Checked:
     chunks, rows: how many.
     entities: their paths.
     sha256: of the file.
+    confirmed: whether a SHA-256 lies beside it (and is the same).
     """
 
     file: Path
@@ -31,6 +34,11 @@ class Checked:
     rows: int
     entities: tuple[str, ...]
     sha256: str
+    confirmed: bool = False
+
+
+class TruncatedRecording(InputError):
+    """A recording that was not ended: the program that wrote it was killed, or the file was cut."""
 
 
 def sidecar(file: Path) -> Path:
@@ -38,41 +46,63 @@ def sidecar(file: Path) -> Path:
     return file.with_name(file.name + ".sha256")
 
 
-def sha256_of(file: Path) -> str:
-    """The file's SHA-256."""
-    digest = hashlib.sha256()
-    with file.open("rb") as stream:
-        while block := stream.read(BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
-
-
 def check_recording(path: str | Path) -> Checked:
-    """Read a recording back; InputError when it is damaged, empty, or not one.
+    """Read a recording back.
 
-    The viewer's own check passes empty files and garbage, so every chunk is decoded here, and the SHA-256 is
-    compared where it lies beside the file.
+    The viewer's own check passes empty files and garbage, so every chunk is decoded here and counted against
+    the footer, and the SHA-256 is compared where it lies beside the file.
+
+    Raises
+    ------
+    TruncatedRecording: it ends too early; `repair_recording` saves what is there.
+    InputError: it is damaged, empty, or no recording.
     """
     file = Path(path)
     try:
         found = sha256_of(file)
-        expected = sidecar(file).read_text().split()[0] if sidecar(file).is_file() else found
+        beside = sidecar(file).is_file()
+        expected = sidecar(file).read_text().split()[0] if beside else found
     except (OSError, IndexError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "its .sha256 file cannot be read"
         raise InputError(f"cannot be read ({reason})", file=file) from None
+    with _read_errors(file):
+        chunks, rows, entities = _content(file)
+        promised = _promised(file)
     if found != expected:
         raise InputError("is damaged: its SHA-256 is not the one written beside it", file=file)
-    chunks = rows = 0
-    entities: dict[str, None] = {}
+    if chunks == 0:
+        raise InputError("is empty: a Rerun recording with data would be right", file=file)
+    if chunks != promised:
+        raise InputError(f"is damaged: its footer lists {promised} chunks, {chunks} are there", file=file)
+    return Checked(file, chunks, rows, entities, found, beside)
+
+
+@contextmanager
+def _read_errors(file: Path) -> Iterator[None]:
+    """Whatever a damaged file makes the reader raise, or warn of, as one InputError."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a file without its end is only a warning for the reader
-            for chunk in RrdReader(str(file)).stream():
-                rows += chunk.to_record_batch().num_rows
-                chunks += 1
-                entities[chunk.entity_path] = None
-    except Exception as error:  # whatever a damaged file makes the decoder raise
-        raise InputError(f"is not a readable Rerun recording ({error})", file=file) from None
-    if chunks == 0:
-        raise InputError("is empty: a Rerun recording with data would be right", file=file)
-    return Checked(file, chunks, rows, tuple(entities), found)
+            yield
+    except Exception as error:
+        text = " ".join(str(error).split())
+        if any(words in text for words in CUT):
+            raise TruncatedRecording(
+                "was not ended: the program that wrote it was killed, or the file was cut", file=file
+            ) from None
+        raise InputError(f"is not a readable Rerun recording ({text})", file=file) from None
+
+
+def _content(file: Path) -> tuple[int, int, tuple[str, ...]]:
+    chunks = rows = 0
+    entities: dict[str, None] = {}
+    for chunk in RrdReader(str(file)).stream():
+        rows += chunk.to_record_batch().num_rows
+        chunks += 1
+        entities[chunk.entity_path] = None
+    return chunks, rows, tuple(entities)
+
+
+def _promised(file: Path) -> int:
+    """How many chunks the footer lists."""
+    return len(RrdReader(str(file)).store().summary().splitlines())

@@ -76,10 +76,11 @@ def send_line(
     values: Array,
     name: str = "",
     colour: str = "",
+    width: float = 1.5,
 ) -> None:
-    """One line of a plot: its name and colour if it has its own, and all its values (N,)."""
+    """One line of a plot: its name, colour and width if it has its own, and all its values (N,)."""
     if name:
-        style = rr.SeriesLines(names=name, colors=rgb(colour), widths=1.5)
+        style = rr.SeriesLines(names=name, colors=rgb(colour), widths=width)
         recording.log(entity, style, static=True)
     recording.send_columns(entity, indexes, rr.Scalars.columns(scalars=np.ascontiguousarray(values)))
 

@@ -7,13 +7,16 @@ the table of iterations has its own timeline, drawings and texts need none.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.components import AbsoluteTimeRange
 
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.recording.drawings import EVIDENCE
 from flexviz.recording.paths import (
     ABOUT,
     DISTURBANCE,
@@ -26,13 +29,19 @@ from flexviz.recording.paths import (
     diagnosis_path,
     group_path,
     observer_path,
+    path,
     result_path,
 )
 from flexviz.recording.scene import Stage
 from flexviz.recording.texts import group_title
+from flexviz.view.colours import REFERENCE, rgb
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
+
+
+RESULTS = 6  # whose words have a tab
+SECOND = 1_000_000_000  # [ns]
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,8 @@ class Shown:
     result: number of the newest result, on its way or done, or None.
     label: what its model is, in a few words.
     residuals: the groups whose residual it has.
+    first: the joints whose residual the first result has.
+    mapped: whether it has maps of where it fails.
     diagnosis: the newest diagnosis, or None.
     diagnoses: its number.
     """
@@ -53,6 +64,8 @@ class Shown:
     result: int | None = None
     label: str = ""
     residuals: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
+    mapped: bool = False
     diagnosis: Diagnosis | None = None
     diagnoses: int = 0
 
@@ -70,10 +83,10 @@ def blueprint(measurements: MeasurementSet, stage: Stage, shown: Shown) -> rrb.B
     if shown.observer is not None:
         rows.append(rrb.Tabs(*(states(group, shown.observer) for group in groups), name="States"))
     if shown.residuals or shown.diagnosis is not None:
-        rows.append(where_it_fails(groups, shown))
+        rows.append(where_it_fails(measurements, shown))
     if shown.result is not None:
         rows.append(convergence(shown.result))
-    shares = [2.2 if row.name == "States" else 1.0 for row in rows]
+    shares = [2.0 if row.name == "States" else 1.0 for row in rows]
     if not rows:
         rows.append(rrb.Tabs(*(measured(group) for group in groups), name="Measured"))
         shares = [1.0]
@@ -81,9 +94,22 @@ def blueprint(measurements: MeasurementSet, stage: Stage, shown: Shown) -> rrb.B
         rrb.Horizontal(left, rrb.Vertical(*rows, row_shares=shares), column_shares=[2, 3]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIME, play_state="playing", loop_mode="all"),
+        time_panel(groups),
         auto_layout=False,
         auto_views=False,
+    )
+
+
+def time_panel(groups: Sequence[Group]) -> rrb.TimePanel:
+    """Plays the groups' own time again and again; a long solve does not lengthen it."""
+    ends = [(group.segments[0].time[0], group.segments[-1].time[-1]) for group in groups if group.segments]
+    first, last = (pick(end) for pick, end in zip((min, max), zip(*ends, strict=True), strict=True))
+    return rrb.TimePanel(
+        state="collapsed",
+        timeline=TIME,
+        play_state="playing",
+        loop_mode="selection",
+        time_selection=AbsoluteTimeRange(round(first * SECOND), round(last * SECOND)),
     )
 
 
@@ -102,14 +128,13 @@ def words(groups: Sequence[Group], shown: Shown) -> rrb.Container:
     views: list[rrb.View] = [rrb.TextDocumentView(origin=ABOUT, name="About")]
     if shown.diagnosis is not None:
         views.append(rrb.TextDocumentView(origin=diagnosis_path(shown.diagnoses, "verdict"), name="Verdict"))
-    if shown.result is not None:
-        name = f"Result {shown.result}"
-        views.append(rrb.TextDocumentView(origin=result_path(shown.result, "about"), name=name))
+    for number in range(shown.result or 0, max((shown.result or 0) - RESULTS, 0), -1):
+        views.append(rrb.TextDocumentView(origin=result_path(number, "about"), name=f"Result {number}"))
     views += [
         rrb.TextDocumentView(origin=group_path(group.name, "about"), name=f"Group {group.name}")
         for group in groups
     ]
-    views.append(rrb.TextLogView(origin=LOG, name="Log"))
+    views.append(rrb.TextDocumentView(origin=LOG, name="Log"))
     return rrb.Tabs(*views, active_tab=1 if shown.diagnosis is not None else 0, name="In words")
 
 
@@ -139,14 +164,57 @@ def state_view(group: Group, observer: str, name: str) -> rrb.TimeSeriesView:
     return plot(TITLES[name], "/", contents, legend=False)
 
 
-def where_it_fails(groups: Sequence[Group], shown: Shown) -> rrb.Container:
-    """The residual of the newest result, group by group."""
+def where_it_fails(measurements: MeasurementSet, shown: Shown) -> rrb.Container:
+    """The residual group by group, against every variable; what the findings take from it; how it falls."""
     views: list[rrb.View | rrb.Container] = []
-    for group in groups:
-        if group.name in shown.residuals and shown.result is not None:
-            origin = result_path(shown.result, "groups", group.name, "residual")
-            views.append(plot(f"Residual [Nm] {group_title(group)}", origin, ["$origin/**"]))
+    over_time = [residual(group, shown) for group in measurements.groups if group.name in shown.residuals]
+    if over_time:
+        views.append(rrb.Tabs(*over_time, name="Where it fails: over time"))
+    final = shown.diagnosis is not None and bool(shown.diagnosis.maps) and not shown.mapped
+    if final or shown.mapped:
+        where = diagnosis_path(shown.diagnoses) if final else result_path(shown.result or 0)
+        curves = [drawing(where + path("curves", joint), joint) for joint in measurements.joints]
+        views.append(drawing(f"{where}/map", "joint × variable"))
+        views.append(rrb.Tabs(*curves, name="against each variable"))
+    if shown.diagnosis is not None:
+        views.append(drawing(diagnosis_path(shown.diagnoses, "staircase"), "Errors step by step"))
+        if taken := evidence(shown.diagnosis, shown.diagnoses):
+            views.append(rrb.Tabs(*taken, name="Evidence"))
+        if shown.diagnosis.free_form is not None:
+            views.append(drawing(diagnosis_path(shown.diagnoses, "free"), "Free curve"))
     return rrb.Tabs(*views, name="Where it fails")
+
+
+def residual(group: Group, shown: Shown) -> rrb.TimeSeriesView:
+    """The newest result's residual in one group; behind it, grey, the first result's."""
+    assert shown.result is not None
+    origin = result_path(shown.result, "groups", group.name, "residual")
+    contents: list[str] = ["$origin/**"]
+    overrides: dict[str, Any] = {}
+    if shown.result > 1 and shown.first:
+        for joint in shown.first:
+            before = result_path(1, "groups", group.name, "residual") + path(joint)
+            contents.append(before)
+            style = rr.SeriesLines(colors=rgb(REFERENCE), names=f"{joint}, result 1", widths=1.0)
+            overrides[before] = style.visualizer()
+    name = f"Residual [Nm] {group_title(group)}, result {shown.result}"
+    return plot(name, origin, contents, overrides=overrides)
+
+
+def evidence(diagnosis: Diagnosis, number: int) -> list[rrb.TimeSeriesView]:
+    """What the first findings take from the residual, each in the group where it has most samples."""
+    views = []
+    for rank, finding in enumerate(diagnosis.findings[:EVIDENCE], 1):
+        if finding.evidence is not None and finding.evidence.groups:
+            group = max(finding.evidence.groups, key=lambda entry: entry[2] - entry[1])[0]
+            origin = diagnosis_path(number, "evidence", str(rank), group)
+            views.append(plot(f"{rank}. {finding.text}, {group} [Nm]", origin, ["$origin/**"]))
+    return views
+
+
+def drawing(origin: str, name: str) -> rrb.Spatial2DView:
+    """A drawing that needs no timeline."""
+    return rrb.Spatial2DView(origin=origin, name=name)
 
 
 def convergence(result: int) -> rrb.Container:
@@ -162,7 +230,7 @@ def convergence(result: int) -> rrb.Container:
         rrb.Horizontal(
             plot("Cost, log10", origin, ["$origin/log10_cost"], legend=False),
             plot("Step, log10", origin, ["$origin/log10_step"], legend=False),
-            plot("Parameters / last value", origin, ["$origin/relative/**"], legend=False),
+            plot("Parameters / last value", origin, ["$origin/relative"], legend=False),
             name=f"Convergence of result {result} (time: s since the start)",
         ),
         table,
@@ -171,12 +239,21 @@ def convergence(result: int) -> rrb.Container:
     )
 
 
-def plot(name: str, origin: str, contents: Sequence[str], legend: bool = True) -> rrb.TimeSeriesView:
-    """Lines over all of whichever timeline is active, `time` or `iteration`."""
+def plot(
+    name: str,
+    origin: str,
+    contents: Sequence[str],
+    legend: bool = True,
+    overrides: Mapping[Any, Any] | None = None,
+    span: tuple[float, float] | None = None,
+) -> rrb.TimeSeriesView:
+    """Lines over all of whichever timeline is active, `time` or `iteration`; `span`: of the ordinate."""
     return rrb.TimeSeriesView(
         origin=origin,
         contents=list(contents),
         name=name,
+        overrides=overrides,
+        axis_y=None if span is None else rrb.ScalarAxis(range=span),
         plot_legend=rrb.PlotLegend(corner="RightTop", visible=legend),
         time_ranges=[
             rrb.VisibleTimeRange(

@@ -20,7 +20,7 @@ import queue
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -30,15 +30,15 @@ from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording.files import Recorded, Target
-from flexviz.recording.recorder import SAMPLES, Recorder
+from flexviz.recording.recorder import SAMPLES, TICK, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
+    from flexviz.diagnosis import Diagnosis, Step
+    from flexviz.diagnosis.where import ResidualMap
     from flexviz.identification import Identification, Iteration
     from flexviz.simulation.run import Run
 
-TICK = 1.0  # [s] at most between two flushes
 PATIENCE = 120.0  # [s] that `flush` and `close` wait for what is still to be written
 
 
@@ -82,19 +82,22 @@ class LiveRecording:
             raise InputError("a recording needs a file or a viewer")
         address = None if viewer is None else viewer_address(viewer)
         self._target = None if file is None else Target(Path(file))
-        self.file = None if self._target is None else self._target.part
         self.failure = ""
         self._on_failure = on_failure
-        self._stream = Stream(self.file, address)
+        self._stream = Stream(measurements.name, self._target, address)
         self._recorder = Recorder(measurements, self._stream, samples)
         self._queue: queue.Queue[Callable[[], object] | None] = queue.Queue()
         self._begun = time.monotonic()
         self._lock = threading.Lock()
         self._closed = False
         self._written: Recorded | None = None
-        self._put(self._recorder.begin)
+        self._put(partial(self._recorder.begin, self._flush))
         self._thread = threading.Thread(target=self._work, name="flexviz-recording", daemon=True)
         self._thread.start()
+
+    @property
+    def file(self) -> Path | None:
+        return None if self._target is None else self._target.part
 
     @property
     def lost_viewer(self) -> str:
@@ -104,7 +107,7 @@ class LiveRecording:
 
     def observer(self, observer: Observer) -> None:
         """All states of an observer; nothing where it has been recorded already."""
-        self._put(partial(self._recorder.observe, observer))
+        self._put(partial(self._recorder.observe, observer, self._flush))
 
     def started(self, label: str = "") -> None:
         """A solve begins: the iterations and the result that follow belong to it."""
@@ -127,9 +130,16 @@ class LiveRecording:
         """The newest result's model simulated along a group: its signals, and the second robot."""
         self._put(partial(self._recorder.run, group, run))
 
-    def diagnosed(self, diagnosis: Diagnosis) -> None:
-        """A verdict with its findings, evidence, maps and staircase."""
-        self._put(partial(self._recorder.diagnosis, diagnosis))
+    def mapped(self, maps: Sequence[ResidualMap]) -> None:
+        """Where the newest result's model fails, as the diagnosis sees it."""
+        self._put(partial(self._recorder.maps, tuple(maps)))
+
+    def diagnosed(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
+        """A verdict with its findings, evidence, maps and staircase.
+
+        `steps`: the models on the way to this one, where the diagnosis itself has not gone it.
+        """
+        self._put(partial(self._recorder.diagnosis, diagnosis, tuple(steps)))
 
     def note(self, text: str) -> None:
         """A line in the recording's log."""
@@ -186,6 +196,10 @@ class LiveRecording:
             if not self._closed and not self.failure:
                 self._queue.put(piece)
 
+    def _flush(self, what: str, share: float) -> None:
+        """A part of a long piece is done."""
+        self._recorder.flush()
+
     def _work(self) -> None:
         flushed, dirty = time.monotonic(), False
         try:
@@ -199,12 +213,12 @@ class LiveRecording:
                 piece()
                 dirty = piece != self._recorder.flush
                 if dirty and time.monotonic() - flushed > TICK:
-                    self._recorder.flush()
-                    flushed, dirty = time.monotonic(), False
+                    self._stream.flush()  # iterations that wait for more are left waiting
+                    flushed = time.monotonic()
             self._recorder.flush()
             self._stream.close()
             if self._target is not None:
-                self._written = self._target.finish(self._stream.entities)
+                self._written = self._target.finish(self._stream.entities, self._recorder.layout())
         except Exception as error:
             self._fail(error)
 

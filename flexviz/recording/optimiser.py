@@ -12,11 +12,15 @@ import rerun as rr
 from flexviz.recording.columns import send_line, series
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, result_path
 from flexviz.recording.stream import Stream
+from flexviz.view.colours import rgb
 
 if TYPE_CHECKING:
     from flexviz.identification import Iteration
 
-BATCH = 0.25  # [s] iterations are gathered before they are sent
+BATCH = 0.25  # [s] iterations are gathered before they are sent; so that a solve is not slowed down,
+SHARE = 0.02  # they wait while sending would take more than this share of the program's processor time,
+COST = 0.005  # [s] that it takes, until that is known
+LONGEST = 4.0  # [s] but no longer than this
 RELATIVE = 10.0  # parameters farther from their last value than this factor are drawn there
 
 
@@ -33,18 +37,25 @@ class Optimiser:
         self._seconds: list[float] = []
         self._waiting: list[tuple[Iteration, float]] = []
         self._last = time.monotonic()
+        self._used = time.process_time()
+        self._cost = COST  # [s] processor time of the last sending
 
-    def add(self, iteration: Iteration, seconds: float) -> None:
-        """One more, `seconds` [s] after the solve began."""
+    def add(self, iteration: Iteration, seconds: float) -> bool:
+        """One more, `seconds` [s] after the solve began; says whether what was waiting has been sent."""
         self._waiting.append((iteration, seconds))
-        if time.monotonic() - self._last > BATCH:
+        passed, used = time.monotonic() - self._last, time.process_time() - self._used
+        due = passed > LONGEST or (passed > BATCH and used > self._cost / SHARE)
+        if due:
             self.flush()
+        return due
 
     def flush(self) -> None:
         """Send what is waiting."""
+        begun = time.thread_time()
         waiting, self._waiting = self._waiting, []
         self.send([iteration for iteration, _ in waiting], [seconds for _, seconds in waiting])
-        self._last = time.monotonic()
+        self._last, self._used = time.monotonic(), time.process_time()
+        self._cost = time.thread_time() - begun
 
     def send(self, iterations: Sequence[Iteration], seconds: Sequence[float]) -> None:
         """More of them, with the time of each since the solve began [s]."""
@@ -66,7 +77,7 @@ class Optimiser:
         self._recording.send_columns(where, self._indexes(rows), stages)
         for name in parameter_names(iterations):
             inside, values = self._values(name, rows)
-            entity = parameter_path(self._number, "parameters", name)
+            entity = parameter_path(self._number, name)
             send_line(self._recording, entity, self._indexes(inside), values)
 
     def finish(self, iterations: Sequence[Iteration], seconds: float) -> None:
@@ -78,13 +89,19 @@ class Optimiser:
         rest = list(iterations[len(self.sent) :])
         begun = self._seconds[-1] if self._seconds else 0.0
         self.send(rest, list(begun + (seconds - begun) * (np.arange(len(rest)) + 1) / max(len(rest), 1)))
-        everyone = list(range(len(self.sent)))
-        for colour, name in enumerate(parameter_names(self.sent)):
-            rows, values = self._values(name, everyone)
-            relative = np.clip(values / (values[-1] or 1.0), -RELATIVE, RELATIVE)
-            entity = parameter_path(self._number, "relative", name)
-            label = name.replace(":", " ")
-            send_line(self._recording, entity, self._indexes(rows), relative, label, series(colour))
+        names = parameter_names(self.sent)
+        if not names:
+            return
+        relative = np.full((len(self.sent), len(names)), np.nan)
+        for place, name in enumerate(names):
+            rows, values = self._values(name, range(len(self.sent)))
+            relative[rows, place] = np.clip(values / (values[-1] or 1.0), -RELATIVE, RELATIVE)
+        entity = result_path(self._number, "optimiser", "relative")
+        colours = [rgb(series(place)) for place in range(len(names))]
+        style = rr.SeriesLines(names=[name.replace(":", " ") for name in names], colors=colours, widths=1.5)
+        self._recording.log(entity, style, static=True)
+        indexes = self._indexes(range(len(self.sent)))
+        self._recording.send_columns(entity, indexes, rr.Scalars.columns(scalars=relative))
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
         """Where a parameter is moved, and its values."""

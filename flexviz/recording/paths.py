@@ -13,10 +13,12 @@
     /results/<number>/groups/<group>/simulated/<signal>/<joint>  the simulated model: theta, q, tau
     /results/<number>/optimiser/cost, step, stage, log10_cost, log10_step
     /results/<number>/optimiser/parameters/<parameter>/<joint>
-    /results/<number>/optimiser/relative/<parameter>/<joint>    each parameter divided by its last value
+    /results/<number>/optimiser/relative              all of them, each divided by its last value
     /diagnoses/<number>/verdict                       text: the verdict and the ranked findings
     /diagnoses/<number>/json                          text: the same as `diagnose --json` writes it
-    /diagnoses/<number>/staircase, map, curves/<joint>      drawings
+    /diagnoses/<number>/staircase, free                   drawings: the errors step by step, a free curve
+    /results/<number>/map, curves/<joint>                 drawings: where this model fails
+    /diagnoses/<number>/map, curves/<joint>               the same of a diagnosis' final model
     /diagnoses/<number>/evidence/<rank>/<group>/residual, signature
 
 Groups are on the timeline `time` (each group's own time), the optimiser is on `iteration` and, so that its
@@ -88,7 +90,7 @@ def diagnosis_path(number: int, *parts: str) -> str:
     return path("diagnoses", str(number), *parts)
 
 
-def parameter_path(number: int, kind: str, name: str) -> str:
-    """The entity of a result's parameter "stiffness:joint1"; `kind` is "parameters" or "relative"."""
+def parameter_path(number: int, name: str) -> str:
+    """The entity of a result's parameter "stiffness:joint1"."""
     parameter, _, joint = name.partition(":")
-    return result_path(number, "optimiser", kind, parameter, *([joint] if joint else []))
+    return result_path(number, "optimiser", "parameters", parameter, *([joint] if joint else []))

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
 from flexviz.recording.columns import stride_for
+from flexviz.recording.drawings import EVIDENCE, send_evidence, send_free_form, send_maps, send_staircase
 from flexviz.recording.layout import Shown, blueprint
 from flexviz.recording.optimiser import Optimiser
-from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
-from flexviz.recording.scene import send_robot, set_stage
+from flexviz.recording.paths import (
+    ABOUT,
+    LOG,
+    diagnosis_path,
+    group_path,
+    observer_name,
+    result_path,
+)
+from flexviz.recording.scene import Stage, send_robot, set_stage
 from flexviz.recording.stream import Stream
 from flexviz.view.geometry import robot_shape
 from flexviz.view.motion import Motion, measured_motion, with_replay
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
+    from flexviz.diagnosis import Diagnosis, Step
+    from flexviz.diagnosis.where import ResidualMap
     from flexviz.identification import Identification, Iteration
     from flexviz.simulation.run import Run
 
 SAMPLES = 10_000  # recorded at most of each signal and group
+TICK = 1.0  # [s] at most between two flushes while a solve runs
 Check = Callable[[str, float], None]  # is told what is done next and the share that is done; may raise
 
 
@@ -38,7 +50,7 @@ class Solve:
     label: str
     optimiser: Optimiser
     result: Identification | None = None
-    notes: dict[str, str] = field(default_factory=dict)  # group -> how its model was simulated
+    mapped: bool = False
 
 
 class Recorder:
@@ -52,6 +64,10 @@ class Recorder:
         self.stream = stream
         self.samples = samples
         self._both = both
+        self._stage: Stage | None = None
+        self._rearranged = False
+        self._lines: list[str] = []
+        self._flushed = time.monotonic()
         self.solves: list[Solve] = []
         self.diagnoses: list[Diagnosis] = []
         self._observers: list[str] = []
@@ -84,7 +100,8 @@ class Recorder:
             )
         check("reading the robot's shape", 0.0)
         self._shape = robot_shape(measurements.robot)
-        self._stage = set_stage(measurements, self._shape, self._both)
+        self._stage = stage = set_stage(measurements, self._shape, self._both)
+        stream.property("view", eye=list(stage.eye), centre=list(stage.centre))
         self._describe()
         self.arrange()
         for done, group in enumerate(measurements.groups):
@@ -121,7 +138,9 @@ class Recorder:
 
     def iteration(self, iteration: Iteration, seconds: float) -> None:
         """One iteration of the newest solve, `seconds` [s] after it began."""
-        self._newest().optimiser.add(iteration, seconds)
+        if self._newest().optimiser.add(iteration, seconds) and time.monotonic() - self._flushed > TICK:
+            self.stream.flush()
+            self._flushed = time.monotonic()
 
     def result(self, result: Identification, label: str = "") -> None:
         """What the newest solve, or where that is done already a new one, has found."""
@@ -132,10 +151,11 @@ class Recorder:
         solve.optimiser.finish(result.iterations, result.seconds)
         joints = self.measurements.joints
         for group in result.residuals:
-            signals.send_residual(self.stream, joints, solve.number, group, result)
+            signals.send_residual(self.stream, joints, solve.number, group, result, self.samples)
         where = result_path(solve.number, "about")
         self.stream.text(where, texts.result_text(result, solve.number, solve.label))
-        self._json(result_path(solve.number, "json"), result.to_json() | {"label": solve.label})
+        more = {"label": solve.label, "effects": [effect.text for effect in result.model.effects]}
+        self._json(result_path(solve.number, "json"), result.to_json() | more)
         self.note(f"result {solve.number}: {result.message}")
         self._describe()
         self.arrange()
@@ -144,7 +164,6 @@ class Recorder:
         """The newest result's model, simulated along a group."""
         solve = self._newest()
         motion = with_replay(self._motions[group], run)
-        solve.notes[group] = motion.model_note
         joints = self.measurements.joints
         signals.send_run(self.stream, joints, solve.number, group, run, self.samples)
         self._robot(self._groups[group], "identified", motion)
@@ -152,15 +171,27 @@ class Recorder:
 
     def no_run(self, group: str, reason: str) -> None:
         """Why the newest result's model could not be simulated along a group."""
-        self._newest().notes[group] = reason
         self._describe_group(self._groups[group], self._motions[group], reason)
 
-    def diagnosis(self, diagnosis: Diagnosis) -> None:
-        """A verdict with everything it stands on."""
+    def maps(self, maps: Sequence[ResidualMap]) -> None:
+        """Where the newest result's model fails."""
+        solve = self._newest()
+        send_maps(self.stream, result_path(solve.number), self.measurements.joints, maps)
+        solve.mapped = True
+        self.arrange()
+
+    def diagnosis(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
+        """A verdict with everything it stands on; `steps`: the models on the way, where it has only one."""
         self.diagnoses.append(diagnosis)
-        number = len(self.diagnoses)
+        number, joints = len(self.diagnoses), self.measurements.joints
+        where = diagnosis_path(number)
         self.stream.text(diagnosis_path(number, "verdict"), texts.diagnosis_text(diagnosis))
         self._json(diagnosis_path(number, "json"), diagnosis.to_json())
+        send_staircase(self.stream, where, steps or diagnosis.steps)
+        send_maps(self.stream, where, joints, diagnosis.maps)
+        send_free_form(self.stream, where, diagnosis.free_form)
+        for rank, finding in enumerate(diagnosis.findings[:EVIDENCE], 1):
+            send_evidence(self.stream, number, rank, finding)
         self.note(f"diagnosis {number}: {texts.verdict(diagnosis)}")
         self._describe()
         self.arrange()
@@ -169,31 +200,50 @@ class Recorder:
         """Have everything until now in the file."""
         if self.solves:
             self.solves[-1].optimiser.flush()
+        layout = self.layout() if self._rearranged else None
+        if layout is not None:
+            self.stream.blueprint(layout)
+            self._rearranged = False
         self.stream.flush()
+        self._flushed = time.monotonic()
 
     # -- words and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """A line in the log."""
-        self.stream.log(LOG, rr.TextLog(text))
+        self._lines.append(f"- {time.strftime('%H:%M:%S')} {texts.escaped(text)}")
+        self.stream.text(LOG, "\n".join(self._lines))
 
     def arrange(self) -> None:
-        """Show the newest of everything."""
+        """Show the newest of everything from the next flush on."""
+        self._rearranged = True
+
+    def layout(self) -> rrb.Blueprint | None:
+        """What shows the newest of everything; None before anything is there."""
+        if self._stage is None:
+            return None
         newest = self.solves[-1] if self.solves else None
         shown = Shown(
             observer=self._observers[-1] if self._observers else None,
             result=None if newest is None else newest.number,
             label="" if newest is None else newest.label,
             residuals=() if newest is None or newest.result is None else tuple(newest.result.residuals),
+            first=self._first_residuals(),
+            mapped=newest is not None and newest.mapped,
             diagnosis=self.diagnoses[-1] if self.diagnoses else None,
             diagnoses=len(self.diagnoses),
         )
-        self.stream.blueprint(blueprint(self.measurements, self._stage, shown))
+        return blueprint(self.measurements, self._stage, shown)
+
+    def _first_residuals(self) -> tuple[str, ...]:
+        first = self.solves[0].result if self.solves else None
+        return self.measurements.joints if first is not None and first.residuals else ()
 
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()
 
     def _robot(self, group: Group, name: str, motion: Motion) -> None:
+        assert self._stage is not None
         first = (group.name, name) not in self._drawn
         self._drawn.add((group.name, name))
         label = self.solves[-1].number if self.solves else 0

@@ -85,7 +85,7 @@ def send_robot(
     robot, theta = measurements.robot, motion.theta if name == "measured" else motion.model_theta
     if theta is None:
         return
-    label = f"identified, result {result} (simulated motion)"
+    label = f"identified, result {result}"
     if name == "measured":
         label = "measured (simulated data)" if measurements.simulated else "measured"
     poses = [robot.link_poses(row) for row in theta]

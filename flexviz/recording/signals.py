@@ -60,15 +60,16 @@ def state(states: ObserverStates, name: str) -> np.ndarray | None:
 
 
 def send_residual(
-    recording: Stream, joints: tuple[str, ...], number: int, group: str, result: Identification
+    recording: Stream, joints: tuple[str, ...], number: int, group: str, result: Identification, most: int
 ) -> None:
     """The residual of the identification equation, with what belongs to it."""
     series = result.residuals.get(group)
     if series is None:
         return
-    where = ("results", str(number), "groups", group)
+    where, stride = ("results", str(number), "groups", group), stride_for(len(series.time), most)
     for name in ("residual", "torque", "q"):
-        send_signal(recording, (*where, name), joints, series.time, getattr(series, name), "identified")
+        values = getattr(series, name)[::stride]
+        send_signal(recording, (*where, name), joints, series.time[::stride], values)
 
 
 def send_run(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 from uuid import uuid4
@@ -17,6 +16,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexviz.errors import InputError
+from flexviz.recording.files import Target
 from flexviz.recording.paths import APPLICATION
 
 VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where a viewer started with `rerun` listens
@@ -59,24 +59,24 @@ class Stream:
 
     Attributes
     ----------
-    file: the file, or None.
     entities: every entity that was logged.
     lost: why the viewer gets nothing any more; empty while it does, or where there is none.
     """
 
-    def __init__(self, file: Path | None, viewer: str | None = None) -> None:
-        """Open it; `viewer` is a complete address (`viewer_address`)."""
-        self.file = file
+    def __init__(self, name: str, target: Target | None, viewer: str | None = None) -> None:
+        """Open it; `name` is the measurement set's, `viewer` a complete address (`viewer_address`)."""
+        self._target = target
         self.entities: set[str] = set()
         self.lost = ""
         identity = uuid4()
+        application = f"{APPLICATION} {name}"  # what the viewer keeps a changed layout for
         self._file: rr.RecordingStream | None = None
         self._viewer: rr.RecordingStream | None = None
-        if file is not None:
-            self._file = rr.RecordingStream(APPLICATION, recording_id=identity)
-            self._file.save(file)
+        if target is not None:
+            self._file = rr.RecordingStream(application, recording_id=identity)
+            self._file.save(target.now)
         if viewer is not None:
-            self._viewer = rr.RecordingStream(APPLICATION, recording_id=identity)
+            self._viewer = rr.RecordingStream(application, recording_id=identity)
             self._viewer.connect_grpc(viewer)
 
     @property
@@ -127,6 +127,8 @@ class Stream:
                 self._file.flush(timeout_sec=FLUSH)
             except (RuntimeError, ValueError) as error:
                 raise OSError(str(error)) from None
+            if self._target is not None:
+                self._target.appear()
         if self._viewer is not None:
             try:
                 self._viewer.flush(timeout_sec=REACH)

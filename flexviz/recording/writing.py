@@ -50,7 +50,7 @@ class RecordingFile:
         self._progress = progress
         self._should_stop = should_stop
         self._target = Target(Path(out))
-        self._stream = Stream(self._target.part)
+        self._stream = Stream(measurements.name, self._target)
         self.recorder = Recorder(measurements, self._stream, samples, both)
         self._started = 0.0
 
@@ -66,7 +66,9 @@ class RecordingFile:
                 self.recorder.flush()
             self._stream.close()
             if error is None or asked:
-                self.written = self._target.finish(self._stream.entities, complete=error is None)
+                self.written = self._target.finish(
+                    self._stream.entities, self.recorder.layout(), complete=error is None
+                )
         except OSError as wrong:
             raise InputError(
                 f"cannot be written ({wrong.strerror or wrong})", file=self._target.part

@@ -1,0 +1,74 @@
+"""What a diagnosis shows: where the model fails, how the error falls, what an effect takes away."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+
+from flexviz.recording.charts import send_charts, send_map
+from flexviz.recording.columns import send_line
+from flexviz.recording.paths import TIME, diagnosis_path, path
+from flexviz.recording.stream import Stream
+from flexviz.session import Stair
+from flexviz.view.colours import MODEL, RESIDUAL
+from flexviz.view.staircase import staircase_plots
+from flexviz.view.verdict import finding_name
+from flexviz.view.where_maps import COLUMNS, free_plot, map_of, map_plots
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Finding, Step
+    from flexviz.diagnosis.freeform import FreeForm
+    from flexviz.diagnosis.where import ResidualMap
+
+EVIDENCE = 3  # findings whose evidence is sent
+
+
+def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequence[ResidualMap]) -> None:
+    """Where a model fails: `where`/map of all joints, and `where`/curves/<joint>."""
+    if not maps:
+        return
+    shares = np.full((len(joints), len(COLUMNS)), np.nan)
+    for i, joint in enumerate(joints):
+        for j, variable in enumerate(COLUMNS):
+            one = map_of(maps, joint, variable)
+            if one is not None:
+                shares[i, j] = max(one.explained, 0.0)
+    title = "share of each joint's residual that each variable explains, out of sample"
+    send_map(recording, f"{where}/map", title, joints, list(COLUMNS), shares)
+    for joint in joints:
+        send_charts(recording, where + path("curves", joint), map_plots(maps, joint), columns=3)
+
+
+def send_staircase(recording: Stream, where: str, steps: Sequence[Step]) -> None:
+    """The error of every group after each added effect."""
+    stairs, effects = [], ()
+    for step in steps:
+        effects = effects if step.added is None else (*effects, step.added.text)
+        stairs.append(Stair(effects, step))
+    names = ["as it is" if step.added is None else f"+ {finding_name(step.added)}" for step in steps]
+    ticks = [(float(place), name) for place, name in enumerate(names)]
+    send_charts(recording, f"{where}/staircase", staircase_plots(stairs, 0, "")[:1], ticks=ticks)
+
+
+def send_free_form(recording: Stream, where: str, curve: FreeForm | None) -> None:
+    """A curve for what no effect explains."""
+    send_charts(recording, f"{where}/free", [free_plot(curve)])
+
+
+def send_evidence(recording: Stream, number: int, rank: int, finding: Finding) -> None:
+    """The residual of a finding's joint before the effect was added, and what the effect takes from it."""
+    evidence = finding.evidence
+    if evidence is None:
+        return
+    for group, first, last in evidence.groups:
+        index = rr.TimeColumn(TIME, duration=evidence.time[first:last])
+        for name, values, colour, width in (
+            ("residual", evidence.residual, RESIDUAL, 4.0),
+            ("signature", evidence.signature, MODEL, 1.5),
+        ):
+            entity = diagnosis_path(number, "evidence", str(rank), group, name)
+            label = f"{name} {evidence.joint}"
+            send_line(recording, entity, [index], np.asarray(values[first:last]), label, colour, width)

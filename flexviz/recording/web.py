@@ -1,0 +1,169 @@
+"""Rerun's web viewer on this machine, with nothing fetched from anywhere else.
+
+The page comes with Rerun; it loads fonts and sends statistics elsewhere. Here it is served with those
+links taken out and a content security policy that lets the browser talk to this address only, and with the
+recordings beside it. One HTTP server on the loopback address, nothing else stays running.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shutil
+import socket
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator, Mapping, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import quote, unquote, urlsplit
+
+from flexviz.errors import FlexvizError, InputError
+
+HOST = "127.0.0.1"
+PORT = 9090
+FILES = {
+    "/": "text/html; charset=utf-8",
+    "/re_viewer.js": "text/javascript",
+    "/re_viewer_bg.wasm": "application/wasm",
+    "/sw.js": "text/javascript",
+}
+POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob:; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
+    "connect-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'"
+)
+START = 20.0  # [s] the viewer's own server may take to answer
+OUTSIDE = re.compile(rb"<link\b[^>]*https?://[^>]*>", re.IGNORECASE)
+
+
+def rerun_program() -> Path:
+    """The viewer itself; what is called `rerun` beside Python only starts it and leaves it running."""
+    import rerun_cli
+
+    program = Path(rerun_cli.__file__).parent / "rerun"
+    if not program.is_file():
+        raise FlexvizError(f"Rerun's viewer is not where it belongs ({program}): install rerun-sdk anew")
+    return program
+
+
+def free_port(wanted: int | None = None) -> int:
+    """`wanted`, or any port that is free.
+
+    Raises
+    ------
+    InputError: the wanted one is taken.
+    """
+    with socket.socket() as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            trial.bind((HOST, wanted or 0))
+        except OSError as error:
+            raise InputError(f"port {wanted} cannot be used ({error.strerror})") from None
+        return trial.getsockname()[1]
+
+
+def viewer_page() -> dict[str, bytes]:
+    """The files of the viewer's page, which it serves itself for a moment."""
+    port, data = free_port(), free_port()
+    command = [str(rerun_program()), "--serve-web", "--bind", HOST, "--port", str(data)]
+    server = subprocess.Popen(
+        [*command, "--web-viewer-port", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        end = time.monotonic() + START
+        while not _answers(port):
+            if server.poll() is not None or time.monotonic() > end:
+                raise FlexvizError("Rerun's web viewer does not start; `rerun --serve-web` says why")
+            time.sleep(0.05)
+        content = {}
+        for path in FILES:
+            with urllib.request.urlopen(f"http://{HOST}:{port}{path}", timeout=START) as answer:
+                content[path] = answer.read()
+    finally:
+        server.terminate()
+        server.wait()
+    content["/"] = OUTSIDE.sub(b"", content["/"])
+    return content
+
+
+def _answers(port: int) -> bool:
+    with socket.socket() as trial:
+        return trial.connect_ex((HOST, port)) == 0
+
+
+@contextlib.contextmanager
+def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[str]:
+    """Serve the viewer with these recordings; gives the page's address.
+
+    Raises
+    ------
+    InputError: the port is taken.
+    """
+    port = free_port(port) if port is not None else _usual_port()
+    files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
+    server = _Server((HOST, port), viewer_page(), files)
+    import threading
+
+    thread = threading.Thread(target=server.serve_forever, name="flexviz-viewer", daemon=True)
+    thread.start()
+    base = f"http://{HOST}:{port}"
+    query = "&".join("url=" + quote(base + quote(path), safe="") for path in files)
+    try:
+        yield f"{base}/?{query}&renderer=webgl"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def _usual_port() -> int:
+    try:
+        return free_port(PORT)
+    except InputError:
+        return free_port()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def __init__(self, address: tuple[str, int], page: Mapping[str, bytes], files: Mapping[str, Path]):
+        super().__init__(address, _Handler)
+        self.page = page
+        self.files = files
+        self.hosts = {f"{name}:{address[1]}" for name in (HOST, "localhost")}
+
+
+class _Handler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+    server: _Server
+
+    def do_GET(self) -> None:
+        path = unquote(urlsplit(self.path).path)
+        if self.headers.get("Host") not in self.server.hosts:  # a name that was bent to this machine
+            self.send_error(403)
+        elif path in self.server.page:
+            content = self.server.page[path]
+            self._head(FILES[path], len(content))
+            self.wfile.write(content)
+        elif path in self.server.files:
+            file = self.server.files[path]
+            with file.open("rb") as stream:
+                self._head("application/octet-stream", file.stat().st_size)
+                shutil.copyfileobj(stream, self.wfile)
+        else:
+            self.send_error(404)
+
+    def _head(self, kind: str, length: int) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(length))
+        self.send_header("rerun-final-length", str(length))  # what the page's progress counts to
+        self.send_header("Content-Security-Policy", POLICY)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.send_header("Cache-Control", "no-store")
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
