@@ -149,7 +149,7 @@ def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
     assert not credible(with_value(effect, -0.6), effect, 1e-3)
     delay = ChosenEffect("torque_delay")
     assert credible(with_value(delay, 5e-4), delay, 1e-3)
-    assert not credible(with_value(delay, 5e-5), delay, 1e-3)
+    assert not credible(with_value(delay, 1e-5), delay, 1e-3)  # a hundredth of the record's step
     assert needed_gain(effect, 0.0) < needed_gain(effect, 1e5)
     assert needed_gain(ChosenEffect("external_contact", 0, "g1"), 1e5) > needed_gain(effect, 1e5)
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"

@@ -4,7 +4,7 @@
     run      diagnose those without a result, and fit them with the truth known
     table    print the tables; --write puts them into docs/diagnosis-study.md
     all      the three
-    calibrate  print weights of the confidence that suit these cases
+    calibrate  print weights of the confidence that suit one half of the cases, and how they do on the other
 
 Each can be interrupted and goes on where it was. The exit code is 1 when a required figure is not reached.
 """
@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads wo
 
 from benchmarks.diagnosis_study import calibration, document, figures
 from benchmarks.diagnosis_study.cases import Case, selected
-from benchmarks.diagnosis_study.judging import judge
+from benchmarks.diagnosis_study.judging import Judged, judge
 from benchmarks.diagnosis_study.making import is_made, truth_file
 from benchmarks.diagnosis_study.running import known_file, make_all, result_file, run_all, say
 from benchmarks.diagnosis_study.tables import Outcome
@@ -52,6 +52,15 @@ def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
     return all(f.passed is not False for f in figures.figures([case for case, _ in found]))
 
 
+def calibrate(cases: list[Judged]) -> None:
+    """Weights from one half of the cases, and stated against right on either."""
+    fitted, other = calibration.halves(cases)
+    given = calibration.weights(fitted)
+    print(f"WEIGHTS = {given}")
+    for what, stated in (("fitted to", fitted), ("checked on", other)):
+        print(f"{what} {len(stated)} findings", *calibration.report(stated, given), sep="\n    ")
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.diagnosis_study",
@@ -79,8 +88,7 @@ def main(arguments: list[str] | None = None) -> int:
         if options.command in ("table", "all"):
             return 0 if table(options.work, cases, options.label, options.write) else 1
         if options.command == "calibrate":
-            found = [s for case, _ in outcomes(options.work, cases, options.label) for s in case.stated]
-            print(f"WEIGHTS = {calibration.weights(found)}  # {len(found)} findings")
+            calibrate([case for case, _ in outcomes(options.work, cases, options.label)])
     except KeyboardInterrupt:
         say("interrupted; what is done is kept")
         return 130

@@ -1,19 +1,28 @@
-"""Weights of the confidence, fitted to a study's findings.
-
-Fit them to another seed than the one whose table is shown: `calibrate --seed 2 --work OTHER`.
-"""
+"""Weights of the confidence, fitted to one half of a study's cases and checked on the other."""
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import minimize
 
-from benchmarks.diagnosis_study.judging import Stated
+from benchmarks.diagnosis_study.judging import Judged, Stated
+from flexviz.diagnosis.confidence import probability
 
 SHRINK = 0.02  # of the squared weights: a few hundred findings must not lead to certainty
 SIGNS = (1, 1, 1, -1)  # of the features' weights
+BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
+
+
+def halves(cases: Sequence[Judged]) -> tuple[list[Stated], list[Stated]]:
+    """The findings of each half; a case's name decides where it belongs."""
+    out: tuple[list[Stated], list[Stated]] = ([], [])
+    for case in cases:
+        out[zlib.crc32(case.case.encode()) % 2].extend(case.stated)
+    return out
 
 
 def weights(stated: Sequence[Stated]) -> tuple[float, ...]:
@@ -32,3 +41,16 @@ def weights(stated: Sequence[Stated]) -> tuple[float, ...]:
     bounds = [(None, None), *((0.0, None) if sign > 0 else (None, 0.0) for sign in SIGNS)]
     found = minimize(cost, np.zeros(columns.shape[1]), jac=True, bounds=bounds, method="L-BFGS-B")
     return tuple(round(float(w), 3) for w in found.x)
+
+
+def report(stated: Sequence[Stated], given: Sequence[float]) -> list[str]:
+    """Stated against right, a line a bin."""
+    sure = np.array([probability(s.features, given) for s in stated])
+    right = np.array([s.right for s in stated])
+    lines = []
+    for low, high in pairwise(BINS):
+        inside = (sure >= low) & ((sure < high) | (high == 1.0))
+        if inside.any():
+            n, mean = int(inside.sum()), sure[inside].mean()
+            lines.append(f"{low:.2f}-{high:.2f}: {right[inside].sum()} of {n} right, stated {mean:.3f}")
+    return lines

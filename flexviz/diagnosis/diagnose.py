@@ -215,14 +215,14 @@ class _Diagnosing:
     def answer(self, base: Fit, final: Fit, began: float, apply: bool, guarded: bool | None) -> Diagnosis:
         fits = [base, *(link.after for link in self.chain)]
         errors = [self.band.errors(fit) for fit in fits]
+        beside = final  # in units of the model error, where there was one
         if self.tolerance is not None:  # judged in units of the noise all the same
             final = self.bench.fit(final.layout, final.x, iterations=0)
-        found = [
-            explain(
-                self.bench, link.before, link.chosen, link.tried, link.scores, final, (self.band, old, new)
-            )
-            for link, old, new in zip(self.chain, errors, errors[1:], strict=False)
-        ]
+        found = []
+        for a, old, new in zip(self.chain, errors, errors[1:], strict=False):
+            ended = final if a.settled is None else beside
+            three = (self.band, old, new)
+            found.append(explain(self.bench, a.before, a.chosen, a.tried, a.scores, ended, three))
         if not apply and found:  # only looked at: the model stays what it is
             final, last = base, "missing"
         else:
