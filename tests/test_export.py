@@ -320,6 +320,8 @@ def test_session(
     command = ["export", str(place), "--to", "json", "--out"]
     assert main([*command, str(tmp_path / "none")]) == 2
     assert "the session has no result yet" in capsys.readouterr().err
+    assert main([*command, str(tmp_path / "none"), "--refine"]) == 2
+    assert "a session's result is exported as it is" in capsys.readouterr().err
     analysis = session.analysis.with_effect("torque_offset:joint2", True)
     analysis = analysis.with_identification(found, analysis.settings).with_diagnosis(DIAGNOSIS)
     session = session.then("identified", analysis)

@@ -55,12 +55,13 @@ def export(
 ) -> int:
     """Write the identified robot as URDF, MJCF, parameter files, and C and Python code for feed-forward.
 
-    What is written is FILE; without it the session's present result; without one the set is identified first,
-    as the further options say.
+    What is written is the result in FILE, or a session's present result. A set without FILE is identified
+    first, as the further options say.
     """
     from flexviz.cli import output
     from flexviz.cli.progress import note
     from flexviz.exporting import check_folder, check_formats, write
+    from flexviz.session import is_session
 
     load_own(effects_from)
     formats = check_formats(to or [])
@@ -69,8 +70,14 @@ def export(
     plain = Wanted(source, [], [], DEFAULT_OBSERVER, None, False)
     if result is not None and asked != plain:
         raise InputError("--result: nothing is identified then; leave the options of an identification out")
+    if is_session(source) and asked != plain:
+        raise InputError(
+            "a session's result is exported as it is; leave the options of an identification out, or give "
+            "the measurement set",
+            file=source,
+        )
     subject = _from_file(source, result, payload) if result is not None else None
-    subject = subject or (_from_session(source, payload) if asked == plain else None)
+    subject = subject or _from_session(source, payload)
     subject = subject or _identified(asked, payload)
     for text in subject.remarks:
         note(f"note: {text}")
