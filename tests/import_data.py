@@ -12,7 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as papq
 from mcap_ros2.writer import Writer
-from small_set import URDF, columns
+from small_set import URDF
+
+from flexviz._pinocchio import pin
 
 JOINTS = ("joint1", "joint2")
 START = 1_700_000_000_123_456_789  # [ns] since 1970: more digits than a float has
@@ -33,13 +35,23 @@ uint32 nanosec
 
 
 def truth(seed: int = 0, rows: int = 1500, step: float = 0.002) -> SimpleNamespace:
-    """time (N,) [s], theta, tau, q (N, 2) [rad], [Nm] at the joint side."""
-    table = columns(seed, rows, step)
-    theta = np.stack([table[f"theta_{joint}"] for joint in JOINTS], axis=1)
-    tau = np.stack([table[f"tau_{joint}"] for joint in JOINTS], axis=1)
-    return SimpleNamespace(
-        time=table["time"], theta=theta, tau=tau, q=theta - tau / np.array([2000.0, 1500.0])
-    )
+    """time (N,) [s], theta, tau, q (N, 2) [rad], [Nm] at the joint side; three frequencies a joint.
+
+    The torques are the arm's, with viscous friction and a little noise.
+    """
+    rng = np.random.default_rng(seed)
+    time = step * np.arange(rows)
+    w = np.array([1.9, 2.6]) * (1 + 0.2 * seed) * np.array([[1.0], [2.3], [3.7]])  # (3, 2) [rad/s]
+    size = np.array([[0.5], [0.25], [0.1]]) * np.ones(2)
+    phase = time[:, None, None] * w + np.array([[0.0], [1.0], [2.0]])
+    q = np.sum(size * np.sin(phase), axis=1)
+    v = np.sum(size * w * np.cos(phase), axis=1)
+    a = np.sum(-size * w**2 * np.sin(phase), axis=1)
+    model = pin.buildModelFromXML(URDF)
+    data = model.createData()
+    tau = np.array([pin.rnea(model, data, *row) for row in zip(q, v, a, strict=True)]) + v
+    theta = q + tau / np.array([2000.0, 1500.0]) + 2e-5 * rng.normal(size=q.shape)
+    return SimpleNamespace(time=time, theta=theta, tau=tau + 2e-3 * rng.normal(size=q.shape), q=q)
 
 
 def write_robot(folder: Path) -> Path:
@@ -150,13 +162,14 @@ def write_lerobot(folder: Path, episodes: Sequence[SimpleNamespace], version: st
         else "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
     )
     feature = {"dtype": "float64", "shape": [2], "names": names}
+    efforts = {**feature, "names": json.loads(json.dumps(names).replace(".pos", ".effort"))}
     info = {
         "codebase_version": version,
         "fps": round(1 / step),
         "total_episodes": len(episodes),
         "chunks_size": 1000,
         "data_path": template,
-        "features": {"observation.state": feature, "observation.effort": feature},
+        "features": {"observation.state": feature, "observation.effort": efforts},
     }
     (folder / "meta").mkdir(parents=True)
     (folder / "data" / "chunk-000").mkdir(parents=True)

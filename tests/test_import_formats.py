@@ -209,7 +209,7 @@ def test_lerobot(tmp_path: Path, version: str, names: object) -> None:
         tmp_path,
         ['file = "data"\nepisode = 1', 'file = "data"\nepisode = 2'],
         f'"observation.state{entry}"',
-        f'"observation.effort{entry}"',
+        f'"observation.effort{entry}"'.replace(".pos", ".effort"),
     )
     if not names:
         mapping.write_text(mapping.read_text().replace("[1]", "[0]").replace("[2]", "[1]"))

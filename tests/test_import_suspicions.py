@@ -100,7 +100,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], set[tuple[str, str, str,
         {},
         {("joint2", "theta", "sign", -1), ("joint2", "tau", "sign", -1)},
     ),
-    "another zero": ({"zero": [-np.pi / 2, 0.0]}, {}, {("joint1", "theta", "offset", 1.570796)}),
+    "another zero": ({"zero": [0.0, np.pi / 2]}, {}, {("joint2", "theta", "offset", -1.570796)}),
 }
 
 

@@ -68,6 +68,7 @@ def import_(
     output.check_output_file(json_file)
     if out is not None:
         output.check_new_folder(out, table_format)
+    asking = not yes and sys.stdin.isatty() and sys.stderr.isatty()  # before the live line takes stderr
     with Reporter("importing") as report, interruptible("nothing is written") as should_stop:
         if len(source) == 1 and source[0].suffix == ".toml":
             refuse_with_mapping(robot, mapping)
@@ -76,7 +77,10 @@ def import_(
             return run(
                 read_mapping(source[0]), source[0], out, table_format, yes, json_file, report, should_stop
             )
-        return from_logs(source, robot, mapping, out, table_format, yes, json_file, report, should_stop)
+        questions = person(report) if asking else None
+        return from_logs(
+            source, robot, mapping, out, table_format, yes, json_file, questions, report, should_stop
+        )
 
 
 def refuse_with_mapping(robot: str | None, mapping: Path | None) -> None:
@@ -95,6 +99,7 @@ def from_logs(
     table_format: str,
     yes: bool,
     json_file: Path | None,
+    questions: Questions | None,
     report: Reporter,
     should_stop: Callable[[], bool],
 ) -> int:
@@ -110,7 +115,7 @@ def from_logs(
     looked = look(
         logs,
         robot,
-        questions=None if yes else person(report),
+        questions=questions,
         progress=lambda what, share: report(what, fraction=share),
         should_stop=should_stop,
     )
@@ -164,10 +169,8 @@ def run(
     return REFUSED if done.wrong and not yes else 0
 
 
-def person(report: Reporter) -> Questions | None:
-    """Whom to ask: a person where input and messages are a terminal."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return None
+def person(report: Reporter) -> Questions:
+    """The person at the terminal; the live line is gone while they answer."""
     from flexviz.cli.progress import note
     from flexviz.importing.questions import Person
 

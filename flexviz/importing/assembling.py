@@ -16,9 +16,8 @@ from flexviz.measurements.data import Array
 from flexviz.measurements.writing import GroupTable
 
 NEEDED, OPTIONAL = SIGNALS[:2], SIGNALS[2:]
-MOST_TRIMMED = (
-    0.05  # share of a group that may be cut off for the sake of a column that is only for comparison
-)
+MOST_HELD = 0.05  # share of the rows in which a column for comparison may repeat its first or last value
+
 
 Traces = dict[tuple[str, str], Trace]
 
@@ -61,17 +60,17 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
         if np.count_nonzero(keep) < SHORTEST:
             raise no_overlap(traces[key], traces[mapping.names[0], "theta"], log, file)
     for key in (key for key in traces if key[1] in OPTIONAL):
-        at, covered, _ = traces[key].at(time)
-        missing = float(np.mean(~covered[keep]))
-        if missing > MOST_TRIMMED:
-            notes.append(
-                f'"{traces[key].column}" covers {100 * (1 - missing):.0f} % of θ\'s time and is left out'
-            )
+        # what is for comparison only never changes the rows that are identified from
+        trace = traces[key]
+        first, last = trace.reach
+        outside = int(np.count_nonzero((time < first) | (time > last)))
+        if outside > MOST_HELD * len(time):
+            share = 100 * (1 - outside / len(time))
+            notes.append(f'"{trace.column}" covers {share:.0f} % of θ\'s time and is left out')
             continue
-        if missing:
-            notes.append(f'{np.count_nonzero(~covered & keep)} samples outside "{traces[key].clock}" are cut')
-        values[key] = at
-        keep &= covered
+        if outside:
+            notes.append(f'{outside} samples outside the time of "{trace.clock}" repeat its value at the end')
+        values[key] = trace.at(np.clip(time, first, last))[0]
     if not keep.all():
         time = time[keep]
         values = {key: column[keep] for key, column in values.items()}

@@ -28,13 +28,19 @@ class DraftJoint:
     ----------
     signals: "theta" … -> the keys of its table.
     gear, torque_constant: where known.
-    comments: "theta" …, "gear" -> what was seen and why it is so.
+    comments: "theta" …, "gear" -> what was seen and why it is so, one sentence each.
     """
 
     signals: dict[str, dict[str, Any]] = field(default_factory=dict)
     gear: float = 1.0
     torque_constant: float | None = None
-    comments: dict[str, str] = field(default_factory=dict)
+    comments: dict[str, list[str]] = field(default_factory=dict)
+
+    def say(self, key: str, why: str) -> None:
+        """Add a comment."""
+        said = self.comments.setdefault(key, [])
+        if why not in said:
+            said.append(why)
 
 
 @dataclass
@@ -92,8 +98,7 @@ class Draft:
             joint.signals[fix.signal][fix.key] = fix.value
             if DEFAULTS.get(fix.key) == fix.value:
                 del joint.signals[fix.signal][fix.key]
-            said = joint.comments.get(fix.signal, "")
-            joint.comments[fix.signal] = "; ".join(part for part in (said, why) if part)
+            joint.say(fix.signal, why)
 
     def text(self, file: Path | None) -> str:
         """The file's text, with comments; `file` is where it will lie, None: the current folder."""
@@ -126,11 +131,11 @@ def joint_lines(joint: DraftJoint, document: MappingOf[str, Any]) -> list[str]:
     """The lines of one joint's table."""
     lines = []
     for key, value in document.items():
-        said = joint.comments.get(key, "")
-        lines.append(f"{key} = {value_text(value)}" + (f"  # {said}" if said else ""))
-    for key, said in joint.comments.items():
+        lines += [f"# {key}: {said}" for said in joint.comments.get(key, [])]
+        lines.append(f"{key} = {value_text(value)}")
+    for key, comments in joint.comments.items():
         if key not in document:
-            lines.append(f"# {key} = …  # {said}")
+            lines.append(f"# {key} = …  # {'; '.join(comments)}")
     return lines
 
 

@@ -79,11 +79,11 @@ def search(
         best, best_shares = None, shares
         for other in changes(mapping, judged, now, free):
             tried = shares_of(explain(other.factor, other.zero, other.sign), free)
-            changed = np.array([mapping.names.index(fix.joint) for fix in other.fixes])
-            worth = (
-                np.sum(tried) - np.sum(shares) >= (FREE_GAIN if free else GAIN)
-                and np.min(tried[changed]) >= BELIEVED
-            )
+            changed = tried[[mapping.names.index(fix.joint) for fix in other.fixes]]
+            # a joint whose unit is put right can have a wrong sign still, which is found next
+            weakest = np.max(changed) if other.fixes[0].key in ("unit", "side") else np.min(changed)
+            gain = np.sum(tried) - np.sum(shares)
+            worth = gain >= (FREE_GAIN if free else GAIN) and weakest >= BELIEVED
             if worth and np.sum(tried) > np.sum(best_shares) + 0.02:
                 best, best_shares = other, tried
         if best is None:

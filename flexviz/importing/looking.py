@@ -171,10 +171,10 @@ def fill_joints(
                 signal["unit"] = unit
             entry.signals[name] = signal
             values = every[column].columns[column]
-            entry.comments[name] = f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}; {reason(family)}"
+            entry.say(name, f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}; {reason(family)}")
         for name in ("theta", "tau"):
             if name not in roles:
-                entry.comments[name] = 'missing: { from = "column" }'
+                entry.say(name, 'missing: { from = "column" }')
     if not draft.joints:
         draft.missing.append("no joint has both θ and τ")
 
@@ -193,7 +193,7 @@ def ask_about_sides(draft: Draft, roles: dict[str, Family], asked: Questions) ->
         )
     for i, joint in enumerate(joints):
         entry = draft.joints[joint]
-        entry.comments["torque_constant"] = "[Nm/A], on the side that tau's side says"
+        entry.say("torque_constant", "[Nm/A], on the side that tau's side says")
         if constants is not None:
             entry.torque_constant = constants[i]
         if gears is not None and gears[i] != 1.0:

@@ -41,6 +41,12 @@ class Trace:
         """Median step [s]."""
         return float(np.median(np.diff(self.time)))
 
+    @property
+    def reach(self) -> tuple[float, float]:
+        """From when to when it is known or safely continued [s]."""
+        beyond = LONGER * self.step
+        return float(self.time[0]) - beyond, float(self.time[-1]) + beyond
+
     def shares_instants(self, other: Trace) -> bool:
         """Whether both have the same instants."""
         return self.time is other.time or np.array_equal(self.time, other.time)
@@ -50,7 +56,7 @@ class Trace:
 
         Polynomials through the six nearest samples; straight lines over a gap and beyond the ends.
         """
-        first, last = self.time[0] - LONGER * self.step, self.time[-1] + LONGER * self.step
+        first, last = self.reach
         covered = (wanted >= first) & (wanted <= last)
         after = np.clip(np.searchsorted(self.time, wanted), 1, len(self.time) - 1)
         width = self.time[after] - self.time[after - 1]

@@ -1,0 +1,257 @@
+"""Looking at logs: what names say, what data correct, what a person is asked, and a mapping that imports."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+import pytest
+from import_data import JOINTS, link_messages, motor_messages, truth, write_lerobot, write_mcap, write_robot
+
+from flexviz.errors import InputError
+from flexviz.importing import Looked, import_logs, look
+from flexviz.importing.families import find_families
+from flexviz.importing.guessing import candidates
+from flexviz.importing.log import Table
+from flexviz.importing.questions import Person
+from flexviz.importing.times import guess_unit
+from flexviz.importing.units import unit_in
+
+DATA = truth(rows=1500)
+UR = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+PANDA = tuple(f"panda_joint{i}" for i in range(1, 8))
+TWO = ("joint1", "joint2")
+
+
+@pytest.fixture(autouse=True)
+def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
+
+
+def names(pattern: str, numbers: Sequence[Any]) -> list[str]:
+    return [pattern.replace("#", str(number)) for number in numbers]
+
+
+CORPUS: list[tuple[tuple[str, ...], list[str], dict[str, str]]] = [
+    # joints; columns with # for the joints' numbers or names; which family is taken for what
+    (TWO, ["theta_#", "tau_#", "q_#", "tau_joint_#", "theta_ref_#"], {}),
+    (TWO, ["/motor_states/#/position", "/motor_states/#/effort", "/motor_states/#/velocity",
+           "/joint_states/#/position"],
+     {"theta": "/motor_states/#/position", "tau": "/motor_states/#/effort", "q": "/joint_states/#/position"}),
+    (UR, ["actual_q_%", "actual_qd_%", "actual_current_%", "target_q_%", "target_qdd_%",
+          "joint_temperatures_%"],
+     {"theta": "actual_q_%", "tau": "actual_current_%", "theta_ref": "target_q_%"}),
+    (PANDA, ["q[%]", "dq[%]", "tau_J[%]", "tau_J_d[%]", "q_d[%]", "tau_ext_hat_filtered[%]"],
+     {"theta": "q[%]", "tau": "tau_J[%]", "theta_ref": "q_d[%]", "tau_joint": "tau_ext_hat_filtered[%]"}),
+    (UR, ["observation.state/#.pos", "action/#.pos", "observation.effort/#.effort"],
+     {"theta": "observation.state/#.pos", "tau": "observation.effort/#.effort", "theta_ref": "action/#.pos"}),
+    (TWO, ["Position Joint % [deg]", "Drehmoment Joint % [Nm]", "Strom Joint % [A]", "Temp %"],
+     {"theta": "Position Joint % [deg]", "tau": "Drehmoment Joint % [Nm]"}),
+    (TWO, ["qm%", "ql%", "dqm%", "u%"], {"theta": "qm%", "q": "ql%", "tau": "u%"}),
+    (TWO, ["can0_motor%_pos", "can0_motor%_cur"], {"theta": "can0_motor%_pos", "tau": "can0_motor%_cur"}),
+    (TWO, ["log.motor.q(:,%)", "log.link.q(:,%)", "log.tau(:,%)"],
+     {"theta": "log.motor.q(:,%)", "q": "log.link.q(:,%)", "tau": "log.tau(:,%)"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", range(len(CORPUS)))
+def test_names(case: int) -> None:
+    """Columns as robots really call them, by the joints' names or by numbers, become the right signals."""
+    joints, patterns, expected = CORPUS[case]
+    expected = expected or {pattern.removesuffix("_#"): pattern for pattern in patterns}
+    first = 0 if any(p.startswith(("actual", "q[")) for p in patterns) else 1
+    columns = {
+        pattern: names(pattern, joints) if "#" in pattern else
+        [pattern.replace("%", str(i)) for i in range(first, first + len(joints))]
+        for pattern in patterns
+    }  # fmt: skip
+    if case == 4:  # without the word that all joints share
+        columns = {p: [c.replace("_joint", "") for c in found] for p, found in columns.items()}
+    families = find_families([c for found in columns.values() for c in found], joints, {})
+    taken: list[Any] = []
+    for name in ("theta", "tau", "q", "tau_joint", "theta_ref"):
+        found = candidates(families, name, taken)
+        if name not in expected:
+            continue
+        assert found.families, (name, [f.name for f in families])
+        best = found.families[0]
+        assert dict(best.columns) == dict(zip(joints, columns[expected[name]], strict=True)), name
+        taken.append(best)
+
+
+def test_unknown_names_in_order() -> None:
+    """As many unknown joints in a bag as the robot has: taken in order, and said to be so."""
+    (family,) = find_families(["/js/left/position", "/js/right/position"], TWO, {})
+    assert dict(family.columns) == {"joint1": "/js/left/position", "joint2": "/js/right/position"}
+    assert family.told == "order"
+    assert find_families(["/js/a/position", "/js/b/position", "/js/c/position"], TWO, {}) == []
+
+
+def test_units_in_names() -> None:
+    said = {"q1_deg": "deg", "I1 [A]": "A", "t (ms)": "ms", "tau[N·m]": "Nm", "position_a": None, "q": None}
+    assert {name: unit_in(name) for name in said} == said
+    for values, unit in (
+        (0.004 * np.arange(99), "s"),
+        (np.arange(99), "ms"),
+        (500 * np.arange(99), "us"),
+        (2_000_000 * np.arange(99), "ns"),
+    ):
+        assert guess_unit(Table("", {"t": values}), "t")[0] == unit
+
+
+def csv_of(folder: Path, columns: dict[str, np.ndarray], name: str = "run.csv") -> Path:
+    write_robot(folder)
+    pacsv.write_csv(pa.table(columns), folder / name)
+    return folder / name
+
+
+def written(folder: Path, looked: Looked) -> Path:
+    """The mapping file that was found."""
+    file = folder / "found.toml"
+    file.write_text(looked.draft.text(file))
+    return file
+
+
+def same(folder: Path, mapping: Path) -> None:
+    """A mapping imports to the truth."""
+    done = import_logs(mapping, folder / "set")
+    assert done.folder is not None, [str(s) for s in done.suspicions]
+    table = done.groups[0].table
+    assert np.abs(table.theta - DATA.theta).max() < 1e-9 and np.abs(table.tau - DATA.tau).max() < 1e-9
+
+
+def test_csv_in_degrees_with_a_joint_turned_round(tmp_path: Path) -> None:
+    """Units by name where they stand there, else by the robot's masses, as are the signs."""
+    turned = np.array([1.0, -1.0])
+    columns = {"Time [ms]": DATA.time * 1e3, "mode": np.ones(1500)}
+    for j in range(2):
+        columns |= {
+            f"pos_{j + 1}": np.rad2deg(DATA.theta[:, j]),
+            f"torque_{j + 1}": DATA.tau[:, j] * turned[j],
+        }
+    log = csv_of(tmp_path, columns)
+    looked = look([log], str(tmp_path / "robot.urdf"))
+    assert looked.draft.time == {"column": "Time [ms]", "unit": "ms"} and not looked.suspicions
+    text = written(tmp_path, looked).read_text()
+    assert 'theta = { from = "pos_1", unit = "deg" }\n' in text
+    low, high = np.rad2deg(DATA.theta[:, 0].min()), np.rad2deg(DATA.theta[:, 0].max())
+    seen = f"# theta: {low:.4g} … {high:.4g}; position, joints by number, in the robot's order"
+    assert seen in text
+    assert 'tau = { from = "torque_2", sign = -1 }' in text
+    assert 'robot = "robot.urdf"' in text and "step 0.002 s; the unit is stated" in text
+    assert re.search(r'with unit = "deg" the robot.s masses explain \d+ %', text)
+    same(tmp_path, tmp_path / "found.toml")
+
+
+def test_bag_with_two_topics(tmp_path: Path) -> None:
+    """Gear, side, the link clock's offset: all from the data, and every reason is written beside it."""
+    write_robot(tmp_path)
+    gear = np.array([100.0, 80.0])
+    messages = motor_messages(DATA, gear=gear) + link_messages(DATA, late=0.02)
+    write_mcap(tmp_path / "run.mcap", messages)
+    looked = look([tmp_path / "run.mcap"], str(tmp_path / "robot.urdf"))
+    assert [joint.gear for joint in looked.draft.joints.values()] == pytest.approx([100.0, 80.0], rel=2e-3)
+    assert looked.draft.time["shift"]["/joint_states"] == pytest.approx(-0.02, abs=1e-4)
+    text = written(tmp_path, looked).read_text()
+    assert '"/motor_states/joint1/effort", side = "motor"' in text and "times as far as q" in text
+    assert "/joint_states is 20 ±" in text and "ms late against θ" in text
+    (tmp_path / "found.toml").write_text(
+        re.sub(r"gear = (99|100)\.\d+", "gear = 100.0", text)
+    )  # the data sheet
+    same(tmp_path, tmp_path / "found.toml")
+
+
+def test_datasets_and_several_logs(tmp_path: Path) -> None:
+    write_robot(tmp_path)
+    write_lerobot(tmp_path / "data", [DATA, DATA], "v3.0", ["joint1.pos", "joint2.pos"])
+    looked = look([tmp_path / "data"], str(tmp_path / "robot.urdf"))
+    assert looked.draft.groups == ["episode0", "episode1"] and not looked.draft.time
+    same(tmp_path, written(tmp_path, looked))
+
+
+class Typing:
+    """Answers for questions, in order; keeps what was asked."""
+
+    def __init__(self, *answers: str) -> None:
+        self.answers, self.asked, self.told = list(answers), [], []
+
+    def ask(self, question: str, default: str) -> str:
+        self.asked.append(question)
+        answer = self.answers.pop(0)
+        return answer or default
+
+    def tell(self, line: str) -> None:
+        self.told.append(line)
+
+
+def test_questions(tmp_path: Path) -> None:
+    """What neither names nor data know is asked; an answer that makes no sense is asked again."""
+    constant = np.array([0.1, 0.2])
+    columns = {"t": DATA.time}
+    for j in range(2):
+        columns |= {f"ch{j + 1}": DATA.theta[:, j], f"i{j + 1}": DATA.tau[:, j] / constant[j] / 50.0}
+    for name in ("a.csv", "b.csv"):
+        csv_of(tmp_path, columns, name)
+    logs = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    typing = Typing("x", "7", "1", "0.1,-1", "0.1, 0.2", "50", "3", "2")
+    looked = look(logs, str(tmp_path / "robot.urdf"), questions=Person(typing.ask, typing.tell))
+    assert not typing.answers and len(typing.asked) == 8
+    assert (
+        '"x" is none of 0 … 2' in typing.told and '"3" holds something that is none of 1 … 2' in typing.told
+    )
+    assert any("Which columns are the motor position θ?" in line for line in typing.told)
+    assert looked.draft.validation == {"b"} and not looked.draft.missing and not looked.suspicions
+    text = written(tmp_path, looked).read_text()
+    assert "gear = 50.0" in text and "torque_constant = 0.2" in text and 'unit = "A", side = "motor"' in text
+    same(tmp_path, tmp_path / "found.toml")
+
+
+def test_what_is_missing_is_written_down(tmp_path: Path) -> None:
+    """Nobody to ask: a torque constant is never guessed, and columns that nothing is known of are offered."""
+    columns = {"t": DATA.time}
+    for j in range(2):
+        columns |= {f"pos{j + 1}": DATA.theta[:, j], f"current{j + 1}": DATA.tau[:, j] / 7.0}
+    looked = look([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf"))
+    assert looked.draft.missing == [
+        "torque_constant [Nm/A] of every joint: τ is a current (data sheet of the motor)"
+    ]
+    file = written(tmp_path, looked)
+    with pytest.raises(InputError, match=r"joints\.joint1: tau is a current, torque_constant"):
+        import_logs(file, None)
+    text = file.read_text().replace("# torque_constant = …", "torque_constant = 7.0")
+    file.write_text(text)
+    same(tmp_path, file)
+    nameless = {
+        "t": DATA.time,
+        "pos1": DATA.theta[:, 0],
+        "pos2": DATA.theta[:, 1],
+        "x1": DATA.time**2,
+        "x2": DATA.time**3,
+    }
+    looked = look([csv_of(tmp_path, nameless, "other.csv")], str(tmp_path / "robot.urdf"))
+    assert "no columns were recognised as the motor torque τ" in looked.draft.missing[0]
+    assert 'missing: { from = "column" }' in looked.draft.text(None)
+    timeless = {name: np.tile(values, 2) for name, values in columns.items() if name != "t"}
+    looked = look([csv_of(tmp_path, timeless, "timeless.csv")], str(tmp_path / "robot.urdf"))
+    assert any("step = seconds from row to row" in line for line in looked.draft.missing)
+
+
+def test_a_robot_that_does_not_fit(tmp_path: Path) -> None:
+    log = csv_of(tmp_path, {"t": DATA.time, "p1": DATA.theta[:, 0], "m1": DATA.tau[:, 0]})
+    with pytest.raises(InputError, match="robot description not found"):
+        look([log], str(tmp_path / "none.urdf"))
+    looked = look([log], "example-robot-data:panda")
+    assert looked.draft.missing or set(looked.draft.joints) == {"panda_joint1"}
+    assert JOINTS == TWO
