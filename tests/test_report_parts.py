@@ -223,7 +223,16 @@ def test_sessions_are_compared(
     capsys.readouterr()
     assert main(["compare", "one", "three"]) == 0
     out = capsys.readouterr().out
-    assert "three: has no result of its present settings." in out
+    assert "three: has no result of its present settings." in out and "different" not in out
+    identified = session.undo().undo()
+    save_session(identified, measurements, workplace / "three")
+    assert main(["compare", "one", "three", "--json", "c.json"]) == 0
+    out = capsys.readouterr().out
+    assert "different bands" in out and "different kinds of fit" in out
+    found = identified.analysis.identification
+    document = json.loads((workplace / "c.json").read_text())["sessions"][1]
+    assert found is not None and document["rms"] == list(found.residual.rms)
+    assert document["source"] == document["errors_from"] == "identification"
     save_session(Session.of(measurements), measurements, workplace / "three")
     assert open_session(workplace / "three").session.past == ()
 

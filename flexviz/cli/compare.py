@@ -13,7 +13,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from flexviz.session.comparing import Comparison, Row
+    from flexviz.session.comparing import Comparison, Row, Summary
 
 SURE = 3.0  # standard errors from which a difference is pointed at
 
@@ -64,14 +64,19 @@ def facts(found: Comparison) -> Table:
         "its SHA-256": [s.set_sha256[:12] for s in found.sessions],
         "effects": [", ".join(s.effects) or "none" for s in found.sessions],
         "verdict": [s.verdict or "not diagnosed" for s in found.sessions],
-        "numbers from": [
-            f"{s.source}{f', {s.observer}' if s.observer else ''}{', refined' if s.refined else ''}" or "–"
-            for s in found.sessions
-        ],
+        "parameters from": [source(s) for s in found.sessions],
+        "errors from": [s.errors_from or "–" for s in found.sessions],
     }
     for name, cells in rows.items():
         table.add_row(name, *cells)
     return table
+
+
+def source(one: Summary) -> str:
+    """Where a session's parameters come from."""
+    if one.source != "identification":
+        return one.source or "–"
+    return f"identification, {one.observer}" + (", refined" if one.refined else "")
 
 
 def errors(found: Comparison) -> Table:
@@ -127,6 +132,10 @@ def notes(found: Comparison) -> list[str]:
             )
         if not s.source:
             out.append(f"{s.name}: has no result of its present settings.")
+    if len({s.errors_from for s in found.sessions if s.errors_from}) > 1:
+        out.append("The errors are of different bands and say nothing about one another.")
+    if len({s.source for s in found.sessions if s.source}) > 1:
+        out.append("The parameters come from different kinds of fit.")
     if any(row.deviations >= SURE for row in found.rows):
         out.append(
             f"!: first and last differ by {SURE:.0f} standard errors or more, counted as if they were "

@@ -5,13 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from flexviz.errors import InputError
-from flexviz.identification import ParameterEstimate
+from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements.fingerprint import fingerprint
 from flexviz.session.loading import OpenedSession
 
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
+
+Source = Literal["identification", "diagnosis", ""]
+VALUES: tuple[Source, ...] = ("identification", "diagnosis")
+ERRORS: tuple[Source, ...] = ("diagnosis", "identification")
 Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, payload, group
 
 
@@ -27,7 +33,10 @@ class Summary:
     verdict: of the last diagnosis that belongs to the present model; "" without one.
     effects: of the model, the set's own first.
     observer, refined: of the identification; "" without one.
-    source: "identification" or "diagnosis", whichever gives parameters and errors; "" where neither does.
+    source: what the parameters come from: "identification" or "diagnosis", the same for all sessions where
+        all have it; "" where there is neither.
+    errors_from: the same of the errors. The diagnosis' are preferred: all of them are of one band, while an
+        identification's depend on its observer.
     joints: names.
     rms, rms_validation, noise_floor: one a joint [Nm]; empty where they are not known.
     parameters: key -> estimate.
@@ -41,7 +50,8 @@ class Summary:
     effects: tuple[str, ...]
     observer: str
     refined: bool
-    source: str
+    source: Source
+    errors_from: Source
     joints: tuple[str, ...]
     rms: tuple[float, ...]
     rms_validation: tuple[float, ...]
@@ -106,6 +116,7 @@ class Comparison:
                     "observer": s.observer or None,
                     "refined": s.refined,
                     "source": s.source or None,
+                    "errors_from": s.errors_from or None,
                     "joints": list(s.joints),
                     "rms": list(s.rms),
                     "rms_validation": list(s.rms_validation),
@@ -134,7 +145,13 @@ def compare(opened: Sequence[OpenedSession]) -> Comparison:
     """Put two sessions or more side by side."""
     if len(opened) < 2:
         raise InputError(f"{len(opened)} session to compare; two or more would be right")
-    sessions = _named([summary(one) for one in opened])
+    found = [results(one) for one in opened]
+    sessions = _named(
+        [
+            summary(one, source_of(found, mine, VALUES), source_of(found, mine, ERRORS))
+            for one, mine in zip(opened, found, strict=True)
+        ]
+    )
     keys = dict.fromkeys(key for one in sessions for key in one.parameters)
     rows = []
     for key in keys:
@@ -144,25 +161,22 @@ def compare(opened: Sequence[OpenedSession]) -> Comparison:
     return Comparison(tuple(sessions), tuple(rows))
 
 
-def summary(opened: OpenedSession) -> Summary:
-    """What a session ends with."""
+def summary(opened: OpenedSession, values: Source, errors: Source) -> Summary:
+    """What a session ends with: parameters of one source, errors of one source."""
     analysis, measurements = opened.session.analysis, opened.measurements
-    older = bool(opened.changed)  # then nothing counts as up to date, and that is said instead
-    result = analysis.identification if analysis.up_to_date or older else None
-    diagnosis = analysis.diagnosis if analysis.diagnosis_up_to_date or older else None
+    found = results(opened)
+    result, diagnosis = found.identification, found.diagnosis
     rms: tuple[float, ...] = ()
     rms_validation: tuple[float, ...] | None = None
     floor: tuple[float, ...] = ()
-    parameters: tuple[ParameterEstimate, ...] = ()
-    if result is not None:
-        found = result.residual
-        rms, rms_validation, floor = found.rms, found.rms_validation, found.noise_floor
-        parameters = result.parameters
-    elif diagnosis is not None:
-        parameters = diagnosis.parameters
-        if diagnosis.steps:
-            step = diagnosis.steps[-1]
-            rms, rms_validation, floor = step.rms, step.rms_validation, step.noise_floor
+    if errors == "identification" and result is not None:
+        residual = result.residual
+        rms, rms_validation, floor = residual.rms, residual.rms_validation, residual.noise_floor
+    elif errors == "diagnosis" and diagnosis is not None and diagnosis.steps:
+        step = diagnosis.steps[-1]
+        rms, rms_validation, floor = step.rms, step.rms_validation, step.noise_floor
+    fitted = result if values == "identification" else diagnosis if values == "diagnosis" else None
+    parameters = fitted.parameters if fitted is not None else ()
     return Summary(
         opened.folder.resolve().name,
         measurements.name,
@@ -172,13 +186,49 @@ def summary(opened: OpenedSession) -> Summary:
         (*measurements.effects, *analysis.effects),
         result.observer_name if result is not None else "",
         result.refined if result is not None else False,
-        "identification" if result is not None else "diagnosis" if diagnosis is not None else "",
+        values,
+        errors,
         measurements.joints,
         rms,
         rms_validation or (),
         floor,
         {(p.name, p.joint, p.payload, p.group): p for p in parameters},
     )
+
+
+@dataclass(frozen=True)
+class Results:
+    """What belongs to the present settings, or, where data have changed, did."""
+
+    identification: Identification | None
+    diagnosis: Diagnosis | None
+
+    def has(self, source: Source) -> bool:
+        """Whether numbers can be had from there."""
+        if source == "identification":
+            return self.identification is not None
+        return self.diagnosis is not None and bool(self.diagnosis.parameters)
+
+
+def results(opened: OpenedSession) -> Results:
+    """The results of a session's present settings."""
+    analysis = opened.session.analysis
+    older = bool(opened.changed)  # then nothing counts as up to date, and that is said instead
+    return Results(
+        analysis.identification if analysis.up_to_date or older else None,
+        analysis.diagnosis if analysis.diagnosis_up_to_date or older else None,
+    )
+
+
+def source_of(found: Sequence[Results], one: Results, order: Sequence[Source]) -> Source:
+    """Where a session's numbers come from: what all sessions have, in this order; else what it has itself."""
+    for source in order:
+        if all(other.has(source) for other in found):
+            return source
+    for source in order:
+        if one.has(source):
+            return source
+    return ""
 
 
 def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) -> float:
