@@ -1,4 +1,4 @@
-"""`flexviz serve [SET]`: the app in the browser."""
+"""`flexviz serve [SET|SESSION]`: the app in the browser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from flexviz.cli.own import EffectsFromOption, load_own
 def serve(
     source: Annotated[
         Path | None,
-        typer.Argument(metavar="SET", help="Folder with measurements.toml; without it a bundled example."),
+        typer.Argument(
+            metavar="SET|SESSION",
+            help="Folder with measurements.toml or session.json; without it a bundled example.",
+        ),
     ] = None,
     port: Annotated[
         int | None,
