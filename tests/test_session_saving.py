@@ -31,6 +31,15 @@ from tests.small_session import small_session
 from tests.small_set import write_small_set
 
 ROOT = Path(__file__).resolve().parent.parent
+KEEP_AND_DIE = """
+import os, sys
+from pathlib import Path
+from flexviz.session import Autosave, open_session
+opened, keeper = open_session(sys.argv[1]), Autosave(lambda: Path(sys.argv[2]))
+keeper.keep(opened.session.with_note("kept in time"), opened.measurements)
+keeper.flush()
+os.kill(os.getpid(), 9)
+"""
 Kept = tuple[MeasurementSet, Session, Path]
 
 
@@ -251,15 +260,10 @@ def test_unsaved_work_of_a_dead_process_is_found_and_a_living_ones_is_not(kept: 
 
 
 def test_a_killed_process_leaves_its_work(kept: Kept, tmp_path: Path) -> None:
-    measurements, session, _ = kept
+    measurements, _, folder = kept
     root = tmp_path / "unsaved"
-    child = os.fork()
-    if child == 0:
-        keeper = Autosave(lambda: root)
-        keeper.keep(session.with_note("kept in time"), measurements)
-        keeper.flush()
-        os.kill(os.getpid(), 9)
-    assert os.waitpid(child, 0)[1] == 9
+    run = subprocess.run([sys.executable, "-c", KEEP_AND_DIE, str(folder), str(root)], cwd=ROOT)
+    assert run.returncode == -9
     found = find_unsaved(root, measurements.path)
     assert found is not None and open_session(found.folder).session.notes[-1].text == "kept in time"
     again = Autosave(lambda: root)
