@@ -1,6 +1,7 @@
 # make install   .venv with the locked versions, and flexviz in it
 # make serve     the app on bundled data   (ARGS="SET --port 9000" for something else)
 # make test      everything that is checked: style, types, tests with coverage
+# make docs      the documentation as a static site in build/docs, its links checked
 # make lock      write requirements.lock anew from pyproject.toml
 
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
@@ -8,7 +9,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 p
 BIN := .venv/bin
 JOBS ?= 2
 
-.PHONY: install serve test lint types pytest browser format wheel lock clean
+.PHONY: install serve test lint types pytest browser format wheel docs lock clean
 .DELETE_ON_ERROR:
 
 install: $(BIN)/.installed
@@ -51,6 +52,9 @@ format: install
 
 wheel: install
 	$(BIN)/python -m hatchling build --target wheel
+
+docs: install
+	$(BIN)/python docs/build_site.py build/docs
 
 # needs uv; versions and hashes only, no addresses
 lock:
