@@ -1,20 +1,29 @@
-"""How quick the app is: first page, bandwidth slider, playback beside the solver.
+"""How quick and how steady the app is: first page, bandwidth slider, playback beside the solver, memory.
 
-    python benchmarks/app.py
+    python benchmarks/app.py [--minutes 5] [--only page,bandwidth,playback,memory]
 
-Prints the time from starting the command to the first complete page, the time from a bandwidth change to
-new plot data for 20 s × 1 kHz × 7 joints (median and 95th percentile), and the frames a second that playback
-reaches alone and while an identification runs.
+Prints, beside each figure, what it is to be, their ratio, and the machine's load while it was taken: on a
+busy machine the wall time is that of a queue, so the CPU time of the same work stands beside it.
+
+- page: from starting the command to the first complete page.
+- bandwidth: from a bandwidth event to the new data being queued for the browsers, 20 s × 1 kHz × 7 joints.
+- playback: frames a second alone, and while an identification with refinement runs.
+- memory: resident memory of the server while it plays to a connected page, and a straight line through it
+  after the first fifth, continued to an hour with its own standard error.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +31,7 @@ import numpy as np
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
+from flexviz.app.playback import RATE as FRAMES
 from flexviz.app.server import start_server
 from flexviz.app.work import open_set
 from flexviz.measurements import GroupTable, write_set
@@ -29,21 +39,60 @@ from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 
 SAMPLES, RATE, JOINTS = 20_000, 1000.0, 7
+PAGE, SLIDER, GROWTH = 3.0, 0.05, 50.0  # [s], [s], [MB an hour]: what they are to stay below
+PARTS = ("page", "bandwidth", "playback", "memory")
 
 
-def first_page() -> float:
-    """Seconds from starting `flexviz serve` to the page being there."""
+def line(name: str, figure: str, target: str, ratio: float) -> None:
+    """One figure."""
+    print(
+        f"{name:22s} {figure:46s} {target:>12s}  ratio {ratio:5.2f}  load {os.getloadavg()[0]:.1f}",
+        flush=True,
+    )
+
+
+def cpu_of(pid: int) -> float:
+    """CPU seconds of a process, where the system tells (Linux)."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    except OSError:
+        return float("nan")
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def memory_of(pid: int) -> float:
+    """Resident memory of a process [MB], where the system tells (Linux)."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except OSError:
+        return float("nan")
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+@contextmanager
+def served(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """`flexviz serve` in a folder of its own, and its address."""
+    command = [sys.executable, "-m", "flexviz", "serve", *arguments, "--no-browser", "--port", "0"]
+    with tempfile.TemporaryDirectory() as folder:
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=folder
+        )
+        try:
+            assert process.stdout is not None
+            yield process, next(w for w in process.stdout.readline().split() if w.startswith("http"))
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def first_page() -> None:
+    """From starting `flexviz serve` to the page being there."""
     begin = time.monotonic()
-    command = [sys.executable, "-m", "flexviz", "serve", "--no-browser", "--port", "0"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    assert process.stdout is not None
-    address = next(word for word in process.stdout.readline().split() if word.startswith("http"))
-    with urllib.request.urlopen(address, timeout=30) as answer:
-        assert len(answer.read()) > 100_000
-    seconds = time.monotonic() - begin
-    process.terminate()
-    process.wait()
-    return seconds
+    with served() as (process, address):
+        with urllib.request.urlopen(address, timeout=60) as answer:
+            assert len(answer.read()) > 100_000
+        seconds, cpu = time.monotonic() - begin, cpu_of(process.pid)
+    line("first page", f"{seconds:.2f} s, {cpu:.2f} s of CPU", f"< {PAGE:g} s", seconds / PAGE)
 
 
 def panda_set(folder: Path) -> Path:
@@ -62,55 +111,132 @@ def panda_set(folder: Path) -> Path:
     )
 
 
-def wait(application: Application, condition: Callable[[], bool], timeout: float = 120.0) -> None:
+@contextmanager
+def application(measurement_set: Path) -> Iterator[Application]:
+    """The application in this process, in a folder of its own."""
+    here = Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        server: Any = start_server("127.0.0.1", 0)
+        app = Application(server, open_set(measurement_set))
+        try:
+            yield app
+        finally:
+            app.close()
+            server.stop()
+            os.chdir(here)
+
+
+def wait(app: Application, condition: Callable[[], bool], timeout: float = 600.0) -> None:
     """Let the application's loop run until the condition holds."""
     deadline = time.monotonic() + timeout
     while not condition() and time.monotonic() < deadline:
-        application.once(0.01)
+        app.once(0.01)
 
 
-def frame_rate(application: Application, condition: Callable[[], bool]) -> tuple[float, float]:
+def bandwidth(count: int = 60) -> None:
+    """From a bandwidth event to the new data being queued for the browsers."""
+    with tempfile.TemporaryDirectory() as folder, application(panda_set(Path(folder) / "panda")) as app:
+        wait(app, lambda: not app.worker.busy)
+        wall, cpu = [], []
+        for width in np.linspace(20.0, 200.0, count):
+            app.queue.put("bandwidth", float(width))
+            begin, worked = time.perf_counter(), time.thread_time()
+            while len(app.queue):
+                app.once(0.0)
+            wall.append(time.perf_counter() - begin)
+            cpu.append(time.thread_time() - worked)
+    late, worked = float(np.quantile(wall, 0.95)), float(np.quantile(cpu, 0.95))
+    figure = (
+        f"{1e3 * late:.1f} ms p95, {1e3 * np.median(wall):.1f} ms median, {1e3 * worked:.1f} ms p95 of CPU"
+    )
+    line("bandwidth → plot data", figure, f"< {1e3 * SLIDER:g} ms", late / SLIDER)
+
+
+def frame_rate(app: Application, condition: Callable[[], bool]) -> tuple[float, float]:
     """Frames a second until the condition holds, and how long that took [s]."""
-    frames, begin = application.show.playback.frames, time.monotonic()
-    wait(application, condition)
+    frames, begin = app.show.playback.frames, time.monotonic()
+    wait(app, condition)
     seconds = time.monotonic() - begin
-    return (application.show.playback.frames - frames) / seconds, seconds
+    return (app.show.playback.frames - frames) / seconds, seconds
 
 
-def bandwidth_times(application: Application, count: int = 40) -> np.ndarray:
-    """Seconds from a bandwidth event to the new data being queued for the browsers, (count,)."""
-    taken = []
-    for bandwidth in np.linspace(20.0, 200.0, count):
-        application.queue.put("bandwidth", float(bandwidth))
-        begin = time.perf_counter()
-        while len(application.queue):
-            application.once(0.0)
-        taken.append(time.perf_counter() - begin)
-    return np.array(taken)
+def playback() -> None:
+    """Frames a second alone, and while an identification runs."""
+    with application(sessions_dir() / DEMO) as app:
+        wait(app, lambda: not app.worker.busy)
+        begin = time.monotonic()
+        rate, seconds = frame_rate(app, lambda: time.monotonic() - begin > 5.0)
+        line("playback alone", f"{rate:.1f} frames/s over {seconds:.1f} s", f"{FRAMES:g} /s", rate / FRAMES)
+        app.queue.put("refine", True)
+        app.queue.put("run")
+        app.once(0.0)
+        app.once(0.0)
+        rate, seconds = frame_rate(app, lambda: not app.identify.running)
+        line(
+            "playback beside a fit",
+            f"{rate:.1f} frames/s over {seconds:.1f} s",
+            f"{FRAMES:g} /s",
+            rate / FRAMES,
+        )
+
+
+def listen(address: str, stop: threading.Event) -> int:
+    """A page that takes everything it is sent; returns how many bytes that was."""
+    import viser
+    from websockets.sync.client import connect
+
+    taken = 0
+    url = address.replace("http", "ws", 1)
+    protocol: Any = f"viser-v{viser.__version__}"
+    with connect(url, subprotocols=[protocol], max_size=None) as socket:
+        while not stop.is_set():
+            try:
+                taken += len(socket.recv(timeout=0.5))
+            except TimeoutError:
+                continue
+    return taken
+
+
+def memory(minutes: float) -> None:
+    """Resident memory of a server that plays to a connected page."""
+    with served() as (process, address):
+        stop = threading.Event()
+        taken: list[int] = []
+        page = threading.Thread(target=lambda: taken.append(listen(address, stop)), daemon=True)
+        page.start()
+        begin = time.monotonic()
+        at, held = [], []
+        while time.monotonic() - begin < 60.0 * minutes:
+            time.sleep(1.0)
+            at.append((time.monotonic() - begin) / 3600.0)
+            held.append(memory_of(process.pid))
+        stop.set()
+        page.join()
+    settled = slice(len(at) // 5, None)
+    (slope, _), covariance = np.polyfit(at[settled], held[settled], 1, cov=True)
+    error = float(np.sqrt(covariance[0, 0]))
+    figure = (
+        f"{held[len(at) // 5]:.1f} → {held[-1]:.1f} MB in {minutes:g} min ({taken[0] / 1e6:.0f} MB sent): "
+        f"{slope:+.1f} ± {1.96 * error:.1f} MB/h"
+    )
+    line("memory", figure, f"< {GROWTH:g} MB/h", slope / GROWTH)
 
 
 def main() -> None:
-    print(f"first page           {first_page():8.2f} s")
-    server: Any = start_server("127.0.0.1", 0)
-    with tempfile.TemporaryDirectory() as folder:
-        application = Application(server, open_set(panda_set(Path(folder) / "panda")))
-        wait(application, lambda: not application.worker.busy)
-        taken = 1000.0 * bandwidth_times(application)
-        print(
-            f"bandwidth → plot data {np.median(taken):7.1f} ms median, {np.quantile(taken, 0.95):.1f} ms p95"
-        )
-        application.open(open_set(sessions_dir() / DEMO))
-        begin = time.monotonic()
-        rate, _ = frame_rate(application, lambda: time.monotonic() - begin > 3.0)
-        print(f"playback alone       {rate:8.1f} frames/s")
-        application.queue.put("refine", True)
-        application.queue.put("run")
-        application.once(0.0)
-        application.once(0.0)
-        rate, seconds = frame_rate(application, lambda: not application.identify.running)
-        print(f"playback beside a fit {rate:7.1f} frames/s over {seconds:.1f} s")
-        application.close()
-    server.stop()
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--minutes", type=float, default=5.0, help="how long memory is watched")
+    parser.add_argument("--only", default=",".join(PARTS), help="which figures, with commas")
+    chosen = parser.parse_args()
+    for part in chosen.only.split(","):
+        {
+            "page": first_page,
+            "bandwidth": bandwidth,
+            "playback": playback,
+            "memory": lambda: memory(chosen.minutes),
+        }[part]()
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
+from flexviz.app.keys import COMMANDS
 from flexviz.app.work import open_set, sets_beside
 from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
@@ -121,6 +122,27 @@ def test_roles_and_effects_are_in_the_history(app: Application) -> None:
     assert app.identify.effects.boxes["coulomb_friction"].disabled  # the set's own
 
 
+def test_every_command_does_something_and_has_a_name_of_its_own(app: Application) -> None:
+    assert set(app.keys._actions) == {key for key, *_ in COMMANDS}
+    assert len({label for _, label, *_ in COMMANDS}) == len(COMMANDS)
+    hotkeys = [(hotkey, modifier) for _, _, hotkey, modifier in COMMANDS if hotkey]
+    assert len(set(hotkeys)) == len(hotkeys)
+    for key, seen in (
+        ("3", lambda: app.dock.step == "Identify"),
+        ("joint", lambda: app.show.joint == 1),
+        ("group", lambda: app.show.group.name == "g2"),
+        ("layout", lambda: app.view.layout == "Overlaid"),
+        ("best", lambda: "nothing has been swept yet" in status(app)),
+        ("add", lambda: "nothing is found" in status(app)),
+        ("report", lambda: "nothing was found yet" in status(app)),
+    ):
+        act(app, "command", (key, 0))
+        until(app, seen)
+    for key in ("1", "joint", "group", "group", "layout"):
+        act(app, "command", (key, 0))
+    until(app, lambda: app.view.layout == "Side by side" and app.show.group.name == "g1")
+
+
 def test_playback_controls(app: Application) -> None:
     act(app, "playback", "Pause")
     act(app, "time", 1.5)
@@ -128,7 +150,7 @@ def test_playback_controls(app: Application) -> None:
     act(app, "playback", "Step ▶")
     assert app.show.clock.time == pytest.approx(1.5 + 1 / 30)
     pass_time(app, 0.2)
-    act(app, "command", "toggle")
+    act(app, "command", ("toggle", 0))
     until(app, lambda: app.show.clock.playing)
     act(app, "speed", "2×")
     act(app, "layout", "Overlaid")
@@ -141,11 +163,11 @@ def test_playback_controls(app: Application) -> None:
 def test_a_key_that_a_focused_slider_takes_does_not_step(app: Application) -> None:
     act(app, "playback", "Pause")
     act(app, "time", 1.0)
-    app.queue.put("command", "forward", each=True)
+    app.queue.put("command", ("forward", 0), each=True)
     app.queue.put("deflection", 5)
     pass_time(app, 0.3)
     assert app.show.clock.time == pytest.approx(1.0)
-    act(app, "command", "forward")
+    act(app, "command", ("forward", 0))
     pass_time(app, 0.3)
     assert app.show.clock.time == pytest.approx(1.0 + 1 / 30)
 
@@ -242,7 +264,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     assert "have changed" not in sweep._about.content
     act(app, "sweep")
     until(app, lambda: "1 of 11" in status(app))
-    act(app, "command", "stop")
+    act(app, "command", ("stop", 0))
     until(app, lambda: not sweep.running)
     assert 1 <= len(sweep._result.bandwidths) < COUNT
     for index in range(len(app.measurements.groups)):
@@ -302,7 +324,7 @@ def test_a_range_marks_time_and_path(app: Application) -> None:
     where._variable.value = "velocity"
     act(app, "highlight", "velocity")
     assert where._range.visible and app.show.scene.measured._marked is not None  # type: ignore[union-attr]
-    assert set(where._charts._charts["time"]._handle.data[4]) == {0.0, 1.0}
+    assert {bool(value) for value in where._charts._charts["time"]._handle.data[4]} == {False, True}
     where._variable.value = "nothing"
     act(app, "highlight", "nothing")
     assert app.show.scene.measured._marked is None and not where._range.visible  # type: ignore[union-attr]

@@ -1,8 +1,9 @@
-"""The app's parts that know no browser: value checks, the queue, the clock."""
+"""The app's parts that know no browser: value checks, the queue, the clock, hints."""
 
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +12,9 @@ from hypothesis import strategies as st
 
 from flexviz.app.checks import Rule, check
 from flexviz.app.clock import Clock
+from flexviz.app.controls import off
 from flexviz.app.events import LIMIT, Dispatcher, Event, EventQueue
+from flexviz.app.hints import Hints, css_text
 from flexviz.errors import InputError
 
 NUMBER = Rule("number", 0.0, 10.0)
@@ -161,3 +164,34 @@ def test_clock_runs_stands_steps_and_begins_again() -> None:
     assert clock.time == pytest.approx(12.0, abs=1e-6) or clock.time == pytest.approx(2.0, abs=1e-6)
     clock.step(0.5)
     assert not clock.playing
+
+
+def fake_button(uuid: str) -> Any:
+    return SimpleNamespace(_impl=SimpleNamespace(uuid=uuid), hint="", visible=True, disabled=False)
+
+
+def test_a_control_that_is_off_says_why() -> None:
+    handle = fake_button("u")
+    off(handle, "something runs", "does it")
+    assert handle.disabled and handle.hint == "off: something runs"
+    off(handle, "", "does it")
+    assert not handle.disabled and handle.hint == "does it"
+
+
+def test_hints_are_drawn_for_buttons_that_have_one() -> None:
+    hints, buttons = Hints(), [fake_button(name) for name in "abc"]
+    for one in buttons:
+        hints.add(one)
+    assert hints.rules() == []
+    assert "width: calc(0.3333" in hints.row(buttons)
+    buttons[0].hint, buttons[2].hint = "first", "last"
+    text = "\n".join(hints.rules())
+    assert '"first"; left: 6px' in text and '"last"; right: 6px' in text and 'id="b"' not in text
+    buttons[0].visible = False
+    assert "first" not in "\n".join(hints.rules())
+
+
+@given(st.text(max_size=30))
+def test_a_hint_cannot_leave_its_string(text: str) -> None:
+    written = css_text(f'{text}</style>"')
+    assert written.count('"') == 2 and "<" not in written and "\n" not in written

@@ -12,9 +12,10 @@ from typing import Any
 
 import viser
 
-from flexviz.app.controls import choose, press, watch
+from flexviz.app.controls import choose, press, press_of, watch
 from flexviz.app.dock import Dock
 from flexviz.app.events import Dispatcher, Event, EventQueue
+from flexviz.app.hints import Hints
 from flexviz.app.keys import Keys
 from flexviz.app.recordings import Recordings
 from flexviz.app.show import IDLE_JOBS, Show
@@ -47,6 +48,7 @@ class Application:
         self._ticked = 0.0
         self._message = ("", "")
 
+        self.hints = Hints()
         self.dock = Dock(self)
         self.show = Show(self)
         self.data = DataStep(self)
@@ -95,7 +97,14 @@ class Application:
     def press(self, handle: Any, key: str, handler: Callable[[], None]) -> None:
         """Act on a button."""
         press(handle, self.queue, key)
+        self.hints.add(handle)
         self.on(key, lambda _: handler())
+
+    def press_of(self, handle: Any, key: str, handler: Callable[[int], None]) -> None:
+        """Act on a button for the browser that pressed it."""
+        press_of(handle, self.queue, key)
+        self.hints.add(handle)
+        self.on(key, handler)
 
     def watch(self, handle: Any, key: str, handler: Callable[[Any], None]) -> None:
         """Act on a control's value."""
@@ -106,6 +115,10 @@ class Application:
         """Act on a row of buttons."""
         choose(handle, self.queue, key)
         self.on(key, handler)
+
+    def row(self, *buttons: Any, share: float | None = None) -> None:
+        """Set buttons beside each other; each takes `share` of the row (None: the same for all)."""
+        self.add_style(self.hints.row(buttons, share))
 
     def add_style(self, rule: str) -> None:
         """Add a CSS rule to the page."""
@@ -200,6 +213,13 @@ class Application:
             return "no group is set to Fit in step Data"
         return ""
 
+    def may_start(self, what: str) -> bool:
+        """Whether a fit can be started now; says why not (a key or a command may ask for it at any time)."""
+        why = self.why_not()
+        if why:
+            self.say(f"{what} is off: {why}", "bad")
+        return not why
+
     def refresh_running(self) -> None:
         """Something has begun or ended: what may be pressed has changed."""
         for step in self.steps.values():
@@ -244,8 +264,8 @@ class Application:
             if event.key not in NOT_CONTROLS:
                 self.keys.touched(event.born)
             self._dispatcher.act(event)
-        for key in self.keys.due():
-            self._dispatcher.guard(Event(key), lambda key=key: self.keys.act(key))
+        for key, who in self.keys.due():
+            self._dispatcher.guard(Event(key), lambda key=key, who=who: self.keys.act(key, who))
         if time.monotonic() - self._ticked >= TICK:
             self._ticked = time.monotonic()
             self._dispatcher.guard(Event("tick"), self._tick)
@@ -263,6 +283,7 @@ class Application:
         self.show.tick()
         self.identify.tick()
         self.data.files.tick()
+        self.dock.tick()
 
     def _job(self, event: JobEvent) -> None:
         if event.job.key == "identify":

@@ -66,7 +66,7 @@ class ChartColumn:
 
     def __init__(self, server: viser.ViserServer, tab: Any) -> None:
         self._server = server
-        self._tab = tab
+        self.folder = tab  # what holds the charts
         self._charts: dict[str, Chart] = {}
         with tab:
             self._notes = server.gui.add_html("")
@@ -82,7 +82,7 @@ class ChartColumn:
         for plot in drawn:
             chart = self._charts.get(plot.key)
             if chart is None:
-                with self._tab:
+                with self.folder:
                     self._charts[plot.key] = Chart(self._server, plot)
             else:
                 chart.show(plot)

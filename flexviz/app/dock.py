@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.style import CSS, in_row, next_button, next_option, no_label, pressed, style
+from flexviz.app.style import CSS, next_button, next_option, no_label, pressed, style
 from flexviz.view.next_step import next_step, steps_done
 from flexviz.view.status import STEPS, status_html, step_line_html
 
@@ -38,7 +38,7 @@ class Dock:
         self._joint: Any = gui.add_dropdown("Joint", ("–",), initial_value="–")
         self._group: Any = gui.add_dropdown("Group", ("–",), initial_value="–")
         gui.add_divider()
-        self.rules.append(in_row(self._undo._impl.uuid, self._redo._impl.uuid, self._stop._impl.uuid))
+        self.rules.append(app.hints.row((self._undo, self._redo, self._stop)))
         app.choose(self._buttons, "step", self.go)
         app.press(self._undo, "undo", app.undo)
         app.press(self._redo, "redo", app.redo)
@@ -69,9 +69,9 @@ class Dock:
             (self._redo, app.session.redoes, "brings again"),
         ):
             button.disabled = not label
-            button.hint = f"{word}: {label}" if label else "nothing to do"
+            button.hint = f"{word}: {label}" if label else "off: nothing to do"
         self._stop.disabled = not app.running
-        self._stop.hint = "ends what runs and keeps what it has" if app.running else "nothing runs"
+        self._stop.hint = "ends what runs and keeps what it has" if app.running else "off: nothing runs"
         self._bar.visible = app.running
         self._draw_step()
 
@@ -92,6 +92,10 @@ class Dock:
         """How far the running work is, 0 … 1; an unknown share is drawn full."""
         self._bar.value = 100.0 * min(max(share, 0.0), 1.0)
 
+    def tick(self) -> None:
+        """Let the hints follow what they say."""
+        self._draw_step()
+
     def _draw_step(self) -> None:
         session = getattr(self._app, "session", None)
         rules = [*self.rules, pressed(self._buttons._impl.uuid, STEPS.index(self.step))]
@@ -106,6 +110,6 @@ class Dock:
                 rules.append(next_button(self.next_buttons[following.button]._impl.uuid))
         if line != self._line.content:
             self._line.content = line
-        sheet = style(*rules)
+        sheet = style(*rules, *self._app.hints.rules())
         if sheet != self._style.content:
             self._style.content = sheet

@@ -40,6 +40,7 @@ class Recordings:
         self._open: dict[Kind, LiveRecording] = {}
         self._wanted: dict[Kind, object] = {}  # what each is wanted for: another set is another recording
         self._threads: list[threading.Thread] = []
+        self._ended = False
         self._newest: Identification | None = None  # what they all know
         self._diagnosis: Diagnosis | None = None
         app.on("recording", self._happened)
@@ -64,6 +65,8 @@ class Recordings:
                 viewer=viewer,
                 on_failure=lambda reason: self._tell(kind, mark, "failed", reason),
             )
+            if self._ended:
+                recording.close()
             self._tell(kind, mark, "open", recording)
 
         self._in_thread(begin, kind, mark)
@@ -83,6 +86,7 @@ class Recordings:
 
     def close(self) -> None:
         """Close all and wait for them."""
+        self._ended = True
         for kind in KINDS:
             self.stop(kind)
         for thread in self._threads:

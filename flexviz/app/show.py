@@ -74,6 +74,7 @@ class Show:
             self.joint = joint
             self._app.dock.refresh()
             self._app.observer.refresh()
+            self._app.view.refresh()
             self.plots.show_signals()
             self.plots.show_states()
             self.show_diagnosis()
@@ -82,6 +83,15 @@ class Show:
             self._app.dock.refresh()
             self.show_group()
             self._app.diagnose.findings.redraw()
+
+    def next_joint(self) -> None:
+        """Show the next joint, after the last one the first."""
+        self.select(joint=(self.joint + 1) % self._app.measurements.n)
+
+    def next_group(self) -> None:
+        """Show the next group, after the last one the first."""
+        names = [group.name for group in self._app.measurements.groups]
+        self.select(group=names[(names.index(self.group.name) + 1) % len(names)])
 
     def show_group(self) -> None:
         """Draw the present group from its beginning."""

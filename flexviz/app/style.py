@@ -52,6 +52,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
+.fv-joint.fv-chosen { font-weight: 700; border-bottom: 2px solid #0072B2; }
 """
 
 
@@ -77,15 +78,19 @@ def half(uuid: str) -> str:
     """Rules that put a control into half the panel's width, two in a row, with a short label."""
     return (
         f'div:has(> div.mantine-Flex-root > div > p > label[for="{uuid}"]) '
-        f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n"
-        f"{flex(uuid)} > div:first-child {{ width: 5.4em !important; }}"
+        f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n" + label_width(uuid, "5.4em")
     )
+
+
+def label_width(uuid: str, width: str) -> str:
+    """A rule that gives a control's label this width."""
+    return f"{flex(uuid)} > div:first-child {{ width: {width} !important; }}"
 
 
 def wide_label(uuid: str) -> str:
     """Rules that give a control's label the room of a whole name, and set the rows closer."""
     return (
-        f"{flex(uuid)} > div:first-child {{ width: 14em !important; }}\n"
+        label_width(uuid, "14em") + "\n"
         f"{flex(uuid)} {{ padding-bottom: 0 !important; margin-bottom: -0.15em; }}"
     )
 

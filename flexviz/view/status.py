@@ -67,8 +67,13 @@ def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, i
     return [cividis(share) for share in shares([float(value) for value in rms])]
 
 
-def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "") -> str:
-    """What the colours of the scene mean, with numbers; `note` says how the model was simulated."""
+def legend_html(
+    joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "", chosen: int = -1
+) -> str:
+    """What the colours of the scene mean, with numbers; `note` says how the model was simulated.
+
+    The `chosen` joint's number stands out.
+    """
     robots = (
         f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured: solid, blue trail '
         f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified: ghost</div>'
@@ -80,9 +85,10 @@ def legend_html(joints: tuple[str, ...], rms: np.ndarray | None, group: str, not
         return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
     colours = joint_colours(rms, len(joints))
     cells = "".join(
-        f'<span class="fv-joint"><span class="fv-box" style="background:{css(colour)}"></span>'
+        f'<span class="fv-joint{" fv-chosen" if index == chosen else ""}">'
+        f'<span class="fv-box" style="background:{css(colour)}"></span>'
         f"{escape(name)} {number(float(value), 2)}</span>"
-        for name, value, colour in zip(short_names(joints), rms, colours, strict=True)
+        for index, (name, value, colour) in enumerate(zip(short_names(joints), rms, colours, strict=True))
     )
     return (
         f'<div class="fv">{robots}<div>Link colour: rms residual in {escape(group)} [Nm], '

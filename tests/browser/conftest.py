@@ -17,6 +17,7 @@ FLAGS = [
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
+PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 # the same places as install_chromium.sh; None: Playwright's own
 NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -73,8 +74,9 @@ def open_page(chromium: Any) -> Iterator[Callable[..., Any]]:
         page = chromium.new_page(viewport={"width": width, "height": height})
         pages.append(page)
         page.on("pageerror", lambda error: errors.append(str(error)))
+        page.set_default_timeout(PATIENCE)
         page.goto(address)
-        page.wait_for_selector(".uplot .u-over", timeout=60_000)
+        page.wait_for_selector(".uplot .u-over")
         for button in page.query_selector_all(".mantine-Notification-closeButton"):
             button.click()
         return page

@@ -54,7 +54,7 @@ def place(page: Any, name: str) -> list[float]:
     return (node(page, name) or [])[12:15]
 
 
-def until(condition: Callable[[], Any], timeout: float = 30.0, what: str = "it") -> Any:
+def until(condition: Callable[[], Any], timeout: float = 300.0, what: str = "it") -> Any:
     """Wait for a true value and return it."""
     deadline = time.monotonic() + timeout
     while not (value := condition()):
@@ -63,7 +63,8 @@ def until(condition: Callable[[], Any], timeout: float = 30.0, what: str = "it")
     return value
 
 
-WIDER = """() => [...document.querySelectorAll('.fv, .fv-table, .uplot, button')]
+TEXTS = ".fv, .fv-table, .uplot, button, label, input:not([type=checkbox])"
+WIDER = f"""() => [...document.querySelectorAll('{TEXTS}')]
     .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
     .filter(e => e.scrollWidth > e.clientWidth + 2)
     .map(e => e.className + ': ' + e.textContent.slice(0, 60))"""
@@ -72,6 +73,34 @@ WIDER = """() => [...document.querySelectorAll('.fv, .fv-table, .uplot, button')
 def wider_than_its_place(page: Any) -> list[str]:
     """What is cut off at its side."""
     return page.evaluate(WIDER)
+
+
+OVERLAPPING = """() => {
+    const seen = [...document.querySelectorAll('.fv, .uplot, button, label, input, [role=tab]')]
+        .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root'))
+        .filter(e => e.tagName !== 'BUTTON' || !e.closest('.mantine-Input-wrapper'))
+        .map(e => [e, e.getBoundingClientRect()]).filter(([e, r]) => r.width > 1 && r.height > 1);
+    const found = [];
+    seen.forEach(([a, r], i) => seen.slice(i + 1).forEach(([b, s]) => {
+        if (a.contains(b) || b.contains(a)) return;
+        const across = Math.min(r.right, s.right) - Math.max(r.left, s.left);
+        const down = Math.min(r.bottom, s.bottom) - Math.max(r.top, s.top);
+        if (across > 2 && down > 2)
+            found.push([a, b].map(e => e.textContent.slice(0, 40) || e.id).join(' | '));
+    }));
+    return found;
+}"""
+
+
+def overlapping(page: Any) -> list[str]:
+    """Pairs of controls or texts that lie over one another."""
+    return page.evaluate(OVERLAPPING)
+
+
+def well_laid_out(page: Any) -> None:
+    """Nothing is cut off, nothing overlaps."""
+    assert not wider_than_its_place(page)
+    assert not overlapping(page)
 
 
 def status(page: Any) -> str:

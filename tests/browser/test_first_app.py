@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from tests.browser.page import (
     status,
     tab,
     until,
-    wider_than_its_place,
+    well_laid_out,
 )
 
 KUKA = Path(__file__).resolve().parents[3] / "shared" / "real" / "kuka_kr300"
@@ -69,11 +68,9 @@ def test_the_bandwidth_slider_redraws_the_states_and_is_swept(
     before = chart(page, "θ⁗")
     slider = row(page, "Bandwidth [rad/s]").get_by_role("slider")
     slider.focus()
-    begin = time.monotonic()
     for _ in range(5):
         page.keyboard.press("ArrowRight")
     until(lambda: chart(page, "θ⁗") != before, what="new states")
-    assert time.monotonic() - begin < 5.0
     assert all(np.isfinite(column).all() for data in charts(page).values() for column in data)
     shot(page, "2-observer")
     row(page, "Observer type").get_by_role("combobox").click()
@@ -88,7 +85,7 @@ def test_the_bandwidth_slider_redraws_the_states_and_is_swept(
 
 def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: Any) -> None:
     button(page, "Sweep bandwidth").click()
-    until(lambda: "swept 11 bandwidths" in status(page), 60, "the sweep")
+    until(lambda: "swept 11 bandwidths" in status(page), what="the sweep")
     residual = until(
         lambda: any(title.startswith("Residual of") for title in charts(page)) and chart(page, "Residual of"),
         what="its chart",
@@ -101,7 +98,7 @@ def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: An
     button(page, "Pause").click()
     page.locator(".uplot").filter(has_text="Stiffness of").scroll_into_view_if_needed()
     shot(page, "2-sweep")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
     button(page, "Data").click()
 
 
@@ -114,7 +111,7 @@ def more_effects_open_and_are_added(page: Any, shot: Any) -> None:
     until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), what="the note")
     page.wait_for_timeout(500)
     shot(page, "3-effects")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
     box.click()
     until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
 
@@ -126,7 +123,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     more_effects_open_and_are_added(page, shot)
     tab(page, "Convergence").click()
     button(page, "Run").click()
-    until(lambda: "validation error" in status(page) and "converge" in status(page), 60, "a result")
+    until(lambda: "validation error" in status(page) and "converge" in status(page), what="a result")
     number = re.search(r"(?:validation|fit) error ([\d.]+) Nm", status(page))
     assert number and float(number[1]) > 0
     cost = until(lambda: len(chart(page, "Cost")[0]) > 1 and chart(page, "Cost"), what="the cost")
@@ -134,15 +131,14 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
     button(page, "Pause").click()
     shot(page, "3-identify")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
     tab(page, "Signals").click()
     until(lambda: any(title.startswith("Residual") for title in charts(page)), what="the residual")
     torque = chart(page, "Torque")
     assert len(torque) == 4  # time, measured, model, playhead
     until(
         lambda: any(title.startswith("Simulated − measured") for title in charts(page)),
-        60,
-        "the simulated motion",
+        what="the simulated motion",
     )
     assert node(page, "/identified/joint2") is not None
     shot(page, "4-signals")
@@ -207,6 +203,37 @@ def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
     )
 
 
+BUTTONS = {
+    "Data": ("Save session",),
+    "Observer": (),
+    "Identify": ("Run",),
+    "Diagnose": ("Find the missing effect",),
+}
+ALWAYS = ("Data", "Observer", "Identify", "Diagnose", "Stop", "Undo", "Redo", "Play", "Pause")
+ROWS = {
+    "Data": ("Measurement set", "Record"),
+    "Observer": ("Bandwidth [rad/s]", "Observer type"),
+    "Identify": (),
+    "Diagnose": (),
+}
+ROWS_ALWAYS = ("Joint", "Group", "Speed", "Deflection ×", "Layout")
+
+
+def test_every_agreed_name_is_on_one_control(address: str, open_page: Any) -> None:
+    page = open_page(address)
+    button(page, "Pause").click()
+    for name in ("Signals", "States", "Convergence", "Where it fails", "Compare"):
+        assert tab(page, name).count() == 1
+    for step, names in BUTTONS.items():
+        button(page, step).click()
+        until(lambda step=step: f"Step {step}" in status(page), what=step)
+        for name in (*ALWAYS, *names):
+            button(page, name)  # there is exactly one
+        for name in (*ROWS_ALWAYS, *ROWS[step]):
+            row(page, name)
+        assert page.locator(".fv-status").count() == 1
+
+
 @pytest.mark.parametrize("dark", [False, True])
 def test_nothing_overlaps_or_is_cut(address: str, open_page: Any, shot: Any, dark: bool) -> None:
     page = open_page(address + ("/?darkMode" if dark else ""))
@@ -226,7 +253,7 @@ def test_nothing_overlaps_or_is_cut(address: str, open_page: Any, shot: Any, dar
             page.wait_for_timeout(500)
             picture = shot(page, f"{step.lower()}-{width}-{'dark' if dark else 'light'}")
             assert canvas_colours(picture, width) > 50
-            assert not wider_than_its_place(page)
+            well_laid_out(page)
 
 
 @pytest.mark.skipif(not KUKA.is_dir(), reason="the real recording is not here")
@@ -235,6 +262,6 @@ def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, sh
     button(page, "Identify").click()
     row(page, "coulomb_friction").get_by_role("checkbox").click()
     button(page, "Run").click()
-    until(lambda: "validation error" in status(page), 120, "a result")
+    until(lambda: "validation error" in status(page), what="a result")
     shot(page, "6-real")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)

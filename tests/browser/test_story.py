@@ -1,4 +1,4 @@
-"""The whole story in real Chromium: load, find, add, the error falls, undo, save, reload, reopen.
+"""The whole story in real Chromium: load, tune, run, stop, find, add, the error falls, undo, save, reopen.
 
 What the page says is held against what the command line says about the same set.
 """
@@ -19,10 +19,11 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.resources import sessions_dir
-from tests.browser.page import button, chart, charts, row, status, tab, until, wider_than_its_place
+from tests.browser.page import button, chart, charts, row, status, tab, until, well_laid_out
 
 pytestmark = pytest.mark.browser
 EFFECT = "coulomb_friction:joint2"
+TUNED = 25.0  # [rad/s]
 
 
 class CommandLine:
@@ -42,7 +43,7 @@ class CommandLine:
         )
 
     def result(self, name: str) -> dict[str, Any]:
-        assert self._running[name].wait(timeout=240) == 0
+        assert self._running[name].wait(timeout=900) == 0
         return json.loads((self._folder / f"{name}.json").read_text())
 
 
@@ -50,6 +51,7 @@ class CommandLine:
 def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine]:
     one = CommandLine(tmp_path_factory.mktemp("json"))
     demo = str(sessions_dir() / DEMO)
+    one.start("tuned", "identify", demo, "--bandwidth", str(TUNED))
     one.start("before", "identify", demo)
     one.start("after", "identify", demo, "--effect", EFFECT)
     one.start("diagnosis", "diagnose", demo, "--apply")
@@ -99,14 +101,14 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     assert np.corrcoef(left, signature)[0, 1] > 0.95
     button(page, "Pause").click()
     shot(page, "diagnose")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
     click(page.get_by_role("button", name="Add and refit").first)
     click(tab(page, "Compare"))
-    until(lambda: verdict.inner_text().startswith("Nothing is missing"), 180, "the second look")
+    until(lambda: verdict.inner_text().startswith("Nothing is missing"), what="the second look")
     assert clicks < 10
 
     # the numbers are the command line's
-    until(lambda: not button(page, "Stop").is_enabled() and error(page) < before, 20, "the new error")
+    until(lambda: not button(page, "Stop").is_enabled() and error(page) < before, what="the new error")
     after = error(page)
     for said, name in ((before, "before"), (after, "after")):
         assert said == pytest.approx(total(command_line.result(name)["residual"]["rms_validation"]), rel=0.01)
@@ -124,19 +126,19 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     stairs = until(lambda: chart(page, "Error after each added effect"), what="the staircase")
     assert all(line[0] > 20 * line[-1] for line in stairs[1:-1])
     shot(page, "compare")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
 
     # undo and redo bring results back at once
     button(page, "Undo").click()
-    until(lambda: verdict.inner_text().startswith("Missing:"), 10, "the undo")
-    until(lambda: error(page) == before and button(page, "Redo").is_enabled(), 20, "the error before")
+    until(lambda: verdict.inner_text().startswith("Missing:"), what="the undo")
+    until(lambda: error(page) == before and button(page, "Redo").is_enabled(), what="the error before")
     button(page, "Redo").click()
-    until(lambda: verdict.inner_text().startswith("Nothing is missing"), 10, "the redo")
+    until(lambda: verdict.inner_text().startswith("Nothing is missing"), what="the redo")
 
     # saved, reloaded, reopened
     button(page, "Data").click()
     page.get_by_role("button", name="Save session").click()
-    until(lambda: "session saved in ./sessions/" in status(page), 90, "the saved session")
+    until(lambda: "session saved in ./sessions/" in status(page), what="the saved session")
     said = status(page)
     page.reload()
     page.wait_for_selector(".fv-status", timeout=60_000)
@@ -149,6 +151,69 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     assert again.locator(".fv-verdict").inner_text().startswith("Nothing is missing")
 
 
+def parameter(page: Any, name: str, joint: str) -> float:
+    """A value in the parameter table."""
+    rows = page.locator(".fv-table tr").filter(has_not=page.locator("th")).all_inner_texts()
+    first = next(i for i, text in enumerate(rows) if text.strip() == joint)
+    cells = next(text.split("\t") for text in rows[first + 1 :] if text.startswith(f"{name}\t"))
+    return float(cells[2].replace("−", "-"))
+
+
+def test_tuned_run_and_stopped_and_two_pages_show_the_same(
+    serve: Callable[..., str], open_page: Any, shot: Any, command_line: CommandLine
+) -> None:
+    address = serve()
+    page = open_page(address)
+    button(page, "Pause").click()
+    button(page, "Observer").click()
+    tab(page, "States").click()
+    until(lambda: any(str(title).startswith("θ⁗") for title in charts(page)), what="the states")
+    before = chart(page, "θ⁗")
+    typed = row(page, "exactly").get_by_role("textbox")
+    typed.fill(f"{TUNED:g}")
+    typed.press("Enter")
+    until(lambda: f"bandwidth {TUNED:.2f} rad/s" in page.inner_text("body"), what="the bandwidth")
+    until(lambda: chart(page, "θ⁗") != before, what="its states")
+    shot(page, "observer")
+    well_laid_out(page)
+
+    button(page, "Identify").click()
+    tab(page, "Convergence").click()
+    button(page, "Run").click()
+    until(lambda: "converged after" in status(page), what="a result")
+    expected = command_line.result("tuned")
+    assert error(page) == pytest.approx(total(expected["residual"]["rms_validation"]), rel=0.01)
+    for known in expected["parameters"]:
+        if known["name"] in ("stiffness", "motor_inertia"):
+            name = "K" if known["name"] == "stiffness" else "B"
+            assert parameter(page, name, known["joint"]) == pytest.approx(known["value"], rel=1e-2)
+    cost = until(lambda: chart(page, "Cost"), what="the cost")
+    iterations = re.search(r"converged after (\d+) iterations", status(page))
+    assert iterations and len(cost[0]) == int(iterations[1])
+    shot(page, "identify")
+    well_laid_out(page)
+
+    # a second page shows the same, and what one changes the other shows too
+    two = open_page(address)
+    until(lambda: status(two) == status(page), what="the same status")
+    assert parameter(two, "K", "joint1") == parameter(page, "K", "joint1")
+    row(two, "Joint").get_by_role("combobox").click()
+    two.get_by_role("option", name="joint2", exact=True).click()
+    until(lambda: row(page, "Joint").get_by_role("combobox").input_value() == "joint2", what="the other page")
+    until(
+        lambda: chart(page, "Residual, joint2")[:-1] == chart(two, "Residual, joint2")[:-1], what="its plots"
+    )
+
+    # a run that is stopped keeps what was there, and the next one runs
+    row(page, "Refine").get_by_role("checkbox").click()
+    known = error(page)
+    button(page, "Run").click()
+    until(lambda: button(two, "Stop").is_enabled(), what="Stop, on the other page")
+    button(two, "Stop").click()
+    until(lambda: "stopped" in status(page) and not button(page, "Stop").is_enabled(), what="the end")
+    assert np.isfinite(error(page)) and error(page) < 2 * known and button(page, "Run").is_enabled()
+
+
 def test_where_it_fails_marks_a_range_and_files_come_and_go(
     serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
 ) -> None:
@@ -158,7 +223,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
         until(lambda: "press" in page.inner_text("body") or "after Run" in page.inner_text("body"), what=name)
     button(page, "Identify").click()
     button(page, "Run").click()
-    until(lambda: "converge" in status(page), 120, "a result")
+    until(lambda: "converge" in status(page), what="a result")
     tab(page, "Where it fails").click()
     page.wait_for_timeout(500)
     row(page, "Highlight").get_by_role("combobox").click()
@@ -168,19 +233,21 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
         lambda: any(t.startswith("Residual of joint1 [Nm] against velocity") for t in charts(page)), what="it"
     )
     assert found
-    shade = until(lambda: [d for t, d in charts(page).items() if t and "against time" in t], what="time")[0][
-        4
-    ]
-    assert set(shade) == {0.0, 1.0}
+    over_time = until(lambda: [d for t, d in charts(page).items() if t and "against time" in t], what="time")
+    assert {bool(value) for value in over_time[0][4]} == {False, True}
+    heat = page.locator(".fv-heat td[title^='joint2, velocity']").inner_text()
+    assert float(heat.split()[0]) > 80  # [%] what Coulomb friction leaves lies along the velocity
+    spectrum = until(lambda: chart(page, "Spectrum of the residual of joint1"), what="the spectrum")
+    assert len(spectrum) == 3 and all(value > 0 for line in spectrum[1:] for value in line)  # over its floor
     shot(page, "where")
-    assert not wider_than_its_place(page)
+    well_laid_out(page)
 
     # a search that is stopped changes nothing
     button(page, "Diagnose").click()
     page.get_by_role("button", name="Find the missing effect").click()
     until(lambda: button(page, "Stop").is_enabled(), what="Stop")
     button(page, "Stop").click()
-    until(lambda: "stopped" in status(page), 60, "the end of the search")
+    until(lambda: "stopped" in status(page), what="the end of the search")
     assert not page.locator(".fv-verdict").count()
 
     # a session goes out as a zip and comes in again
@@ -193,7 +260,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     page.get_by_text("Another set", exact=True).click()
     page.locator("input[type=file]").set_input_files(str(file))
     chosen = row(page, "Measurement set").get_by_role("combobox")
-    until(lambda: "planar-2r-demo-session" in chosen.input_value(), 60, "the uploaded session")
+    until(lambda: "planar-2r-demo-session" in chosen.input_value(), what="the uploaded session")
     assert "validation error" in status(page)
     bad = tmp_path / "bad.zip"
     bad.write_bytes(b"PK nothing")

@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.controls import off
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.view.identifiability import check_html
@@ -25,11 +26,7 @@ class Check:
         self._of: tuple[Any, ...] | None = None  # the settings that the sentence belongs to
         self._asked: tuple[Any, ...] | None = None
         self._due: float | None = None
-        self._button = gui.add_button(
-            "Check",
-            color="gray",
-            hint="which parameters these groups and effects can identify; changes nothing",
-        )
+        self._button = gui.add_button("Check", color="gray")
         self._texts: list[Any] = []
         app.press(self._button, "check", self.run)
 
@@ -51,7 +48,8 @@ class Check:
     def refresh(self) -> None:
         """The settings may have changed: then it is checked again after a moment."""
         analysis = self._app.session.analysis
-        self._button.disabled = self._app.running or not analysis.groups_with("fit")
+        hint = "which parameters these groups and effects can identify; changes nothing"
+        off(self._button, self._app.why_not(), hint)
         if self._of is None or self._of == analysis.settings or self._asked == analysis.settings:
             return
         if analysis.up_to_date:  # the table says it
@@ -75,7 +73,7 @@ class Check:
         """Check the present settings."""
         analysis = self._app.session.analysis
         self._due = None
-        if self._app.running or not analysis.groups_with("fit"):
+        if self._app.why_not():
             return
         self._asked = analysis.settings
         self._write('<div class="fv fv-dim">Checking what can be identified.</div>')

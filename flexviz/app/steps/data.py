@@ -9,6 +9,7 @@ from flexviz.app.controls import watch
 from flexviz.app.steps.another import AnotherSet
 from flexviz.app.steps.files import Files
 from flexviz.app.steps.unsaved import UnsavedWork
+from flexviz.app.style import label_width
 from flexviz.app.work import open_set, sets_beside
 from flexviz.session import ROLES
 from flexviz.view.tables import set_html
@@ -43,6 +44,7 @@ class DataStep:
             self.files = Files(app)
             self.another = AnotherSet(app)
             self._dark = gui.add_checkbox("Dark theme", False)
+        app.add_style(label_width(self._choice._impl.uuid, "7.6em"))
         watch(self._choice, app.queue, "set")
         watch(self._dark, app.queue, "dark")
         app.on("set", self._chosen)

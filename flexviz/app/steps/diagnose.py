@@ -5,14 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.charts import ChartColumn
+from flexviz.app.controls import off
 from flexviz.app.steps.findings import FindingList
 from flexviz.app.steps.model import ModelList
 from flexviz.app.steps.task import Task
 from flexviz.app.work import Looked, diagnose_set
+from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.session import Analysis
 from flexviz.view.text import number
 from flexviz.view.verdict import effect_text_name, progress_sentence, verdict_html
+from flexviz.view.where_maps import free_html, free_plot
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -31,16 +35,12 @@ class DiagnoseStep:
         gui = app.server.gui
         self.folder = gui.add_folder(None, visible=False)
         with self.folder:
-            self._find = gui.add_button(
-                "Find the missing effect", color="blue",
-                hint="identifies where needed, then tries every effect of the library on what is left",
-            )  # fmt: skip
+            self._find = gui.add_button("Find the missing effect", color="blue")
             self._why = gui.add_html("")
             self._verdict = gui.add_html("")
-            self._all = gui.add_button(
-                "Add all found", color="gray", visible=False,
-                hint="adds the best finding, looks again, adds the next, until nothing is missing",
-            )  # fmt: skip
+            self._stopgap = gui.add_html("")
+            self._curve = ChartColumn(app.server, gui.add_folder(None, visible=False))
+            self._all = gui.add_button("Add all found", color="gray", visible=False)
             self.findings = FindingList(app, self.add)
             self.model = ModelList(app, self.remove)
         app.press(self._find, "find", self.find)
@@ -63,16 +63,22 @@ class DiagnoseStep:
         analysis = self._app.session.analysis
         diagnosis, fresh = analysis.diagnosis, analysis.diagnosis_up_to_date
         why = self._app.why_not()
-        self._find.disabled = bool(why)
+        off(
+            self._find, why, "identifies where needed, then tries every effect of the library on what is left"
+        )
         text = f"Off: {why}." if why else ""
         self._why.content = f'<div class="fv fv-dim">{text}</div>' if text else ""
         self._verdict.content = verdict_html(diagnosis, fresh)
         found = diagnosis.findings if diagnosis is not None else ()
         missing = fresh and diagnosis is not None and diagnosis.verdict == "missing" and bool(found)
         self._all.visible = missing
-        self._all.disabled = bool(why)
-        self.findings.show(found if fresh else (), bool(why))
-        self.model.show(self._app.measurements.effects, analysis.effects, bool(why))
+        off(self._all, why, "adds the best finding, looks again, adds the next, until nothing is missing")
+        curve = self._app.show.free_form
+        self._stopgap.content = free_html(curve)
+        self._curve.folder.visible = curve is not None
+        self._curve.show((free_plot(curve, height=170),))
+        self.findings.show(found if fresh else (), why)
+        self.model.show(self._app.measurements.effects, analysis.effects, why)
 
     def find(self) -> None:
         """Look for what is missing in the present model."""
@@ -83,7 +89,7 @@ class DiagnoseStep:
         analysis = self._app.session.analysis
         diagnosis = analysis.diagnosis
         if diagnosis is None or not analysis.diagnosis_up_to_date or index >= len(diagnosis.findings):
-            return
+            raise InputError("nothing is found for the present model: press Find the missing effect")
         text = diagnosis.findings[index].text
         self._start(f"added {effect_text_name(text)}", analysis.with_effect(text, True), apply=False)
 
@@ -115,7 +121,7 @@ class DiagnoseStep:
         self._app.say(progress_sentence(value), "busy")
 
     def _start(self, label: str, analysis: Analysis, apply: bool) -> None:
-        if self._app.why_not():
+        if not self._app.may_start("Looking for what is missing"):
             return
         self._before, self._label = self._app.session.analysis, label
         self._app.identify.begin(analysis.effects, fits=not apply)

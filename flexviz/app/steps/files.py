@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.controls import off
 from flexviz.app.recordings import KINDS, Kind, Recordings
-from flexviz.app.style import half, in_row
+from flexviz.app.style import half
 from flexviz.app.workspace import report, save, session_zip
+from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.view.text import escape
 
@@ -42,34 +44,20 @@ class Files:
         self._live = gui.add_checkbox(
             "Live viewer", False, hint="sends the same to a Rerun viewer that runs on this machine"
         )
-        self._address = gui.add_text(
-            "Viewer at", VIEWER, hint="where the viewer listens; start one with: rerun --port 9876"
-        )
+        self._address = gui.add_text("Viewer at", VIEWER, visible=False)
         self._note = gui.add_html("")
         self.recordings = Recordings(app, self._recording)
         for box in (self._record, self._live):
             app.add_style(half(box._impl.uuid))
-        app.add_style(in_row(self._save._impl.uuid, self._download._impl.uuid))
-        app.add_style(in_row(self._report._impl.uuid, self._fetch._impl.uuid))
-        app.press(self._save, "save", lambda: self._start("save", save, app.folder))
+        app.row(self._save, self._download)
+        app.row(self._report, self._fetch)
+        app.press(self._save, "save", self.save)
         app.watch(self._record, "record", lambda on: self._switch("file", on))
         app.watch(self._live, "record-live", lambda on: self._switch("viewer", on))
         app.watch(self._address, "viewer-address", lambda _: None)
-        for button, key, act in (
-            (self._download, "download", self._downloads),
-            (self._report, "report", self._reports),
-            (self._fetch, "fetch", self._fetches),
-        ):
-            self._press_of(button, key)
-            app.on(key, act)
-
-    def _press_of(self, button: Any, key: str) -> None:
-        """Put `key` and the browser into the queue when the button is pressed."""
-
-        @button.on_click
-        async def _(event: Any) -> None:
-            if event.client_id is not None:
-                self._app.queue.put(key, event.client_id)
+        app.press_of(self._download, "download", self.download)
+        app.press_of(self._report, "report", self.report)
+        app.press_of(self._fetch, "fetch", self._fetches)
 
     def opened(self) -> None:
         """A new set is shown: it gets recordings of its own."""
@@ -83,19 +71,13 @@ class Files:
         """Show what may be pressed, and why not."""
         analysis = self._app.session.analysis
         nothing = analysis.identification is None and analysis.diagnosis is None
-        self._report.disabled = nothing
-        self._report.hint = (
-            "nothing to report yet: press Find the missing effect (step 4) or Run (step 3) first"
-            if nothing
-            else "what was found, as one HTML file that needs nothing else"
-        )
-        self._fetch.disabled = self._recorded is None
-        self._fetch.hint = (
-            "nothing is recorded yet: switch Record on, and off again when all is in it"
-            if self._recorded is None
-            else f"{self._recorded.name}, to be opened with Rerun"
-        )
-        self._address.disabled = bool(self._live.value)
+        why = "nothing was found yet; press Find the missing effect (step 4) or Run (step 3) first"
+        off(self._report, why if nothing else "", "what was found, as one HTML file that needs nothing else")
+        file = self._recorded
+        why = "nothing is recorded yet; switch Record on, and off again when all is in it"
+        off(self._fetch, why if file is None else "", f"{file.name if file else ''}, to be opened with Rerun")
+        why = "switch Live viewer off first" if self._live.value else ""
+        off(self._address, why, "where the viewer listens; start one with: rerun --port 9876")
 
     def tick(self) -> None:
         """Let the recordings go on."""
@@ -124,11 +106,19 @@ class Files:
         app.say(WORDS[key], "busy")
         app.submit(key, function, app.session, app.measurements, *more, in_process=False)
 
-    def _downloads(self, client: int) -> None:
+    def save(self) -> None:
+        """Save the session."""
+        self._start("save", save, self._app.folder)
+
+    def download(self, client: int) -> None:
+        """Send the session to a browser."""
         self._asked = client
         self._start("download", session_zip)
 
-    def _reports(self, client: int) -> None:
+    def report(self, client: int) -> None:
+        """Send a report to a browser."""
+        if self._report.disabled:
+            raise InputError(str(self._report.hint))
         self._asked = client
         self._start("report", report, self._app.folder)
 
@@ -145,6 +135,11 @@ class Files:
 
     # -- recordings ----------------------------------------------------------------------------------
 
+    def toggle(self) -> None:
+        """Begin or end a recording."""
+        self._record.value = not self._record.value
+        self._switch("file", self._record.value)
+
     def _switch(self, kind: Kind, on: bool) -> None:
         if not on:
             self.recordings.stop(kind)
@@ -155,6 +150,7 @@ class Files:
                 self._say(kind, "A recording begins." if kind == "file" else "Calling the viewer.")
             except Exception:
                 self._box(kind).value = False
+                self._address.visible |= kind == "viewer"
                 raise
         self.refresh()
 
@@ -163,6 +159,7 @@ class Files:
         app = self._app
         if state == "failed":
             self._box(kind).value = False
+            self._address.visible |= kind == "viewer"
             self._say(kind, "")
             app.fail(value)
         elif state == "open":

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
-from flexviz.app.style import in_row
+from flexviz.app.controls import off
 from flexviz.view.effect_card import card_html
 from flexviz.view.evidence import evidence_plot
 from flexviz.view.verdict import finding_html
@@ -36,15 +36,15 @@ class FindingList:
         """A new set is shown."""
         self._open = {0}
 
-    def show(self, findings: Sequence[Finding], off: bool) -> None:
-        """Show these findings, the best one in full; `off` greys their buttons."""
+    def show(self, findings: Sequence[Finding], why: str) -> None:
+        """Show these findings, the best one in full; `why` says why none can be added now."""
         if tuple(findings) != self._findings:
             self._open = {0}
         self._findings = tuple(findings)
         group = self._app.show.group.name
         for index, place in enumerate(self._places):
             finding = self._findings[index] if index < len(self._findings) else None
-            place.show(finding, off, index in self._open, group)
+            place.show(finding, why, index in self._open, group)
 
     def redraw(self) -> None:
         """Another group is shown: its stretch of the evidence."""
@@ -70,18 +70,15 @@ class _Place:
         self._index = index
         self._text = gui.add_html("", visible=False)
         self._toggle = gui.add_button("Show evidence", color="gray", visible=False)
-        self.add = gui.add_button(
-            "Add and refit", color="blue" if index == 0 else "gray", visible=False,
-            hint="adds this effect, identifies again, and looks again at what is missing",
-        )  # fmt: skip
+        self.add = gui.add_button("Add and refit", color="blue" if index == 0 else "gray", visible=False)
         self._folder = gui.add_folder(None, visible=False)
         self._chart = ChartColumn(app.server, self._folder)
         self._card = gui.add_html("", visible=False)
         app.press(self.add, f"add{index}", lambda: add(index))
         app.press(self._toggle, f"evidence{index}", lambda: toggle(index))
-        app.add_style(in_row(self._toggle._impl.uuid, self.add._impl.uuid))
+        app.row(self._toggle, self.add)
 
-    def show(self, finding: Finding | None, off: bool, open_: bool, group: str) -> None:
+    def show(self, finding: Finding | None, why: str, open_: bool, group: str) -> None:
         """This finding, or nothing."""
         there = finding is not None
         for handle in (self._text, self._toggle, self.add, self._card):
@@ -95,18 +92,14 @@ class _Place:
         card = card_html(finding.effect)
         if card != self._card.content:
             self._card.content = card
-        self.add.disabled = off
+        off(self.add, why, "adds this effect, identifies again, and looks again at what is missing")
         self.evidence(finding, open_, group)
 
     def evidence(self, finding: Finding, open_: bool, group: str) -> None:
         """Show or hide the evidence."""
         there = getattr(finding, "evidence", None) is not None
-        self._toggle.disabled = not there
-        self._toggle.hint = (
-            "the residual with this effect's signature over it"
-            if there
-            else "none was kept: it was tried briefly"
-        )
+        why = "" if there else "it was only tried briefly, and nothing was kept"
+        off(self._toggle, why, "the residual with this effect's signature over it")
         self._toggle.label = "Hide evidence" if open_ and there else "Show evidence"
         self._folder.visible = open_ and there
         if open_ and there:

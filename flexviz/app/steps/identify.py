@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.controls import watch
+from flexviz.app.controls import off, watch
 from flexviz.app.show import IDLE_JOBS
 from flexviz.app.steps.check import Check
 from flexviz.app.steps.effects import EffectList
 from flexviz.app.steps.task import Task
-from flexviz.app.style import in_row
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.view.convergence import progress_text
@@ -42,7 +41,7 @@ class IdentifyStep:
             )
             self.check = Check(app)
             self._run = gui.add_button("Run", color="blue")
-            app.add_style(in_row(self.check.button._impl.uuid, self._run._impl.uuid))
+            app.row(self.check.button, self._run)
             self._why = gui.add_html("")
             self.check.add_text()
             self._truth = gui.add_checkbox(
@@ -77,7 +76,7 @@ class IdentifyStep:
         self.check.refresh()
         self._refine.value = analysis.refine
         nothing = not analysis.groups_with("fit")
-        self._run.disabled = self._app.running or nothing
+        off(self._run, self._app.why_not(), "identifies the model with these groups and effects")
         if self.running:
             text = "Running; Stop keeps what the solver has."
         elif self._app.running:
@@ -98,7 +97,7 @@ class IdentifyStep:
     def run(self) -> None:
         """Start the identification of the present settings."""
         analysis = self._app.session.analysis
-        if self._app.running or not analysis.groups_with("fit"):
+        if not self._app.may_start("Run"):
             return
         self.begin(analysis.effects)
         # how many iterations it takes is not known: the bar is full

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from flexviz.app.style import in_row
+from flexviz.app.controls import off as switch_off
 from flexviz.view.text import escape
 from flexviz.view.verdict import effect_text_name
 
@@ -26,13 +26,13 @@ class ModelList:
         self._rows = []
         for index in range(MOST):
             text = gui.add_html("", visible=False)
-            button = gui.add_button("Remove", color="gray", visible=False, hint="takes it out and refits")
+            button = gui.add_button("Remove", color="gray", visible=False)
             app.press(button, f"remove{index}", lambda index=index: self._pressed(index))
-            app.add_style(in_row(button._impl.uuid, share=0.3))
+            app.row(button, share=0.3)
             self._rows.append((text, button))
 
-    def show(self, own: Sequence[str], added: Sequence[str], off: bool) -> None:
-        """The set's own effects and the added ones."""
+    def show(self, own: Sequence[str], added: Sequence[str], why: str) -> None:
+        """The set's own effects and the added ones; `why` says why nothing can be taken out now."""
         self._effects = tuple(added)
         names = ", ".join(effect_text_name(name) for name in own)
         parts = [f"the set's own: {names}"] if own else []
@@ -44,7 +44,7 @@ class ModelList:
         for index, (text, button) in enumerate(self._rows):
             there = index < len(added)
             text.visible = button.visible = there
-            button.disabled = off
+            switch_off(button, why, "takes it out, refits, and looks again")
             if there:
                 text.content = f'<div class="fv fv-added">+ {escape(effect_text_name(added[index]))}</div>'
 

@@ -51,7 +51,7 @@ class ObserverStep:
         watch(self._exact, app.queue, "bandwidth")
         watch(self._single, app.queue, "bandwidth-single")
         app.on("bandwidth-single", lambda _: None)
-        app.press(self._default, "bandwidth-default", self._own)
+        app.press(self._default, "bandwidth-default", self.take_own)
         app.on("observer", self._observer)
         app.on("bandwidth-log", lambda value: self._set(10.0**value))
         app.on("bandwidth", self._set)
@@ -107,5 +107,6 @@ class ObserverStep:
         joint = app.measurements.joints[app.show.joint]
         app.change(f"bandwidth of {joint}", replace(analysis, bandwidth=tuple(each)))
 
-    def _own(self) -> None:
+    def take_own(self) -> None:
+        """Use the observer's own bandwidth."""
         self._app.change("the observer's own bandwidth", replace(self._app.session.analysis, bandwidth=None))

@@ -6,8 +6,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
+from flexviz.app.controls import off
 from flexviz.app.steps.task import Task
 from flexviz.app.work import sweep_set
+from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.session import Analysis
 from flexviz.view.sweep import sweep_html, sweep_plots
@@ -36,9 +38,7 @@ class Sweep:
         self._result: Any = None
         self._of: tuple[Any, ...] | None = None  # what the result belongs to
         gui = app.server.gui
-        self._start = gui.add_button(
-            "Sweep bandwidth", color="blue", hint="identify at eleven bandwidths around this one"
-        )
+        self._start = gui.add_button("Sweep bandwidth", color="blue")
         self._about = gui.add_html("")
         self._best = gui.add_button(
             "Use the sweep's minimum", color="gray", visible=False, hint="the least error over all joints"
@@ -46,7 +46,7 @@ class Sweep:
         self._folder = gui.add_folder(None, visible=False)
         self._charts = ChartColumn(app.server, self._folder)
         app.press(self._start, "sweep", self.run)
-        app.press(self._best, "sweep-best", lambda: self._take(self._result.best) if self._result else None)
+        app.press(self._best, "sweep-best", self.take_best)
 
     @property
     def running(self) -> bool:
@@ -60,7 +60,7 @@ class Sweep:
     def run(self) -> None:
         """Start a sweep with the present settings."""
         analysis = self._app.session.analysis
-        if self._app.why_not():
+        if not self._app.may_start("Sweep"):
             return
         self._task.start(
             belongs_to(analysis), "sweep starts", sweep_set, analysis.without_result(), self._bandwidths()
@@ -69,6 +69,12 @@ class Sweep:
     def stop(self) -> None:
         """Stop; what is done so far is shown."""
         self._task.stop()
+
+    def take_best(self) -> None:
+        """Use the bandwidth with the least error, where one has been looked for."""
+        if self._result is None:
+            raise InputError("nothing has been swept yet: Sweep bandwidth (step 2) does that")
+        self._take(self._result.best)
 
     def heard(self, event: JobEvent) -> None:
         """What the sweep has to say."""
@@ -87,7 +93,7 @@ class Sweep:
     def refresh(self) -> None:
         """Show the result for the chosen joint, and what may be pressed."""
         why = self._app.why_not()
-        self._start.disabled = bool(why)
+        off(self._start, why, "identify at eleven bandwidths around this one")
         self._best.visible = self._folder.visible = self._result is not None
         note = f'<div class="fv fv-dim">Sweep is off: {why}.</div>' if why and not self.running else ""
         if self._result is not None:

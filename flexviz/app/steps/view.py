@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from flexviz.app.clock import SPEEDS
-from flexviz.app.controls import choose, watch
+from flexviz.app.controls import choose, off, watch
 from flexviz.app.style import half, no_label
 from flexviz.view.stage import LAYOUTS
 from flexviz.view.status import joint_rms, legend_html
@@ -53,10 +53,7 @@ class ViewPanel:
             )
             self._legend = gui.add_html("")
         with panel.add_tab("View"):
-            self._side = gui.add_dropdown(
-                "Side", SIDES, initial_value=SIDES[0],
-                hint="compares motor angles, or, where there are link encoders, link sides",
-            )  # fmt: skip
+            self._side = gui.add_dropdown("Side", SIDES, initial_value=SIDES[0])
             self._torque = gui.add_checkbox(
                 "Torque arrows",
                 False,
@@ -110,6 +107,11 @@ class ViewPanel:
         """The chosen layout."""
         return self._layout.value
 
+    def change_layout(self) -> None:
+        """The other layout."""
+        self._layout.value = LAYOUTS[1 - LAYOUTS.index(self._layout.value)]
+        self._app.show.layout(self.layout)
+
     def suggest_deflection(self, factor: int, anew: bool = False) -> None:
         """Set the deflection factor, unless a person has chosen one (for this set: not `anew`)."""
         self._own_deflection = self._own_deflection and not anew
@@ -145,12 +147,13 @@ class ViewPanel:
     def refresh(self) -> None:
         """Show the legend of the present result and group."""
         app = self._app
-        self._side.disabled = app.show.motion.link is None
+        why = "" if app.show.motion.link is not None else "the shown group has no link encoders"
+        off(self._side, why, "compares motor angles, or link sides as the encoders measured them")
         if self._side.disabled:
             self._side.value = SIDES[0]
         rms = joint_rms(app.session.analysis.identification, app.show.group.name)
         self._legend.content = legend_html(
-            app.measurements.joints, rms, app.show.group.name, app.show.motion.model_note
+            app.measurements.joints, rms, app.show.group.name, app.show.motion.model_note, app.show.joint
         )
 
     def _deflected(self, _: float) -> None:
