@@ -18,6 +18,7 @@ from flexviz.measurements.data import Array
 GOOD = 0.7  # explained share of every joint from which nothing is searched
 GAIN = 0.4  # what a change must add to the sum of the joints' shares
 FREE_GAIN = 0.2  # the same where τ may have any scale, which hides much of a wrong sign
+STATED = 0.1  # the gain that a gear has ahead which the mapping states and does not use
 BELIEVED = 0.5  # share that the changed joints must reach
 POOR = 0.2  # share below which a joint is called unexplained
 LOGGED_IN = ("Nm", "mNm", "Ncm")  # units that torques are really recorded in
@@ -76,16 +77,17 @@ def search(
     for _ in range(ROUNDS):
         if not free and np.min(shares) >= GOOD:
             break
-        best, best_shares = None, shares
+        best, best_gain, best_shares = None, 0.0, shares
         for other in changes(mapping, judged, now, free):
             tried = shares_of(explain(other.factor, other.zero, other.sign), free)
             changed = tried[[mapping.names.index(fix.joint) for fix in other.fixes]]
             # a joint whose unit is put right can have a wrong sign still, which is found next
             weakest = np.max(changed) if other.fixes[0].key in ("unit", "side") else np.min(changed)
-            gain = np.sum(tried) - np.sum(shares)
+            gain = float(np.sum(tried) - np.sum(shares))
+            gain += STATED * len(changed) if other.fixes[0].key == "side" else 0.0
             worth = gain >= (FREE_GAIN if free else GAIN) and weakest >= BELIEVED
-            if worth and np.sum(tried) > np.sum(best_shares) + 0.02:
-                best, best_shares = other, tried
+            if worth and gain > best_gain + 0.02:
+                best, best_gain, best_shares = other, gain, tried
         if best is None:
             break
         found.append(named(best, shares, best_shares, mapping))
@@ -103,18 +105,18 @@ def shares_of(explained: Sequence[Explained], free: bool) -> Array:
 def changes(mapping: Mapping, judged: Judge, now: Assumed, free: bool) -> list[Assumed]:
     """What could be otherwise: one joint's θ or τ, or all joints' signs or unit of θ.
 
-    Where τ may have any scale (`free`), no unit of θ can be told.
+    Where τ may have any scale (`free`), the unit of a single joint's θ cannot be told.
     """
     result: list[Assumed] = []
     every = range(len(mapping.names))
     if len(mapping.names) > 1:
         result += turned(mapping, now, mapping.names)
-    units = {j: {} if free else possible_ways(mapping, judged, j, now.factor[j]) for j in every}
+    units = {j: possible_ways(mapping, judged, j, now.factor[j]) for j in every}
     for label in sorted({label for ways in units.values() for label in ways}):
         result.append(with_theta(now, {j: units[j][label] for j in every if label in units[j]}, label))
     for j, joint in enumerate(mapping.names):
         result += turned(mapping, now, (joint,))
-        result += [with_theta(now, {j: change}, label) for label, change in units[j].items()]
+        result += [with_theta(now, {j: change}, label) for label, change in units[j].items() if not free]
         for quarter in (1, -1, 2):
             zero = now.zero.copy()
             zero[j] += quarter * np.pi / 2
