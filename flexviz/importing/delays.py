@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexviz.errors import FlexvizError
 from flexviz.identification import identify
-from flexviz.importing.log import Stop
+from flexviz.importing.log import SHORTEST, Stop
+from flexviz.importing.offsets import low_pass
 from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements.data import MeasurementSet
+from flexviz.measurements.data import Group, MeasurementSet
 
-MOST_GROUPS = 4  # more are not needed for a delay that is common to all
+MOST_GROUPS, LONGEST = 4, 20.0  # groups, and [s] of each, that are enough for a delay common to all joints
 SMALLEST = 1e-3  # [s] what friction that the model does not know can look like
 STEPS = 0.75  # of sampling: a torque held for a step seems half a step early
 CERTAIN = 5.0  # standard errors
-EXPLAINED = 0.9  # share of τ that the model must explain before its delay is believed
+EXPLAINED, ENOUGH = (
+    0.99,
+    0.9,
+)  # shares of τ that the model explains: its delay is believed; where the delay is plain
 
 
 @dataclass(frozen=True)
@@ -40,24 +44,36 @@ def torque_delay(
     measurements: MeasurementSet, progress: Callable[[str], None], should_stop: Stop
 ) -> TorqueDelay | None:
     """The delay common to all joints; None where the model does not explain the torques well enough."""
-    groups = [group.name for group in measurements.fit_groups][:MOST_GROUPS]
+    groups = tuple(shortened(group) for group in measurements.fit_groups[:MOST_GROUPS])
     if not groups:
         return None
     own = [name for name in ("coulomb_friction", "torque_delay") if name not in measurements.effects]
     progress("comparing torque and motion")
     try:
-        result = identify(measurements, groups=groups, effects=own, should_stop=should_stop)
+        result = identify(replace(measurements, groups=groups), effects=own, should_stop=should_stop)
     except (FlexvizError, np.linalg.LinAlgError):
         return None
-    if result.stopped or not result.converged:
-        return None
-    chosen = [group for group in measurements.groups if group.name in groups]
-    power = np.mean([np.var(s.tau, axis=0) for group in chosen for s in group.segments], axis=0)
-    share = 1.0 - float(np.sum(np.square(result.residual.rms)) / max(float(np.sum(power)), 1e-300))
     found = [p for p in result.parameters if p.name == "torque_delay.delay" and p.identifiable != "no"]
-    if share < EXPLAINED or not found or found[0].std is None:
+    if result.stopped or not result.converged or not found or found[0].std is None:
+        return None
+    segments = [segment for group in groups for segment in group.segments]
+    power = float(np.sum(np.mean([np.var(s.tau, axis=0) for s in segments], axis=0)))
+    left = float(np.sum(np.square(result.residual.rms)))
+    share = 1.0 - left / max(power, 1e-300)
+    # what the delay itself moves must be more than what stays unexplained, unless nearly nothing does
+    rates = [np.gradient(low_pass(s.tau.T, s.step), s.step, axis=1).T for s in segments]
+    moved = found[0].value ** 2 * float(np.sum(np.mean([np.var(rate, axis=0) for rate in rates], axis=0)))
+    if share < ENOUGH or (share < EXPLAINED and moved < left):
         return None
     return TorqueDelay(found[0].value, found[0].std, share)
+
+
+def shortened(group: Group) -> Group:
+    """A group's longest segment, and no more of it than is needed."""
+    segment = max(group.segments, key=len)
+    rows = slice(0, max(SHORTEST, int(LONGEST / segment.step)))
+    short = replace(segment, time=segment.time[rows], theta=segment.theta[rows], tau=segment.tau[rows])
+    return replace(group, segments=(short,))
 
 
 def suspicious_delay(delay: TorqueDelay, measurements: MeasurementSet) -> list[Suspicion]:

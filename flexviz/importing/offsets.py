@@ -143,7 +143,7 @@ def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) ->
 
 
 def low_pass(values: Array, step: float) -> Array:
-    """(N,) without delay, below `BAND`."""
+    """(…, N) along the last axis without delay, below `BAND`."""
     sections = butter(3, min(0.9, BAND * 2 * step), output="sos")
-    padding = min(len(values) - 1, int(2.0 / BAND / step) + 1)
-    return sosfiltfilt(sections, values, padlen=padding)
+    padding = min(values.shape[-1] - 1, int(2.0 / BAND / step) + 1)
+    return sosfiltfilt(sections, values, axis=-1, padlen=padding)
