@@ -22,6 +22,7 @@ from flexviz.recording import LiveRecording, check_recording, repair_recording
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.web import free_port, rerun_program
 from flexviz.simulation.run import Run
+from flexviz.view.where_maps import COLUMNS
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
 from tests.small_session import small_session
@@ -110,7 +111,11 @@ def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
     content = Read(tmp_path / "live.rrd")
     texts = list(content.component("/results/1/map/words", "Points2D:labels"))
     one = DIAGNOSIS.maps[0]
-    assert one.joint in texts and one.variable in texts and f"{100 * max(one.explained, 0.0):.0f} %" in texts
+    assert (
+        one.joint in texts
+        and COLUMNS[one.variable] in texts
+        and f"{100 * max(one.explained, 0.0):.0f} %" in texts
+    )
     strips = content.component(f"/results/1/curves/{one.joint}/position/lines", "LineStrips2D:strips")
     assert len(strips) == 3  # the mean and both edges of the noise
 

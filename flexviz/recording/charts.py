@@ -21,9 +21,10 @@ from flexviz.view.text import number
 
 Array = NDArray[np.float64]
 HEIGHT = 300.0  # of a frame
-WIDE, NARROW = 1100.0, 560.0  # width of the only frame, of one of several
-ACROSS, DOWN = 960.0, 470.0  # from one frame to the next
+WIDE, NARROW = 800.0, 560.0  # width of the only frame, of one of several
+ACROSS, DOWN = 980.0, 510.0  # from one frame to the next
 ROW = 52.0  # from one label to the next: a label keeps its size on the screen, about 22 pixels
+LIFT = 0.5  # of a row: the viewer draws a label below its point
 ROWS = 6  # of names beside a frame, then a new column
 COLUMN = 300.0  # its width
 FRAME = (120, 120, 120)
@@ -44,10 +45,10 @@ class Words:
     colours: tuple[tuple[int, int, int], ...]
 
     @staticmethod
-    def of(placed: Sequence[Placed]) -> Words:
-        """From (x, y, text, colour) of each."""
+    def of(placed: Sequence[Placed], lift: float) -> Words:
+        """From (x, y, text, colour) of each, all moved up by `lift`."""
         x, y, texts, colours = zip(*placed, strict=True)
-        return Words(np.array([x, y], dtype=float).T, texts, colours)
+        return Words(np.array([x, y], dtype=float).T - [0.0, lift], texts, colours)
 
     def send(self, recording: Stream, entity: str, origin: Array | float = 0.0) -> None:
         """Log them, for all times, moved by `origin` (2,)."""
@@ -99,13 +100,13 @@ def send_chart(
     if y_low < 0.0 < y_high and not plot.logarithmic:
         strips.append(place(np.array([x_low, x_high]), np.zeros(2)))
         colours.append(FRAME)
-    frame = rr.LineStrips2D(strips, colors=colours, radii=[0.7] * len(strips))
+    frame = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points([0.6] * len(strips)))
     recording.log(f"{entity}/frame", frame, static=True)
     good = [np.isfinite(y) for y in values]
     lines = rr.LineStrips2D(
         [place(plot.x[keep], y[keep]) for keep, y in zip(good, values, strict=True)],
         colors=[rgb(line.colour) for line in plot.lines],
-        radii=[line.width * (0.6 if line.dashed else 1.0) for line in plot.lines],
+        radii=rr.Radius.ui_points([0.6 * line.width for line in plot.lines]),
     )
     recording.log(f"{entity}/lines", lines, static=True)
     _words(plot, (x_low, x_high), (y_low, y_high), width, ticks).send(recording, f"{entity}/words", origin)
@@ -121,9 +122,9 @@ def _words(
     """Title above, the ends of both axes or the ticks, the name of every line beside it; from (0, 0)."""
     ends = [10.0**value for value in y] if plot.logarithmic else list(y)
     found: list[Placed] = [
-        (width / 2, -0.6 * ROW, plot.title, WORDS),
-        (-1.3 * ROW, 0.0, number(ends[1], 2), WORDS),
-        (-1.3 * ROW, HEIGHT, number(ends[0], 2), WORDS),
+        (width / 2, -1.1 * ROW, plot.title, WORDS),
+        (-1.7 * ROW, 0.3 * ROW, number(ends[1], 2), WORDS),
+        (-1.7 * ROW, HEIGHT, number(ends[0], 2), WORDS),
     ]
     shown = ticks or [(value, number(value, 3)) for value in x] + [(sum(x) / 2, plot.x_label)]
     for value, text in shown:
@@ -173,4 +174,4 @@ def send_map(
     words += [(x, -0.5 * high, name, WORDS) for x, name in zip(across, columns, strict=True)]
     words += [(-0.6 * wide, y, name, WORDS) for y, name in zip(down, rows, strict=True)]
     words.append((picture.shape[1] / 2, -1.5 * high, title, WORDS))
-    Words.of(words).send(recording, f"{entity}/words")
+    Words.of(words, LIFT * high).send(recording, f"{entity}/words")

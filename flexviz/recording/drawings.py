@@ -37,7 +37,7 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
             if one is not None:
                 shares[i, j] = max(one.explained, 0.0)
     title = "share of each joint's residual that each variable explains, out of sample"
-    send_map(recording, f"{where}/map", title, joints, list(COLUMNS), shares)
+    send_map(recording, f"{where}/map", title, joints, list(COLUMNS.values()), shares)
     for joint in joints:
         send_charts(recording, where + path("curves", joint), map_plots(maps, joint), columns=3)
 

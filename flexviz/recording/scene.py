@@ -30,13 +30,13 @@ class Stage:
     Attributes
     ----------
     offsets: (2, 3) of the measured and the identified robot [m].
-    top: height of the labels above the robots' base [m].
+    tops: heights of the labels of the measured and the identified robot [m].
     centre: (3,) what the eye looks at [m].
     eye: (3,) where it is [m].
     """
 
     offsets: Array
-    top: float
+    tops: tuple[float, float]
     centre: Array
     eye: Array
 
@@ -61,9 +61,8 @@ def set_stage(measurements: MeasurementSet, shape: Shape, both: bool = True) -> 
     offsets = np.outer([-0.5, 0.5], across * width) if both else np.zeros((2, 3))
     centre = (low + high) / 2
     distance = 1.15 * max(size, 2.0 * width) if both else 1.6 * size
-    return Stage(
-        offsets, float(high[2]) + 0.08 * size, centre, centre + distance * VIEW / np.linalg.norm(VIEW)
-    )
+    tops = float(high[2]) + 0.08 * size, float(high[2]) + 0.18 * size  # one above the other: names are long
+    return Stage(offsets, tops, centre, centre + distance * VIEW / np.linalg.norm(VIEW))
 
 
 def send_robot(
@@ -88,10 +87,10 @@ def send_robot(
     label = f"identified, result {result}"
     if name == "measured":
         label = "measured (simulated data)" if measurements.simulated else "measured"
-    poses = [robot.link_poses(row) for row in theta]
+    poses, place = [robot.link_poses(row) for row in theta], list(COLOURS).index(name)
     if first:
-        offset = stage.offsets[list(COLOURS).index(name)]
-        recording.log(group_path(group.name, "robots", name), rr.Transform3D(translation=offset), static=True)
+        offset = rr.Transform3D(translation=stage.offsets[place])
+        recording.log(group_path(group.name, "robots", name), offset, static=True)
         send_shapes(recording, robot, shape, group, name, poses[0])
     index = rr.TimeColumn(TIME, duration=motion.time)
     for body in shape.bodies:
@@ -104,7 +103,7 @@ def send_robot(
     colour = rgb(COLOURS[name])
     trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
     recording.log(group_path(group.name, "robots", name, "trail"), trail, static=True)
-    above = rr.Points3D([[0.0, 0.0, stage.top]], labels=[label], radii=[0.0], colors=[colour])
+    above = rr.Points3D([[0.0, 0.0, stage.tops[place]]], labels=[label], radii=[0.0], colors=[colour])
     recording.log(group_path(group.name, "robots", name, "label"), above, static=True)
 
 
