@@ -17,8 +17,10 @@ import numpy as np
 import pytest
 
 from flexviz.errors import FlexvizError, InputError
+from flexviz.model import EffectValue
 from flexviz.observers import make_observer
 from flexviz.recording import LiveRecording, check_recording, repair_recording
+from flexviz.recording.drawings import treads
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.web import free_port, rerun_program
 from flexviz.simulation.run import Run
@@ -118,6 +120,22 @@ def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
     )
     strips = content.component(f"/results/1/curves/{one.joint}/position/lines", "LineStrips2D:strips")
     assert len(strips) == 3  # the mean and both edges of the noise
+
+
+def test_the_staircase_of_several_diagnoses() -> None:
+    """Its steps are the beginnings of one diagnosis after the other: their models say what was added."""
+    beginning = DIAGNOSIS.steps[0]
+    assert beginning.model is not None
+    friction = EffectValue("coulomb_friction", "joint2", {"coulomb": 3.0})
+    gap = EffectValue("backlash", "joint1", {"half_width": 0.01})
+    models = [
+        replace(beginning.model, effects=effects) for effects in ((), (friction,), (friction, gap), (gap,))
+    ]
+    steps = [replace(beginning, model=model) for model in models]
+    assert treads(steps) == [
+        "as it is", "+ Coulomb friction on joint2", "+ Backlash on joint1", "without an effect"
+    ]  # fmt: skip
+    assert treads(DIAGNOSIS.steps) == ["as it is", "+ Coulomb friction on joint2"]
 
 
 def test_calls_from_many_threads(small: Any, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from flexviz.recording.stream import Stream
 from flexviz.session import Stair
 from flexviz.view.colours import MODEL, RESIDUAL
 from flexviz.view.staircase import staircase_plots
-from flexviz.view.verdict import finding_name
+from flexviz.view.verdict import effect_text_name, finding_name
 from flexviz.view.where_maps import COLUMNS, free_plot, map_of, map_plots
 
 if TYPE_CHECKING:
@@ -44,13 +44,24 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
 
 def send_staircase(recording: Stream, where: str, steps: Sequence[Step]) -> None:
     """The error of every group after each added effect."""
-    stairs, effects = [], ()
-    for step in steps:
-        effects = effects if step.added is None else (*effects, step.added.text)
-        stairs.append(Stair(effects, step))
-    names = ["as it is" if step.added is None else f"+ {finding_name(step.added)}" for step in steps]
+    names = treads(steps)
+    stairs = [Stair((), step) for step in steps]
     ticks = [(float(place), name) for place, name in enumerate(names)]
     send_charts(recording, f"{where}/staircase", staircase_plots(stairs, 0, "")[:1], ticks=ticks)
+
+
+def treads(steps: Sequence[Step]) -> list[str]:
+    """What each step has added; of steps of several diagnoses the models tell."""
+    names: list[str] = []
+    before: set[str] = set()
+    for place, step in enumerate(steps):
+        now = before if step.model is None else {effect.text for effect in step.model.effects}
+        added = sorted(effect_text_name(text) for text in now - before)
+        if step.added is not None:
+            added = [finding_name(step.added)]
+        names.append("as it is" if place == 0 else f"+ {', '.join(added)}" if added else "without an effect")
+        before = now
+    return names
 
 
 def send_free_form(recording: Stream, where: str, curve: FreeForm | None) -> None:
