@@ -49,6 +49,7 @@ _WHERE = {
     "simulate_run": "flexviz.simulation",
     "replay": "flexviz.simulation",
     "export": "flexviz.exporting",
+    "import_logs": "flexviz.importing",
 }
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
         identify,
         sweep,
     )
+    from flexviz.importing import import_logs
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
     from flexviz.observers import OBSERVERS, Observer, make_observer
@@ -96,6 +98,7 @@ __all__ = [
     "diagnose",
     "export",
     "identify",
+    "import_logs",
     "load_effects",
     "make_observer",
     "read_set",

@@ -2,7 +2,7 @@
 
 import re
 
-from benchmarks import speed
+from benchmarks import import_faults, speed
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 
@@ -16,3 +16,10 @@ def test_speed_prints_ratios(capsys):
     assert re.search(r"2-DOF: solver \d+ ms .* ratio \d+\.\d+", printed)
     assert re.search(r"ratio (≥ )?\d+", printed.split("trust-constr")[1])
     assert "ESO, 20 s × 1 kHz × 7 joints" in printed
+
+
+def test_import_faults_prints_counts(capsys):
+    import_faults.main([str(sessions_dir() / "planar-2r-demo")])
+    printed = capsys.readouterr().out
+    assert "sets as they are: 0 of 1 raised a suspicion" in printed
+    assert len(re.findall(r": named in 1 of 1", printed)) == 7

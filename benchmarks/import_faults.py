@@ -1,0 +1,95 @@
+"""How often an import names a wrong unit or sign: `python -m benchmarks.import_faults SET…`.
+
+Takes each set as it is, which must raise no suspicion, then puts one fault at a time into a copy of its data
+(a joint drawn at random where it concerns one) and looks whether exactly what undoes it is named. Link
+positions are left out: they would make it easier.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.importing.assembling import Assembled
+from flexviz.importing.checking import check_groups
+from flexviz.importing.mapping import LogEntry, Mapping, parse
+from flexviz.importing.suspicion import Suspicion
+from flexviz.measurements import GroupTable, MeasurementSet, read_set
+
+Wanted = set[tuple[str, str, str]]  # joint, signal, key of each fix
+
+
+def mapping_of(measurements: MeasurementSet, **keys: Any) -> Mapping:
+    """A mapping of the set's own columns, with these keys on every joint."""
+    payloads = {
+        name: {
+            "bodies": [
+                {"link": b.link, "mass": b.mass, "com": b.com.tolist(), "inertia": b.inertia.tolist()}
+                for b in bodies
+            ]
+        }
+        for name, bodies in measurements.payloads.items()
+    }
+    joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
+    logs = [{"file": "a", "group": "a"}]
+    return parse({"robot": "x", "payloads": payloads, "logs": logs, "joints": joints}, Path("mapping"))
+
+
+def suspicions(
+    measurements: MeasurementSet, theta: Any = 1.0, tau: Any = 1.0, **keys: Any
+) -> list[Suspicion]:
+    """What is said when θ and τ are multiplied by these factors."""
+    groups = []
+    for group in measurements.groups:
+        table = GroupTable.of(group)
+        table = replace(table, theta=table.theta * theta, tau=table.tau * tau, q=None, theta_ref=None)
+        entry = LogEntry.model_validate({"file": "a", "group": group.name, "payload": group.payload})
+        groups.append(Assembled(entry, "CSV", table, {}, 0.0, ()))
+    return check_groups(mapping_of(measurements, **keys), measurements.robot, groups)
+
+
+def faults(joints: tuple[str, ...], joint: str) -> Iterator[tuple[str, dict[str, Any], Wanted]]:
+    """Name of a fault, what it does to the data and the mapping, and the fixes that undo it."""
+    minus = np.where(np.array(joints) == joint, -1.0, 1.0)
+    yield "sign of tau", {"tau": minus}, {(joint, "tau", "sign")}
+    yield "sign of theta", {"theta": minus}, {(joint, "theta", "sign")}
+    both = {(joint, signal, "sign") for signal in ("theta", "tau")}
+    yield "joint turned round", {"theta": minus, "tau": minus}, both
+    yield "theta in degrees", {"theta": 180 / np.pi}, {(j, "theta", "unit") for j in joints}
+    yield "tau in mNm", {"tau": 1e3}, {(j, "tau", "unit") for j in joints}
+    sides = {(j, signal, "side") for j in joints for signal in ("theta", "tau")}
+    yield "both before a known gear of 100", {"theta": 100.0, "tau": 0.01, "gear": 100.0}, sides
+    current = {"tau": 1 / 8.0, "torque_constant": 8.0}
+    yield "a current of 8 Nm/A taken for Nm", current, {(j, "tau", "unit") for j in joints}
+
+
+def main(paths: list[str]) -> None:
+    """Print how many sets raised something as they are, and how often each fault was named."""
+    rng = np.random.default_rng(0)
+    named: Counter[str] = Counter()
+    tried: Counter[str] = Counter()
+    alarms = 0
+    for path in paths:
+        measurements = read_set(path)
+        alarms += bool(suspicions(measurements))
+        joint = measurements.joints[int(rng.integers(measurements.n))]
+        for name, change, wanted in faults(measurements.joints, joint):
+            found = suspicions(measurements, **change)
+            fixes = {(fix.joint, fix.signal, fix.key) for s in found for fix in s.fixes}
+            tried[name] += 1
+            named[name] += fixes == wanted
+            if fixes != wanted:
+                print(f"{path}: {name} ({joint}): {'; '.join(map(str, found)) or 'nothing was said'}")
+    print(f"sets as they are: {alarms} of {len(paths)} raised a suspicion")
+    for name in tried:
+        print(f"{name}: named in {named[name]} of {tried[name]}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
