@@ -23,6 +23,7 @@ from flexviz.view.staircase import EMPTY, staircase_html, staircase_plots
 from flexviz.view.verdict import (
     effect_text_name,
     finding_html,
+    heading_html,
     share_text,
     values_text,
     verdict_html,
@@ -69,6 +70,12 @@ def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
     assert "have changed since" in verdict_html(DIAGNOSIS, up_to_date=False)
     assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
     assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=("<b>",)))
+    notes = ("what stays is small", "a free curve against the position would take 3 %")
+    told = replace(DIAGNOSIS, verdict="unknown", notes=notes)
+    assert "A free curve" in verdict_html(told) and "What stays is small." in verdict_html(told)
+    assert "A free curve" not in verdict_html(replace(told, free_form=free_form([[1.0, 2.0]])))
+    assert heading_html(told) and heading_html(DIAGNOSIS) == heading_html(None) == ""
+    assert heading_html(replace(told, findings=())) == ""
 
 
 @pytest.mark.parametrize("share, text", [(0.0, "< 1 %"), (0.5, "50 %"), (0.999, "> 99 %"), (1.0, "> 99 %")])

@@ -27,6 +27,7 @@ INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
 LIKELY = 0.5  # confidence from which a finding is put forward
 SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
 ABSORBED = 3  # parameters named at most
+CURVE = "a free curve"  # how the note about it begins, which the curve's own text says better
 
 
 def effect_title(name: str) -> str:
@@ -91,7 +92,8 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
             "where that has not been done, looks at what is left, and tries every effect that is known.</div>"
         )
-    notes = "".join(f'<div class="fv-dim">{escape(note)}</div>' for note in diagnosis.notes)
+    said = [note for note in diagnosis.notes if diagnosis.free_form is None or not note.startswith(CURVE)]
+    notes = "".join(f'<div class="fv-dim">{escape(note[:1].upper() + note[1:])}.</div>' for note in said)
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: this is what was found until then.</div>'
     if not up_to_date:
@@ -103,6 +105,13 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
         f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict_text(diagnosis))}</div>'
         + (f'<div class="fv">{notes}</div>' if notes else "")
     )
+
+
+def heading_html(diagnosis: Diagnosis | None) -> str:
+    """What is to be thought of findings where none is missing credibly."""
+    if diagnosis is None or diagnosis.verdict == "missing" or not diagnosis.findings:
+        return ""
+    return '<div class="fv fv-dim">Tried, but not credible for what is left:</div>'
 
 
 def values_text(finding: Finding) -> str:

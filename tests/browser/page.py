@@ -79,7 +79,12 @@ OVERLAPPING = """() => {
     const seen = [...document.querySelectorAll('.fv, .uplot, button, label, input, [role=tab]')]
         .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root'))
         .filter(e => e.tagName !== 'BUTTON' || !e.closest('.mantine-Input-wrapper'))
-        .map(e => [e, e.getBoundingClientRect()]).filter(([e, r]) => r.width > 1 && r.height > 1);
+        .map(e => {
+            const r = e.getBoundingClientRect(), box = e.closest('.mantine-ScrollArea-viewport');
+            const b = box ? box.getBoundingClientRect() : r;  // what is scrolled away overlaps nothing
+            return [e, {left: r.left, right: r.right, top: Math.max(r.top, b.top),
+                        bottom: Math.min(r.bottom, b.bottom)}];
+        }).filter(([e, r]) => r.right - r.left > 1 && r.bottom - r.top > 1);
     const found = [];
     seen.forEach(([a, r], i) => seen.slice(i + 1).forEach(([b, s]) => {
         if (a.contains(b) || b.contains(a)) return;

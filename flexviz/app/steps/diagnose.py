@@ -15,7 +15,7 @@ from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.session import Analysis
 from flexviz.view.text import number
-from flexviz.view.verdict import effect_text_name, progress_sentence, verdict_html
+from flexviz.view.verdict import effect_text_name, heading_html, progress_sentence, verdict_html
 from flexviz.view.where_maps import free_html, free_plot
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ class DiagnoseStep:
             self._stopgap = gui.add_html("")
             self._curve = ChartColumn(app.server, gui.add_folder(None, visible=False))
             self._all = gui.add_button("Add all found", color="gray", visible=False)
+            self._heading = gui.add_html("")
             self.findings = FindingList(app, self.add)
             self.model = ModelList(app, self.remove)
         app.press(self._find, "find", self.find)
@@ -77,6 +78,7 @@ class DiagnoseStep:
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_plot(curve, height=170),))
+        self._heading.content = heading_html(diagnosis) if fresh else ""
         self.findings.show(found if fresh else (), why)
         self.model.show(self._app.measurements.effects, analysis.effects, why)
 
