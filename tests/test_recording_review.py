@@ -114,6 +114,9 @@ def test_a_session_becomes_a_recording(session: Any, tmp_path: Path, capfd: Any,
     code, out, _ = review(capfd, tmp_path / "kept", "--check", "--out", tmp_path / "kept.rrd")
     assert code == 0 and "result 1" in out and "verdict: missing coulomb_friction on joint2" in out
     content = Read(tmp_path / "kept.rrd")
+    steps = list(content.component("/__properties/session", "steps"))
+    assert steps == [step.label for step in analyses.steps]
+    assert list(content.component("/__properties/session", "notes")) == ["look at joint 2"]
     assert "look at joint 2" in content.text("/log") and "identified" in content.text("/log")
     found = read_recording(tmp_path / "kept.rrd")
     expected = analyses.analysis.identification

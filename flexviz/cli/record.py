@@ -95,6 +95,13 @@ def record_all(
 
     measurements = file.measurements
     file.recorder.begin(file.part(0.0, 0.1))
+    file.recorder.session(
+        observer=wanted.observer,
+        effects=wanted.effects,
+        groups=wanted.groups,
+        refine=wanted.refine,
+        diagnose=diagnose,
+    )
     file.recorder.observe(make_observer(wanted.observer, wanted.bandwidth), file.part(0.1, 0.25))
 
     def solve(effects: list[str], label: str) -> None:

@@ -6,11 +6,12 @@ import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import rerun as rr
 import rerun.blueprint as rrb
 
+from flexviz import __version__
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
@@ -86,6 +87,7 @@ class Recorder:
             set=measurements.name,
             simulated=measurements.simulated,
             robot=measurements.robot.name,
+            version=__version__,
             joints=list(measurements.joints),
             groups=[group.name for group in measurements.groups],
         )
@@ -112,6 +114,10 @@ class Recorder:
             self._robot(group, "measured", motion)
             self._describe_group(group, motion)
         self.note(f"measurement set {measurements.name}")
+
+    def session(self, **values: Any) -> None:
+        """What the recording comes from: settings, steps, notes; each a text, a number, or a list."""
+        self.stream.property("session", **values)
 
     def observe(self, observer: Observer, check: Check = lambda what, share: None) -> None:
         """All states of an observer in every group; nothing where they are there already."""

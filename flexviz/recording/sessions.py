@@ -20,6 +20,12 @@ def record_session(
         recorder.begin(file.part(0.0, 0.15))
         newest = steps[-1].analysis.identification
         recorder.observe(chosen_observer(newest), file.part(0.15, 0.35))
+        recorder.session(
+            observer=steps[-1].analysis.observer,
+            effects=list(steps[-1].analysis.effects),
+            steps=[step.label for step in steps],
+            notes=[note.text for note in session.notes],
+        )
         results: list[int] = []
         verdicts: list[int] = []
         for step in steps:

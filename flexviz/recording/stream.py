@@ -89,9 +89,10 @@ class Stream:
             stream.send_recording_name(text)
 
     def property(self, name: str, **values: Any) -> None:
-        """Something about the recording as a whole."""
+        """Something about the recording as a whole; an empty list is left out."""
+        given = {key: value for key, value in values.items() if not isinstance(value, list) or value}
         for stream in self._open:
-            stream.send_property(name, rr.AnyValues(**values))
+            stream.send_property(name, rr.AnyValues(**given))
 
     def blueprint(self, layout: rrb.Blueprint) -> None:
         """What the viewer shows from now on."""
