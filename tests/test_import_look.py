@@ -91,6 +91,17 @@ def test_names(case: int) -> None:
         taken.append(best)
 
 
+def test_numbers_are_the_joints_own_where_they_have_some() -> None:
+    joints = ("joint1", "joint2", "joint3")
+    (family,) = find_families(["pos2", "pos3"], joints, {})
+    assert dict(family.columns) == {"joint2": "pos2", "joint3": "pos3"} and family.told == "number"
+    (family,) = find_families(["pos0", "pos1", "pos2"], joints, {})
+    assert dict(family.columns) == {"joint1": "pos0", "joint2": "pos1", "joint3": "pos2"}
+    (family,) = find_families(["pos_2"], joints, {})
+    assert dict(family.columns) == {"joint2": "pos_2"}
+    assert find_families(["pos_1", "pos_3"], ("a", "b", "c"), {}) == []
+
+
 def test_unknown_names_in_order() -> None:
     """As many unknown joints in a bag as the robot has: taken in order, and said to be so."""
     (family,) = find_families(["/js/left/position", "/js/right/position"], TWO, {})
@@ -147,7 +158,7 @@ def test_csv_in_degrees_with_a_joint_turned_round(tmp_path: Path) -> None:
     text = written(tmp_path, looked).read_text()
     assert 'theta = { from = "pos_1", unit = "deg" }\n' in text
     low, high = np.rad2deg(DATA.theta[:, 0].min()), np.rad2deg(DATA.theta[:, 0].max())
-    seen = f"# theta: {low:.4g} … {high:.4g}; position, joints by number, in the robot's order"
+    seen = f"# theta: {low:.4g} … {high:.4g}; position, joints by number"
     assert seen in text
     assert 'tau = { from = "torque_2", sign = -1 }' in text
     assert 'robot = "robot.urdf"' in text and "step 0.002 s; the unit is stated" in text

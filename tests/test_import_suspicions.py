@@ -152,6 +152,19 @@ def test_q_of_another_joint_or_another_zero_or_swapped() -> None:
     assert {(s.kind, s.severity) for s in found(swapped)} == {("swapped", "odd")}
 
 
+def test_data_that_prove_nothing_raise_none() -> None:
+    """A joint that stands, and a record of a tenth of a second: nothing is known, so nothing is said."""
+    standing = np.array([1.0, 0.0])
+    assert [str(s) for s in found(tables(theta=standing, q=standing)) if "joint2" in s.joints] == []
+    short = [
+        assembled(
+            GroupTable(g.table.name, "t", "none", g.table.time[:50], g.table.theta[:50], -g.table.tau[:50])
+        )
+        for g in tables()
+    ]
+    assert found(short) == []
+
+
 def test_two_faults_at_once() -> None:
     """A current of a motor before its gear, one joint turned round: every part of it is found."""
     factors = np.array([1.0, -1.0])

@@ -23,6 +23,8 @@ from flexviz.robot import PayloadBody, Robot
 SLOPES = (0.4, 2.5)  # of τ against the CAD model, from masses that are known roughly
 MOST_MOTOR = 4.0  # motor inertia at the joint side, in units of the joint's largest M_jj(q) of the CAD model
 FASTEST, WIDEST = 40.0, 8 * np.pi  # [rad/s], [rad] where the robot description says nothing
+SHORTEST_MOTION = 1.0  # [s] of all groups together, below which torques prove nothing
+STANDS = 1e-3  # [rad/s] a joint that never moves faster does not move
 SMALL_LINK = 0.05  # share of the largest diagonal entry that every joint is granted: wrists have large motors
 SAME_MOTION = 0.95  # squared correlation of θ and q
 UNITS = np.geomspace(1e-4, 1e4, 49)  # of τ, in Nm, that are tried
@@ -69,10 +71,13 @@ class Judge:
         self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
         self.torque = np.concatenate([motion.torque for _, motion in self.samples])
         self.inertia = largest_inertia(robot)
+        self.seconds = sum(float(table.time[-1] - table.time[0]) for _, table in groups)
         self.usable = self._usable()
 
     def _usable(self) -> bool:
-        """Whether the robot's description has masses that can explain anything."""
+        """Whether there is motion for long enough, and the robot's description has masses to explain it."""
+        if self.seconds < SHORTEST_MOTION:
+            return False
         try:
             rigid = self.rigid(np.ones(self.robot.n), np.zeros(self.robot.n))[0]
         except InputError:
@@ -169,8 +174,8 @@ def explained(
     fastest = float(np.max(np.abs(v)))
     target = torque - np.mean(torque)
     total = float(target @ target)
-    if fastest == 0.0 or total == 0.0:
-        return Explained(0.0, 1.0)
+    if fastest < STANDS or total == 0.0:
+        return Explained(1.0, 1.0)  # a joint that stands says nothing
     matrix = np.stack([rigid, a, v, np.tanh(30.0 * v / fastest)], axis=1)
     matrix -= np.mean(matrix, axis=0)  # the offset is free
     scale = np.linalg.norm(matrix, axis=0)

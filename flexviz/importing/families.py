@@ -23,7 +23,7 @@ class Family:
     name: the columns' common name, with # for the joint.
     columns: joint -> column.
     meaning: what the name says.
-    told: the joints were told by their "name", by "number" in the robot's order, or by the "order" in which
+    told: the joints were told by their "name", by "number", or by the "order" in which
         as many unknown names as the robot has joints stand in the log.
     """
 
@@ -130,7 +130,15 @@ def position_of(wanted: Sequence[str], spoken: Sequence[str]) -> int | None:
 
 
 def numbers_to_joints(numbers: Sequence[int], joints: Sequence[str]) -> dict[str, int]:
-    """Joint -> number: the robot's joints in order for numbers that count up by one; {} where they do not."""
+    """Joint -> number; {} where numbers tell nothing.
+
+    Where every joint's name has a number of its own and the columns use these, they are meant; else numbers
+    that count up by one are the robot's joints in order.
+    """
+    own = {joint: [int(word) for word in words(joint) if word.isdigit()][-1:] for joint in joints}
+    by_number = {number[0]: joint for joint, number in own.items() if number}
+    if len(by_number) == len(joints) and set(numbers) <= set(by_number):
+        return {by_number[number]: number for number in numbers}
     if len(numbers) < 2 or list(numbers) != list(range(numbers[0], numbers[0] + len(numbers))):
         return {}
     return dict(zip(joints, numbers, strict=False))

@@ -78,7 +78,7 @@ def reason(family: Family) -> str:
     said = family.meaning
     told = {
         "name": "joints by name",
-        "number": "joints by number, in the robot's order",
+        "number": "joints by number",
         "order": "joints by the ORDER of unknown names in the log: check it",
     }[family.told]
     parts = [

@@ -175,11 +175,10 @@ def import_mapping(
                 table_format=table_format,
             )
             measurements = read_back(new, target or Path(file.stem))
-            delay = (
-                torque_delay(measurements, lambda what: progress(what, 0.0), should_stop)
-                if not done.wrong
-                else None
-            )
+            misfit = any(s.kind in ("unit", "sign", "zero", "unexplained") for s in found)
+            delay = None  # a model of something else has delays of its own
+            if not misfit:
+                delay = torque_delay(measurements, lambda what: progress(what, 0.0), should_stop)
             Reading(should_stop=should_stop).check_stop()
             late = suspicious_delay(delay, measurements) if delay is not None else []
             warnings = [*notes, *measurements.warnings]

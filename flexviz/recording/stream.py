@@ -92,7 +92,7 @@ class Stream:
         """Something about the recording as a whole; an empty list is left out."""
         given = {key: value for key, value in values.items() if not isinstance(value, list) or value}
         for stream in self._open:
-            stream.send_property(name, rr.AnyValues(**given))
+            stream.send_property(name, rr.AnyValues(drop_untyped_nones=True, **given))
 
     def blueprint(self, layout: rrb.Blueprint) -> None:
         """What the viewer shows from now on."""
