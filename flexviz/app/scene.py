@@ -18,6 +18,8 @@ from flexviz.view.torque_arrows import RADIUS, arrow, axes
 
 GHOST_OPACITY = 0.45
 LOOKED_AROUND = 0.02  # of the stage: a camera moved by less was not moved by a person
+HIDDEN = 0.27  # share of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
+SAME_ASPECT = 0.02  # a slow browser draws fewer pixels: their number says nothing, only width ÷ height does
 ASK = 2.0  # [s] between two questions how large a canvas is: docks appear late, windows change
 
 
@@ -155,7 +157,7 @@ class Scene:
         self._on_click = on_click
         self._grid: Any = None
         self._labels: dict[str, Any] = {}
-        self._aimed: dict[int, tuple[int, int]] = {}  # canvas size each browser was aimed for
+        self._aimed: dict[int, float] = {}  # width ÷ height of the canvas each browser was aimed for
         self._views: dict[int, np.ndarray] = {}  # and where its camera was put
         self._nudged = 1e-4  # share by which a camera is moved to make its browser speak
         self._asked = 0.0  # when browsers were asked for their size [s, monotonic]
@@ -197,10 +199,8 @@ class Scene:
         """Let one browser look at both robots, as large as its window allows."""
         if self.measured is None:
             return
-        width, height = client.camera.image_width, client.camera.image_height
-        self._aimed[client.client_id] = (width, height)
-        hidden = min(230.0 / max(height, 1), 0.4)
-        camera, look = self._stage.camera(self._layout, width / max(height, 1), hidden)
+        self._aimed[client.client_id] = aspect = _aspect(client)
+        camera, look = self._stage.camera(self._layout, aspect, HIDDEN)
         self._views[client.client_id] = camera
         with client.atomic():
             client.camera.position = camera
@@ -213,8 +213,8 @@ class Scene:
 
     def resized(self, client: viser.ClientHandle) -> None:
         """Aim again when the canvas has another size (docks appear late) and nobody has looked around."""
-        now = (client.camera.image_width, client.camera.image_height)
-        if self.measured is None or self._aimed.get(client.client_id, now) == now:
+        now = _aspect(client)
+        if self.measured is None or abs(self._aimed.get(client.client_id, now) / now - 1.0) < SAME_ASPECT:
             return
         if self._unmoved(client.client_id, client):
             self.aim(client)
@@ -286,6 +286,10 @@ class Scene:
         for label in self._labels.values():
             label.remove()
         self._labels = {}
+
+
+def _aspect(client: viser.ClientHandle) -> float:
+    return max(client.camera.image_width, 1) / max(client.camera.image_height, 1)
 
 
 def _on_click(mesh: Any, joint: int, on_click: Callable[[int], None]) -> None:

@@ -162,7 +162,7 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
     rows, columns = np.nonzero(ghost)
     assert len(rows) > 200, "no ghost to click"
     chosen = set()
-    for i in np.random.default_rng(1).permutation(len(rows))[:25]:
+    for i in np.random.default_rng(1).permutation(len(rows))[:40]:
         page.mouse.click(int(columns[i]), int(rows[i]))
         page.wait_for_timeout(400)
         chosen.add(row(page, "Joint").get_by_role("combobox").input_value())
