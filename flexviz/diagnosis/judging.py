@@ -16,6 +16,7 @@ TRACES = 1e-6  # of the first excess: what a law that is nearly right may leave 
 BEYOND = 20.0  # χ² per sample above the noise from which on the model, not the noise, is the measure
 NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
 SHARPEST = 0.02  # of the record's step: time stamps are not known better
+SHARPEST_DAMPED = 0.1  # the same beside a damped joint: how torques are held between samples looks like it
 SMALLEST_EPISODE = 3e-5  # of the joint's rms torque: a contact that small is the trace of something else
 BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
 LARGEST_GAIN = 0.4  # a drive whose torque is further off would have been noticed
@@ -67,7 +68,8 @@ def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
     values = fit.x[dict(fit.layout.effect_slices())[effect]]
     by_name = {p.name: abs(v) for p, v in zip(EFFECTS[effect.effect].parameters, values, strict=True)}
     if effect.effect == "torque_delay":
-        return by_name["delay"] > SHARPEST * raw_step
+        damped = any(other.effect == "joint_damping" for other in fit.layout.effects)
+        return by_name["delay"] > (SHARPEST_DAMPED if damped else SHARPEST) * raw_step
     torque = fit.point.narrow.torque[0][:, effect.joint or 0]
     if EFFECTS[effect.effect].scope == "episode":
         return by_name["torque"] > SMALLEST_EPISODE * float((torque**2).mean()) ** 0.5
