@@ -41,8 +41,8 @@ A finding is right when it names a hidden effect on its joint or payload, or its
 Coulomb friction, delay and joint damping, offset and tilt) where that is reported as tied. Something is
 *named* when the verdict is "missing". A case is *decidable* when a fit that knows the truth, with the same
 workbench and started from the truth, gains at least 300 in χ² over the best base model, for two effects
-over the best model with one of them; for laws that are not in the library, when the base model is that far
-from the noise. Of a joint below its noise the noise is counted.
+over the best model with one of them; for laws that are not in the library, over the base model's fit of the
+same set simulated without that law. Of a joint below its noise the noise is counted.
 
 {HEAD}
 {TAIL}

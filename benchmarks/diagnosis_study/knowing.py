@@ -34,7 +34,8 @@ class Knowing:
     Attributes
     ----------
     gain: how much χ² (and the metric's determinant) falls from the best base model to the fit that knows the
-        truth; without a library effect to know, to the noise floor itself.
+        truth; of a law that the library does not have, to the base model's fit of the twin, which is the same
+        set without that law; of a clean set, to the noise floor itself.
     gains: the same for each hidden effect when the fit knows all others.
     objective_gain: the same fall in the diagnosis' own objective.
     chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
@@ -73,8 +74,14 @@ def true_model(truth: dict[str, Any]) -> FlexibleModel:
     )
 
 
-def know(measurements: MeasurementSet, truth: dict[str, Any]) -> Knowing:
-    """Fit the base model, and the one with the true effects, started from the truth."""
+def know(measurements: MeasurementSet, truth: dict[str, Any], twin: MeasurementSet | None = None) -> Knowing:
+    """Fit the base model, and the one with the true effects, started from the truth.
+
+    Args:
+        measurements: what the diagnosis sees.
+        truth: what is hidden in it.
+        twin: the same without the law that the library does not have, where there is one.
+    """
     joints, true = measurements.joints, true_model(truth)
     base = Layout(joints, choose_effects(measurements.effects, joints))
     bench = Workbench(measurements, base)
@@ -82,10 +89,23 @@ def know(measurements: MeasurementSet, truth: dict[str, Any]) -> Knowing:
     plain = identify(measurements)
     without = bench.fit(base, base.vector(plain.model), iterations=QUICK)
     if not hidden:
-        gain = _misfit(without) - _samples(without) * base.n
-        chi = tuple(map(float, without.chi))
-        held_out = tuple(map(float, without.chi_held_out))
-        return Knowing(gain, (), gain, chi, chi, held_out, base.model(without.x), without.converged)
+        chi, model = tuple(map(float, without.chi)), base.model(without.x)
+        best = _fitted_to(twin, base) if twin is not None else without
+        if twin is not None:
+            gain = _chi_square(without) - _chi_square(best)
+        else:
+            gain = _misfit(without) - _samples(without) * base.n
+        held_out = tuple(map(float, best.chi_held_out))
+        return Knowing(
+            gain,
+            (),
+            gain,
+            tuple(map(float, best.chi)),
+            chi,
+            held_out,
+            model,
+            without.converged and best.converged,
+        )
     layout = with_hidden(base, hidden)
     full = bench.fit(layout, layout.vector(true), iterations=QUICK)
     if not full.converged:
@@ -109,6 +129,12 @@ def know(measurements: MeasurementSet, truth: dict[str, Any]) -> Knowing:
         layout.model(full.x),
         full.converged and without.converged,
     )
+
+
+def _fitted_to(measurements: MeasurementSet, layout: Layout) -> Fit:
+    """The base model fitted to a set that lacks nothing."""
+    start = layout.vector(identify(measurements).model)
+    return Workbench(measurements, layout).fit(layout, start, iterations=LONG)
 
 
 def chosen(effect: EffectValue, joints: Sequence[str]) -> ChosenEffect:

@@ -51,6 +51,14 @@ def make(work: Path, case: Case) -> None:
     temporary.replace(path)
 
 
+def make_twin(case: Case, folder: Path) -> None:
+    """Write the case as it would be without its own law: same motion, same noise."""
+    plan, _ = plan_of(case)
+    plan = replace(plan, laws=())
+    seed = int(case.rng("noise").integers(2**31))
+    _write(folder, plan, record(plan, move(plan, seed), seed))
+
+
 def plan_of(case: Case) -> tuple[Plan, Scale]:
     """The plan with everything hidden in it, and how much each joint works."""
     plan = random_plan(case.robot, case.rng("robot"), case.base, case.noise)

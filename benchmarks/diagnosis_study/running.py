@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -19,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.diagnosis_study.cases import Case
+from benchmarks.diagnosis_study.cases import Case, cases
 from benchmarks.diagnosis_study.judging import DECIDABLE
-from benchmarks.diagnosis_study.making import case_folder, is_made, make, truth_file
+from benchmarks.diagnosis_study.making import case_folder, is_made, make, make_twin, truth_file
 
 Json = dict[str, Any]
 
@@ -126,8 +127,8 @@ def _known(work: Path, name: str) -> Json:
     truth = json.loads(path.read_text(encoding="utf-8"))
     measurements = read_set(case_folder(work, name))
     began = time.perf_counter()
-    known = know(measurements, truth)
-    ratio = np.sqrt(np.array(known.chi_base) / (np.array(known.chi) if known.gains else 1.0))
+    known = know(measurements, truth, _twin(name, truth))
+    ratio = np.sqrt(np.array(known.chi_base) / np.array(known.chi))
     if truth["effects"]:
         truth["weak"] = min(known.gains, default=known.gain) < DECIDABLE
         truth["residual_ratio"] = float(ratio.max())
@@ -147,6 +148,18 @@ def _known(work: Path, name: str) -> Json:
         "effects": [asdict(e) for e in model.effects],
         "seconds": time.perf_counter() - began,
     }
+
+
+def _twin(name: str, truth: Json) -> Any:
+    """The case without its law, where that is one that the library does not have; else None."""
+    from flexviz.measurements import read_set
+
+    if truth["kind"] != "unknown":
+        return None
+    case = next(c for c in cases(truth["seed"]) if c.name == name)
+    with tempfile.TemporaryDirectory() as folder:
+        make_twin(case, Path(folder) / name)
+        return read_set(Path(folder) / name)
 
 
 def final_model(document: Json, joints: tuple[str, ...]) -> Any:
