@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from flexviz.observers import ButterworthZeroPhase
 Array = NDArray[np.float64]
 
 PLAIN_HERTZ = 7.0
+STIFFNESS_KNOWN = 0.5  # relative standard deviation of 1/K where the set says roughly how stiff joints are
 STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
 NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
 WORSE = 100.0  # rise of the objective over the best on the way after which a fit is damped
@@ -99,9 +100,18 @@ class Workbench:
         return other
 
     def assumptions(self, layout: Layout) -> tuple[Prior, Bounds]:
-        """Prior and bounds of a layout."""
+        """Prior and bounds of a layout.
+
+        A joint that hardly deflects, such as a light wrist, says nothing of its stiffness; noise makes it
+        look soft, and a soft joint imitates much, a gap above all.
+        """
         start = other_effects(self._start, layout, self.refinement.narrow.signals)
-        return start.prior, loosened(start, layout)
+        prior = start.prior
+        if self.measurements.initial_stiffness is not None:
+            spread = prior.spread.copy()
+            spread[layout.compliance] = STIFFNESS_KNOWN * start.x[layout.compliance]
+            prior = replace(prior, spread=spread)
+        return prior, loosened(start, layout)
 
     def fit(
         self,
