@@ -60,7 +60,7 @@ def set_stage(measurements: MeasurementSet, shape: Shape, both: bool = True) -> 
     width = float(np.abs(across) @ (high - low)) * 1.05 + 0.05 * size
     offsets = np.outer([-0.5, 0.5], across * width) if both else np.zeros((2, 3))
     centre = (low + high) / 2
-    distance = 1.15 * max(size, 2.0 * width) if both else 1.6 * size
+    distance = 1.35 * max(size, 2.0 * width) if both else 1.6 * size
     tops = float(high[2]) + 0.08 * size, float(high[2]) + 0.18 * size  # one above the other: names are long
     return Stage(offsets, tops, centre, centre + distance * VIEW / np.linalg.norm(VIEW))
 
