@@ -42,9 +42,15 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def serve(workplace: Path) -> Iterator[Callable[..., str]]:
+def servers() -> list[subprocess.Popen[str]]:
+    """The servers that run, the newest last."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def serve(workplace: Path, servers: list[subprocess.Popen[str]]) -> Iterator[Callable[..., str]]:
     """serve(SET) -> the page's address."""
-    running: list[subprocess.Popen[str]] = []
+    running = servers
 
     def start(*arguments: str) -> str:
         command = [sys.executable, "-m", "flexviz", "serve", *arguments, "--no-browser", "--port", "0"]

@@ -1,0 +1,41 @@
+"""What nobody saved is there again after the server was killed."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from tests.browser.page import button, status, until
+
+pytestmark = pytest.mark.browser
+
+
+def error(page: Any) -> str:
+    found = re.search(r"validation error [\d.]+ Nm", status(page))
+    return found[0] if found else ""
+
+
+def test_unsaved_work_outlives_a_killed_server(
+    serve: Callable[..., str], servers: list[subprocess.Popen[str]], open_page: Any, shot: Any
+) -> None:
+    page = open_page(serve())
+    button(page, "Identify").click()
+    button(page, "Run").click()
+    known = until(lambda: error(page), what="a result")
+    until(lambda: not button(page, "Stop").is_enabled(), what="the end")
+    page.wait_for_timeout(3000)  # work is kept soon, not at once
+    servers[-1].kill()
+    servers[-1].wait()
+
+    again = open_page(serve())
+    assert not error(again)
+    offered = again.get_by_role("button", name="Continue unsaved work")
+    until(lambda: offered.is_visible(), what="the offer")
+    shot(again, "unsaved")
+    offered.click()
+    until(lambda: error(again) == known, what="the result again")
+    assert button(again, "Undo").is_enabled()
