@@ -43,6 +43,7 @@ BINS = 24  # of the curves that are drawn
 SAMPLES_PER_BIN = 40  # at least, on average
 BAND = 1.0  # [Hz] width of the band that stands for "frequency"
 CLEARLY = 0.05  # more explained
+LITTLE = 0.1  # explained share of a residual up to which it lies along nothing
 MOTION = 0.99  # share of the velocity's power that is in the motion's band
 HARMONICS = 3  # of it, which simple laws like friction or a cubic spring make
 
@@ -260,7 +261,9 @@ def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None)
 def where_it_fails(
     bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None
 ) -> tuple[tuple[Place, ...], tuple[ResidualMap, ...]]:
-    """The places and the maps they come from, the joint with the largest excess first.
+    """The places and the maps they come from; first the joint whose residual is large and follows something.
+
+    What a neighbour's missing law throws on a joint may be larger there, and lies along nothing.
 
     "position" is also what a torque lives along that depends on position and on the direction of motion,
     where this explains clearly more than position or velocity alone.
@@ -268,7 +271,7 @@ def where_it_fails(
     parts = joint_residuals(bench, fit)
     data = samples(bench, fit, parts)
     found = spectra(bench, fit, parts)
-    out: list[Place] = []
+    places: list[tuple[float, list[Place]]] = []
     all_maps: list[ResidualMap] = []
     for j in sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square):
         check()
@@ -280,5 +283,7 @@ def where_it_fails(
         if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
             rows["position"] = replace(both, variable="position")
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
-        out.extend(Place(m.joint, m.variable, m.explained, m.range) for m in ranked)
-    return tuple(out), tuple(all_maps)
+        weight = found[j].chi_square * max(ranked[0].explained, LITTLE)
+        places.append((weight, [Place(m.joint, m.variable, m.explained, m.range) for m in ranked]))
+    places.sort(key=lambda joint: -joint[0])
+    return tuple(place for _, joint in places for place in joint), tuple(all_maps)
