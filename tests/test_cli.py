@@ -130,6 +130,8 @@ def test_help_loads_nothing_heavy() -> None:
         (["identify", "{set}", "--effect", "coulomb_friction:elbow"], "elbow"),
         (["identify", "{set}", "--json", "{set}/no/such/folder.json"], "does not exist"),
         (["identify", "{set}", "--json", "{set}"], "is a folder"),
+        (["identify", "{set}", "--json", "{set}/measurements.toml"], "is no .json file"),
+        (["record", "{set}", "--out", "{set}/measurements.toml"], "is no .rrd file"),
         (["simulate", "planar-3r", "--out", "{set}/x"], "planar-2r"),
         (["simulate", "planar-2r"], "--out"),
         (["simulate", "planar-2r", "--out", "{set}"], "{set}"),

@@ -37,7 +37,7 @@ def compare(
     from flexviz.session.comparing import compare as put_side_by_side
 
     load_own(effects_from)
-    output.check_output_file(json_file)
+    output.check_output_file(json_file, ".json")
     for path in sessions:
         if not is_session(path):
             raise InputError("is no session; a folder with session.json would be right", file=path)

@@ -43,7 +43,7 @@ def diagnose(
     from flexviz.measurements import read_set
 
     load_own(effects_from)
-    output.check_output_file(json_file)
+    output.check_output_file(json_file, ".json")
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         measurements = read_set(measurement_set)
         result = search(
@@ -120,7 +120,10 @@ def described(finding: Finding) -> str:
     """An effect with its place and values."""
     place = finding.joint or finding.payload or "the whole robot"
     group = f" in group {finding.group}" if finding.group else ""
-    values = ", ".join(f"{k} {v:.4g} ± {1.96 * s:.2g} {u}" for k, (v, s, u) in finding.parameters.items())
+    values = ", ".join(
+        f"{k} {v:.4g} ± {1.96 * s:.2g} {'' if u == '-' else u}".rstrip()
+        for k, (v, s, u) in finding.parameters.items()
+    )
     return (
         f"{finding.effect} on {place}{group}: {values}; "
         f"explains {100 * finding.score:.0f} % of the held-out excess, confidence {finding.confidence:.2f}"

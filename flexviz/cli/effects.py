@@ -45,7 +45,7 @@ def effects(
         if json_file == STDOUT:
             print_json(data)
             return 0
-        output.check_output_file(json_file)
+        output.check_output_file(json_file, ".json")
         output.write_json(json_file, data)
     console = output.results()
     if name is None:

@@ -42,7 +42,7 @@ def identify(
     from flexviz.cli.progress import Reporter, interruptible
 
     load_own(effects_from)
-    output.check_output_file(json_file)
+    output.check_output_file(json_file, ".json")
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         result = run_identification(wanted, report, should_stop)[1]

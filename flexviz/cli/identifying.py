@@ -33,7 +33,10 @@ EffectOption = Annotated[
 ]
 ObserverOption = Annotated[
     str,
-    typer.Option(metavar="NAME", help="eso, eso-equal-delay, eso-zero-phase or butterworth-zero-phase."),
+    typer.Option(
+        metavar="NAME",
+        help="eso, eso-equal-delay, eso-zero-phase, flat-zero-phase or butterworth-zero-phase.",
+    ),
 ]
 BandwidthOption = Annotated[
     str | None,

@@ -65,7 +65,7 @@ def import_(
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
 
-    output.check_output_file(json_file)
+    output.check_output_file(json_file, ".json")
     if out is not None:
         output.check_new_folder(out, table_format)
     asking = not yes and sys.stdin.isatty() and sys.stderr.isatty()  # before the live line takes stderr

@@ -21,14 +21,19 @@ def results() -> Console:
     return console
 
 
-def check_output_file(path: Path | None) -> None:
-    """Say before the work, not after it, that a file cannot be written where it was asked for."""
+def check_output_file(path: Path | None, suffix: str = "") -> None:
+    """Say before the work, not after it, that a file cannot be written where it was asked for.
+
+    With `suffix` a file that ends otherwise is not overwritten: it may be the set's, or a robot.
+    """
     if path is None:
         return
     if path.is_dir():
         raise InputError("is a folder; a file name is needed", file=path)
     if not path.absolute().parent.is_dir():
         raise InputError(f"the folder {path.absolute().parent} does not exist", file=path)
+    if suffix and path.is_file() and path.suffix not in ("", suffix):
+        raise InputError(f"is there already and is no {suffix} file; another name would be right", file=path)
 
 
 def check_new_folder(folder: Path, table_format: str) -> None:

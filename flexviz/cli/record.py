@@ -58,7 +58,7 @@ def record(
     from flexviz.recording import RecordingFile, ending_tidily
 
     load_own(effects_from)
-    output.check_output_file(out)
+    output.check_output_file(out, ".rrd")
     wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     results: list[Identification] = []
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:

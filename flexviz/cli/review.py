@@ -48,7 +48,7 @@ def review(
     from flexviz.cli import output
     from flexviz.recording import ending_tidily
 
-    output.check_output_file(out)
+    output.check_output_file(out, ".rrd")
     with tempfile.TemporaryDirectory(prefix="flexviz-review-") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
         if out is not None and other is None and source.is_file() and source.suffix == ".rrd":

@@ -11,6 +11,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
     from flexviz.session import OpenedSession
+    from flexviz.session.state import Analysis
 
 
 def session(
@@ -45,10 +46,17 @@ def session(
     return 0
 
 
-def lines(opened: OpenedSession) -> list[str]:
-    """Set, steps, notes, recordings."""
+def identified(analysis: Analysis) -> str:
+    """The error of the identification; without one, whether there is a model at all."""
     from flexviz.view.status import error_text
 
+    if analysis.identification is not None:
+        return error_text(analysis.identification)
+    return "not identified" if analysis.diagnosis is None else "parameters: those of the diagnosis"
+
+
+def lines(opened: OpenedSession) -> list[str]:
+    """Set, steps, notes, recordings."""
     kept, analysis = opened.session, opened.session.analysis
     out = [
         f"session {opened.folder}" + (f", saved {opened.saved}" if opened.saved else ""),
@@ -57,7 +65,7 @@ def lines(opened: OpenedSession) -> list[str]:
         f"fitted: {', '.join(analysis.groups_with('fit')) or 'none'}; "
         f"held out: {', '.join(analysis.groups_with('validate')) or 'none'}",
         f"effects added: {', '.join(analysis.effects) or 'none'}",
-        error_text(analysis.identification) if analysis.identification is not None else "not identified",
+        identified(analysis),
     ]
     if analysis.diagnosis is not None:
         fresh = "" if analysis.diagnosis_up_to_date else " (of older settings or data)"

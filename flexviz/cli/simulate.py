@@ -64,13 +64,19 @@ def simulate(
 
 def summary(done: SimulatedSet) -> list[str]:
     """What was written where, in a few lines of text."""
+    from flexviz.simulation.laws import LAWS
+
     plan = done.plan
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
     for group in plan.groups:
         use = "validation" if group.validation else "fit"
         lines.append(f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s, {use}")
     for effect in plan.model.effects:
-        values = ", ".join(f"{name} {value:g}" for name, value in effect.parameters.items())
+        units = LAWS[effect.effect].units
+        values = ", ".join(
+            f"{name} {value:g} {'' if units[name] == '-' else units[name]}".rstrip()
+            for name, value in effect.parameters.items()
+        )
         place = effect.joint or effect.payload or "all joints"
         lines.append(f"  hidden: {effect.effect} on {place}: {values}")
     return lines
