@@ -11,34 +11,18 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flexviz.importing.assembling import Assembled
 from flexviz.importing.checking import check_groups
-from flexviz.importing.mapping import LogEntry, Mapping, parse
+from flexviz.importing.doubts import mapping_of
+from flexviz.importing.mapping import LogEntry
 from flexviz.importing.suspicion import Suspicion
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
 
 Wanted = set[tuple[str, str, str]]  # joint, signal, key of each fix
-
-
-def mapping_of(measurements: MeasurementSet, **keys: Any) -> Mapping:
-    """A mapping of the set's own columns, with these keys on every joint."""
-    payloads = {
-        name: {
-            "bodies": [
-                {"link": b.link, "mass": b.mass, "com": b.com.tolist(), "inertia": b.inertia.tolist()}
-                for b in bodies
-            ]
-        }
-        for name, bodies in measurements.payloads.items()
-    }
-    joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
-    logs = [{"file": "a", "group": "a"}]
-    return parse({"robot": "x", "payloads": payloads, "logs": logs, "joints": joints}, Path("mapping"))
 
 
 def suspicions(

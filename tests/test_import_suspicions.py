@@ -16,6 +16,7 @@ from flexviz.importing import import_logs
 from flexviz.importing.assembling import Assembled
 from flexviz.importing.checking import check_groups
 from flexviz.importing.delays import suspicious_delay, torque_delay
+from flexviz.importing.doubts import with_doubts
 from flexviz.importing.mapping import LogEntry, Mapping, parse
 from flexviz.importing.suspicion import Suspicion, fixed
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
@@ -226,3 +227,29 @@ def test_wrong_is_not_written_unless_insisted(tmp_path: Path, monkeypatch: pytes
     done = import_logs(mapping, tmp_path / "set")
     assert done.folder is None and done.wrong and not (tmp_path / "set").exists()
     assert import_logs(mapping, tmp_path / "set", accept=True).folder == tmp_path / "set"
+
+
+PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
+
+
+def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A torque that is turned round is named with its file, joint and remedy; a sound set raises nothing."""
+    sound = read_set(sessions_dir() / "planar-2r-demo")
+    assert with_doubts(sound) is sound
+    groups = tuple(
+        replace(g, segments=tuple(replace(s, tau=s.tau * [1.0, -1.0]) for s in g.segments))
+        for g in sound.groups
+    )
+    with caplog.at_level("WARNING"):
+        doubted = with_doubts(replace(sound, groups=groups, path=tmp_path))
+    (text,) = doubted.warnings
+    assert text == caplog.messages[-1]
+    assert text.startswith(f"{tmp_path / 'measurements.toml'}: tau of joint2: with sign = -1")
+
+
+@pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice cases are not here")
+def test_hidden_effects_raise_no_doubts() -> None:
+    for folder in sorted(PRACTICE.iterdir()):
+        assert not with_doubts(read_set(folder)).warnings, folder.name
