@@ -107,3 +107,13 @@ def test_practice(case):
     assert (result.findings[0].effect, result.findings[0].joint) == (wanted["effect"], wanted["joint"])
     for name, value in wanted["parameters"].items():
         assert result.findings[0].parameters[name][0] == pytest.approx(value, rel=0.01)
+
+
+@pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
+def test_an_error_that_pulses_leave_is_explained():
+    result = diagnose(read_set(CASES / "2r-backlash"))
+    error, floor = np.array(result.steps[-1].rms), np.array(result.steps[-1].noise_floor)
+    assert result.steps[-1].verdict == "nothing-missing" and (error / floor).max() > 5
+    (note,) = [note for note in result.notes if "pulses of unknown size" in note]
+    assert f"{error[(error / floor).argmax()]:.3g} Nm" in note
+    assert not any("pulses" in note for note in diagnose(read_set(CASES / "2r-none-19")).notes)

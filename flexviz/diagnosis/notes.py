@@ -10,6 +10,8 @@ from flexviz.diagnosis.fitting import Fit
 from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.guard import Guard
 
+SPIKES = 5.0  # times the noise: an rms that needs a word where nothing is missing
+
 
 def notes(
     final: Fit,
@@ -37,9 +39,17 @@ def notes(
             "no model reaches the measurement noise here: effects were judged by the error of held-out "
             f"groups, beside a model error of (Nm) {sizes}"
         )
+    rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
+    ratio = rms / np.maximum(np.array(errors.noise_floor), 1e-300)
+    largest = np.maximum(rms, errors.rms)
+    open_ = any(metric.basis is not None for metric in final.point.metrics)
+    j = int(np.argmax(largest / np.maximum(np.array(errors.noise_floor), 1e-300)))
+    if verdict == "nothing-missing" and open_ and largest[j] > SPIKES * errors.noise_floor[j]:
+        out.append(
+            f"the error of {joints[j]} ({largest[j]:.3g} Nm) is that of the moments in which joints turn "
+            "round or cross a gap: what happens there is fitted as pulses of unknown size, which it holds"
+        )
     if verdict == "unknown":
-        rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
-        ratio = rms / np.maximum(np.array(errors.noise_floor), 1e-300)
         left = ", ".join(
             f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
         )
