@@ -260,6 +260,8 @@ def test_nothing_overlaps_or_is_cut(address: str, open_page: Any, shot: Any, dar
 def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     page = open_page(serve(str(KUKA)))
     button(page, "Identify").click()
+    until(lambda: "Step Identify" in status(page), what="the step")
+    page.wait_for_timeout(500)
     row(page, "coulomb_friction").get_by_role("checkbox").click()
     button(page, "Run").click()
     until(lambda: "validation error" in status(page), what="a result")
