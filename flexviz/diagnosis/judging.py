@@ -13,7 +13,8 @@ GAIN_EPISODE = 0.03  # the same for an episode, which can imitate much
 WORTH = 0.1  # of the excess, or it is not worth a name
 STRUCTURED = 1.5  # χ² per sample above the noise from which on what is left is not noise
 TRACES = 1e-7  # of the first excess: what a law that is nearly right may leave besides
-TRACES_LINK = 1e-6  # the same of friction on the link, whose reversals no encoder sees
+TRACES_UNSEEN = 1e-6  # the same of friction whose state no encoder sees
+UNSEEN = ("link_coulomb_friction", "presliding_hysteresis")  # the link's reversals, the bristles' deflection
 BEYOND = 20.0  # χ² per sample above the noise from which on the model, not the noise, is the measure
 NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
 SHARPEST = 0.02  # of the record's step: time stamps are not known better
@@ -93,8 +94,8 @@ def needed_gain(effect: ChosenEffect, gained: float) -> float:
 
 def structured(fit: Fit, reference: Fit) -> bool:
     """Whether what is left of what `reference`, a model without the effects, left is not noise."""
-    unseen = any(e.effect == "link_coulomb_friction" for e in fit.layout.effects)
-    return excess(fit) > STRUCTURED + (TRACES_LINK if unseen else TRACES) * excess(reference)
+    unseen = any(e.effect in UNSEEN for e in fit.layout.effects)
+    return excess(fit) > STRUCTURED + (TRACES_UNSEEN if unseen else TRACES) * excess(reference)
 
 
 def verdict(fit: Fit, reference: Fit) -> str:
