@@ -15,42 +15,39 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.importing.assembling import Assembled
-from flexviz.importing.checking import check_groups
-from flexviz.importing.doubts import mapping_of
-from flexviz.importing.mapping import LogEntry
-from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements import GroupTable, MeasurementSet, read_set
+from flexviz.importing.doubts import suspicions
+from flexviz.measurements import MeasurementSet, read_set
 
+Change = dict[str, Any]  # theta, tau -> factor, one or (n,)
+Keys = dict[str, float]  # of the mapping, the same on every joint
 Wanted = set[tuple[str, str, str]]  # joint, signal, key of each fix
 
 
-def suspicions(
-    measurements: MeasurementSet, theta: Any = 1.0, tau: Any = 1.0, **keys: Any
-) -> list[Suspicion]:
-    """What is said when θ and τ are multiplied by these factors."""
-    groups = []
-    for group in measurements.groups:
-        table = GroupTable.of(group)
-        table = replace(table, theta=table.theta * theta, tau=table.tau * tau, q=None, theta_ref=None)
-        entry = LogEntry.model_validate({"file": "a", "group": group.name, "payload": group.payload})
-        groups.append(Assembled(entry, "CSV", table, {}, 0.0, ()))
-    return check_groups(mapping_of(measurements, **keys), measurements.robot, groups)
+def multiplied(measurements: MeasurementSet, theta: Any = 1.0, tau: Any = 1.0) -> MeasurementSet:
+    """The set with θ and τ times these factors, one or (n,)."""
+    groups = [
+        replace(
+            group,
+            segments=tuple(replace(s, theta=s.theta * theta, tau=s.tau * tau) for s in group.segments),
+        )
+        for group in measurements.groups
+    ]
+    return replace(measurements, groups=tuple(groups))
 
 
-def faults(joints: tuple[str, ...], joint: str) -> Iterator[tuple[str, dict[str, Any], Wanted]]:
-    """Name of a fault, what it does to the data and the mapping, and the fixes that undo it."""
+def faults(joints: tuple[str, ...], joint: str) -> Iterator[tuple[str, Change, Keys, Wanted]]:
+    """Name of a fault, what it does to the data, what the mapping says, and the fixes that undo it."""
     minus = np.where(np.array(joints) == joint, -1.0, 1.0)
-    yield "sign of tau", {"tau": minus}, {(joint, "tau", "sign")}
-    yield "sign of theta", {"theta": minus}, {(joint, "theta", "sign")}
+    yield "sign of tau", {"tau": minus}, {}, {(joint, "tau", "sign")}
+    yield "sign of theta", {"theta": minus}, {}, {(joint, "theta", "sign")}
     both = {(joint, signal, "sign") for signal in ("theta", "tau")}
-    yield "joint turned round", {"theta": minus, "tau": minus}, both
-    yield "theta in degrees", {"theta": 180 / np.pi}, {(j, "theta", "unit") for j in joints}
-    yield "tau in mNm", {"tau": 1e3}, {(j, "tau", "unit") for j in joints}
+    yield "joint turned round", {"theta": minus, "tau": minus}, {}, both
+    yield "theta in degrees", {"theta": 180 / np.pi}, {}, {(j, "theta", "unit") for j in joints}
+    yield "tau in mNm", {"tau": 1e3}, {}, {(j, "tau", "unit") for j in joints}
     sides = {(j, signal, "side") for j in joints for signal in ("theta", "tau")}
-    yield "both before a known gear of 100", {"theta": 100.0, "tau": 0.01, "gear": 100.0}, sides
-    current = {"tau": 1 / 8.0, "torque_constant": 8.0}
-    yield "a current of 8 Nm/A taken for Nm", current, {(j, "tau", "unit") for j in joints}
+    yield "both before a known gear of 100", {"theta": 100.0, "tau": 0.01}, {"gear": 100.0}, sides
+    unit = {(j, "tau", "unit") for j in joints}
+    yield "a current of 8 Nm/A taken for Nm", {"tau": 1 / 8.0}, {"torque_constant": 8.0}, unit
 
 
 def main(paths: list[str]) -> None:
@@ -63,8 +60,8 @@ def main(paths: list[str]) -> None:
         measurements = read_set(path)
         alarms += bool(suspicions(measurements))
         joint = measurements.joints[int(rng.integers(measurements.n))]
-        for name, change, wanted in faults(measurements.joints, joint):
-            found = suspicions(measurements, **change)
+        for name, change, keys, wanted in faults(measurements.joints, joint):
+            found = suspicions(multiplied(measurements, **change), **keys)
             fixes = {(fix.joint, fix.signal, fix.key) for s in found for fix in s.fixes}
             tried[name] += 1
             named[name] += fixes == wanted

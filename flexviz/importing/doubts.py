@@ -28,14 +28,19 @@ def with_doubts(measurements: MeasurementSet) -> MeasurementSet:
     return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
 
 
-def suspicions(measurements: MeasurementSet) -> list[Suspicion]:
-    """What an import would say of the set's θ and τ; link positions are left out."""
+def suspicions(measurements: MeasurementSet, **keys: object) -> list[Suspicion]:
+    """What an import would say of the set's θ and τ; link positions are left out.
+
+    Args:
+        measurements: the set.
+        keys: of the mapping, the same on every joint.
+    """
     groups = []
     for group in measurements.groups:
         table = replace(GroupTable.of(group), q=None, theta_ref=None)
         entry = LogEntry.model_validate({"file": "a", "group": group.name, "payload": group.payload})
         groups.append(Assembled(entry, "CSV", table, {}, 0.0, ()))
-    return check_groups(mapping_of(measurements), measurements.robot, groups)
+    return check_groups(mapping_of(measurements, **keys), measurements.robot, groups)
 
 
 def mapping_of(measurements: MeasurementSet, **keys: object) -> Mapping:
