@@ -1,8 +1,16 @@
-"""Long studies run only where they are asked for by name: `pytest -m study`."""
+"""What is run (studies only where `-m study` asks for them), and that Ctrl+C works in the background."""
 
 from __future__ import annotations
 
+import signal
+
 import pytest
+
+
+def pytest_configure() -> None:
+    """Let what tests start be interrupted: a shell's background jobs inherit an ignored SIGINT."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.diagnosis.where import where_it_fails
-from flexviz.effects import EFFECTS, choose_effects
+from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.identification.identify import carried
@@ -48,11 +48,11 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """One step of the chain: what was added to which fit, what else had been tried, and where it ended."""
+    """One step of the chain: what was added to which fit, how all that was tried did, and where it ended."""
 
     before: Fit
     chosen: Tried
-    tried: list[Tried]
+    objectives: Mapping[ChosenEffect, float]
     scores: Scores
     settled: Fit | None = None  # under another model error than `chosen`
 
@@ -162,7 +162,7 @@ class _Diagnosing:
                 else:
                     base, self.reference = again, self.bench.bare(again)
                 continue
-            link = Link(fit, best, tried, scores)
+            link = Link(fit, best, objectives(tried), scores.shortened())
             self.chain.append(link)
             fit = best.fit
             if not apply:
@@ -183,10 +183,10 @@ class _Diagnosing:
         self.chain = []
         for link in kept[:-1]:
             again = self.search.refit(before, link.chosen.scored, FIRST)
-            self.chain.append(Link(before, again, link.tried, link.scores))
+            self.chain.append(Link(before, again, link.objectives, link.scores))
             before = again.fit
         last = kept[-1]
-        self.chain.append(Link(before, replace(last.chosen, fit=simpler), last.tried, last.scores))
+        self.chain.append(Link(before, replace(last.chosen, fit=simpler), last.objectives, last.scores))
         return simpler
 
     def beyond(self, base: Fit, final: Fit, apply: bool) -> Fit:
@@ -202,7 +202,15 @@ class _Diagnosing:
         steps = beyond.run(final)
         self.tolerance = beyond.tolerance if steps else None
         for added in steps:
-            self.chain.append(Link(added.before, added.tried, [added.tried], added.scores, added.after))
+            self.chain.append(
+                Link(
+                    added.before,
+                    added.tried,
+                    objectives([added.tried]),
+                    added.scores.shortened(),
+                    added.after,
+                )
+            )
         return steps[-1].after if steps else final
 
     def named(self, link: Link) -> bool:
@@ -222,7 +230,7 @@ class _Diagnosing:
         for a, old, new in zip(self.chain, errors, errors[1:], strict=False):
             ended = final if a.settled is None else beside
             three = (self.band, old, new)
-            found.append(explain(self.bench, a.before, a.chosen, a.tried, a.scores, ended, three))
+            found.append(explain(self.bench, a.before, a.chosen, a.objectives, a.scores, ended, three))
         if not apply and found:  # only looked at: the model stays what it is
             final, last = base, "missing"
         else:
@@ -281,7 +289,7 @@ class _Diagnosing:
             key = (t.effect.effect, base.layout.joint_name(t.effect), t.effect.group, t.effect.payload)
             if key in taken or base.objective - t.fit.objective <= 0:
                 continue
-            other = explain(self.bench, base, t, self.first, None, t.fit)
+            other = explain(self.bench, base, t, objectives(self.first), None, t.fit)
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out
@@ -303,3 +311,11 @@ class _Diagnosing:
                 }
             )
         return tuple(out)
+
+
+def objectives(tried: Iterable[Tried]) -> dict[ChosenEffect, float]:
+    """How well each candidate did; the fits themselves hold hundreds of MB on long records."""
+    best: dict[ChosenEffect, float] = {}
+    for t in tried:
+        best[t.effect] = min(best.get(t.effect, np.inf), t.fit.objective)
+    return best

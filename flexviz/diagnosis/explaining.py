@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,9 +12,9 @@ from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.judging import score_of
 from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
-from flexviz.diagnosis.search import Scores, Tried
+from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.identification.scoring import Scored
 from flexviz.identification.uncertainty import colour_matrix, covariance
 
@@ -44,7 +46,7 @@ def explain(
     bench: Workbench,
     before: Fit,
     best: Tried,
-    tried: list[Tried],
+    objectives: Mapping[ChosenEffect, float],
     scores: Scores | None,
     final: Fit,
     errors: tuple[ErrorBand, Errors, Errors] | None = None,
@@ -55,7 +57,7 @@ def explain(
         bench: the data.
         before: the model without it.
         best: with it, refitted.
-        tried: all candidates that were refitted.
+        objectives: of all candidates that were refitted.
         scores: of all candidates at `before`; None for one that is only mentioned.
         final: the last model of the diagnosis.
         errors: the band of errors and the errors before and after; None for one that is only mentioned.
@@ -64,12 +66,12 @@ def explain(
     std = standard_errors(bench, fit)
     where = dict(fit.layout.effect_slices())[effect]
     specs = EFFECTS[effect.effect].parameters
-    tied = () if scores is None else ties(bench, before, best, tried, scores)
+    tied = () if scores is None else ties(bench, before, best, objectives, scores)
     same = {(t.effect, t.joint) for t in tied}
     rivals = [
-        t.fit.objective
-        for t in tried
-        if t.effect != effect and (t.effect.effect, before.layout.joint_name(t.effect)) not in same
+        objective
+        for other, objective in objectives.items()
+        if other != effect and (other.effect, before.layout.joint_name(other)) not in same
     ]
     margin = (min(rivals) if rivals else before.objective) - fit.objective
     evidenced = features(before, fit, final, margin)
@@ -92,19 +94,20 @@ def explain(
     )
 
 
-def ties(bench: Workbench, before: Fit, best: Tried, tried: list[Tried], scores: Scores) -> tuple[Tie, ...]:
+def ties(
+    bench: Workbench, before: Fit, best: Tried, objectives: Mapping[ChosenEffect, float], scores: Scores
+) -> tuple[Tie, ...]:
     """What the data cannot tell from the best candidate."""
     gain = before.objective - best.fit.objective
     mine = _unit(best.scored, scores)
-    refitted = {t.effect: t for t in tried}
     out = []
-    for s in scores.ranked[:12]:
+    for s in scores.ranked[:SIGNATURES]:
         if s.effect == best.effect:
             continue
         other = _unit(s, scores)
         correlation = abs(float(other @ mine))
-        rival = refitted.get(s.effect)
-        close = rival is not None and rival.fit.objective - best.fit.objective < max(TIED, TIED_SHARE * gain)
+        rival = objectives.get(s.effect)
+        close = rival is not None and rival - best.fit.objective < max(TIED, TIED_SHARE * gain)
         if close or (rival is None and correlation > ALIKE):
             out.append(
                 Tie(

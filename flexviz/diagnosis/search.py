@@ -28,6 +28,7 @@ from flexviz.identification.scoring import Scored, score
 Array = NDArray[np.float64]
 
 TRIED = 6  # refitted
+SIGNATURES = 12  # of leading candidates, which an explanation compares
 EPISODES = 2  # of them at most
 CLOSE = 0.03  # of the best score: what scores less is not refitted once the best one explains all
 EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there is
@@ -55,6 +56,11 @@ class Scores:
 
     ranked: list[Scored]
     projection: Projection
+
+    def shortened(self) -> Scores:
+        """The same, with the leading candidates' signatures only: all of them hold hundreds of MB."""
+        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[SIGNATURES:]]
+        return Scores([*self.ranked[:SIGNATURES], *rest], self.projection)
 
 
 @dataclass(frozen=True, eq=False)
