@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flexviz.diagnosis.fitting import EVERY, LONG_ORDER, ORDER
+from flexviz.diagnosis.fitting import JUDGING
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.sensitivity import Transfer, noise_ways
@@ -16,7 +16,7 @@ from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.identification.prior import Prior
 from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, weighted_point
-from flexviz.identification.refinement import WIDE_HERTZ, Refinement
+from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.uncertainty import colour_matrix, covariance
 from flexviz.measurements import Group, MeasurementSet
@@ -85,8 +85,8 @@ def refined_bands(
 ) -> list[Band]:
     found: dict[float, Band] = {}  # coarse records hold no wide band: there some factors mean the same one
     for factor in factors:
-        refinement = Refinement(measurements, groups, layout, WIDE_HERTZ * factor)
-        refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
+        weighing = replace(JUDGING, hertz=JUDGING.hertz * factor, ridge=0.0)
+        refinement = weighing.refinement(measurements, groups, layout)
         signals = refinement.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
         found.setdefault(bandwidth, Band(bandwidth, signals, refinement.narrow, refinement))

@@ -21,6 +21,7 @@ from flexviz.diagnosis.model_error import STEPS, ModelErrorSearch
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
+from flexviz.diagnosis.sharpening import sharpened
 from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Layout
@@ -29,6 +30,8 @@ from flexviz.identification.identify import carried
 from flexviz.identification.summary import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
+
+Array = NDArray[np.float64]
 
 ROUNDS = 5
 FIRST = 12  # iterations of the fit that everything begins with
@@ -104,7 +107,7 @@ class _Diagnosing:
         self.band = ErrorBand(measurements)
         self.share, self.stopped = 0.0, False
         self.chain: list[Link] = []
-        self.tolerance: NDArray[np.float64] | None = None  # of a model error, where there was one
+        self.tolerance: Array | None = None  # of a model error, where there was one
         self.first: list[Tried] = []  # what was tried for the model the set starts with
 
     def say(self, text: str) -> None:
@@ -235,12 +238,15 @@ class _Diagnosing:
             final, last = base, "missing"
         else:
             last = verdict(final, self.reference)
+        cov, share = fit_covariance(self.bench, final)
+        if last == "nothing-missing" and (closer := self.sharpened(final)) is not None:
+            final, cov, share = closer
+            fits[-1], errors[-1] = final, self.band.errors(final)
         added = [None, *found] if apply else [None]
         steps = [
             self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
             for k, (finding, fit, error) in enumerate(zip(added, fits, errors, strict=False))
         ]
-        cov, share = fit_covariance(self.bench, final)
         prior, _ = self.bench.assumptions(final.layout)
         estimates = parameter_estimates(
             final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
@@ -270,6 +276,18 @@ class _Diagnosing:
             watch,
         )
 
+    def sharpened(self, final: Fit) -> tuple[Fit, Array, Array] | None:
+        """The last model with its best values, their covariance and the prior's share of it."""
+        try:
+            self.say("sharpening the values")
+            closer = sharpened(self.measurements, final, self.search.check)
+        except Interrupted:
+            return None
+        if closer is None:
+            return None
+        fit = self.bench.fit(final.layout, closer.x, iterations=0, near=final)
+        return fit, closer.covariance, closer.prior_share
+
     def step(self, added: Finding | None, fit: Fit, errors: Errors, verdict_now: str) -> Step:
         return Step(
             added,
@@ -294,7 +312,7 @@ class _Diagnosing:
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out
 
-    def effects(self, final: Fit, std: NDArray[np.float64]) -> tuple[dict[str, object], ...]:
+    def effects(self, final: Fit, std: Array) -> tuple[dict[str, object], ...]:
         """The final model's effects with their values and standard errors; std has shape (P,)."""
         out = []
         for effect, where in final.layout.effect_slices():

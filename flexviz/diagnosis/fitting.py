@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +14,7 @@ from flexviz.equation import Equation, Layout, Signals, build_signals
 from flexviz.equation.residual import Chain
 from flexviz.identification.prior import Prior
 from flexviz.identification.refine import Point, evaluated, feasible_step, weighted_point
-from flexviz.identification.refinement import Refinement
+from flexviz.identification.refinement import WIDE_HERTZ, Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.start import Start, other_effects, start_values
 from flexviz.measurements import Group, MeasurementSet
@@ -30,9 +30,36 @@ WORSE = 100.0  # rise of the objective over the best on the way after which a fi
 HALVINGS = 4  # of a step
 NOISE_MOVED = 0.01  # change of the noise's shape after which the residual is whitened anew
 EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are looked for anew
-# samples before each that predict it, and how often the prediction is solved for: enough for a judgement
-ORDER, LONG_ORDER, EVERY = {1: 24, 2: 20, 3: 16}, 12, 5
-RIDGE = 1e-6  # of the residual's noise variance, in the prediction
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """How closely the weighting follows the noise's spectrum: closer is nearer to the most that the data say,
+    but a trace of a law that is only nearly right weighs more, too.
+
+    Attributes:
+        hertz: band of the residual.
+        orders: number of joints -> samples before each that predict it.
+        long_order: the same for robots with more joints.
+        every: how often the prediction is solved for [samples].
+        ridge: of the residual's noise variance, in the prediction.
+    """
+
+    hertz: float
+    orders: Mapping[int, int]
+    long_order: int
+    every: int
+    ridge: float
+
+    def refinement(self, measurements: MeasurementSet, groups: list[Group], layout: Layout) -> Refinement:
+        """The data weighted so."""
+        refinement = Refinement(measurements, groups, layout, self.hertz)
+        refinement.order, refinement.every = self.orders.get(layout.n, self.long_order), self.every
+        refinement.ridge = self.ridge
+        return refinement
+
+
+JUDGING = Weighing(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)  # enough to tell models apart
 
 
 @dataclass(frozen=True)
@@ -66,13 +93,13 @@ class Fit:
 class Workbench:
     """The data of one diagnosis, shared by every model that is tried."""
 
-    def __init__(self, measurements: MeasurementSet, layout: Layout) -> None:
+    def __init__(self, measurements: MeasurementSet, layout: Layout, weighing: Weighing = JUDGING) -> None:
         self.measurements = measurements
         fit = [g for g in measurements.groups if not g.validation]
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
-        self.refinement = self._refinement(fit, layout)
-        self.validation = self._refinement(held_out, layout) if held_out else None
+        self.refinement = weighing.refinement(measurements, fit, layout)
+        self.validation = weighing.refinement(measurements, held_out, layout) if held_out else None
         bare = Layout(layout.joints)
         self._start = start_values(measurements, self.refinement.with_layout(bare).narrow)
         self._plain: tuple[Signals, Start] | None = None
@@ -82,12 +109,6 @@ class Workbench:
     def rough_compliance(self) -> Array:
         """1/K of the set's rough stiffness, or of a guess, shape (n,)."""
         return self._start.x[self._start.prior.layout.compliance]
-
-    def _refinement(self, groups: list[Group], layout: Layout) -> Refinement:
-        refinement = Refinement(self.measurements, groups, layout)
-        refinement.order, refinement.every = ORDER.get(layout.n, LONG_ORDER), EVERY
-        refinement.ridge = RIDGE
-        return refinement
 
     def with_tolerance(self, tolerance: Array) -> Workbench:
         """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""

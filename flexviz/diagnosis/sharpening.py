@@ -1,0 +1,54 @@
+"""The last fit once more, from nearly all that the data say.
+
+What tells models apart is weighted so that a trace of a law that is only nearly right does no harm, and that
+costs a fifth of the accuracy. A model that explains everything down to the noise need not pay it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.explaining import fit_covariance
+from flexviz.diagnosis.fitting import Fit, Weighing, Workbench
+from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
+
+# chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
+SHARP = Weighing(16.0, {1: 40, 2: 40, 3: 32}, 20, 5, 1e-8)
+ITERATIONS = 8
+WORSE = 1.5  # times the mean square of the whitened residual, from which on traces weigh too much
+
+
+@dataclass(frozen=True, eq=False)
+class Sharpened:
+    """Values and their uncertainty.
+
+    Attributes:
+        x: shape (P,).
+        covariance: shape (P, P).
+        prior_share: of each variance, shape (P,).
+    """
+
+    x: Array
+    covariance: Array
+    prior_share: Array
+
+
+def sharpened(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> Sharpened | None:
+    """The same model fitted with the closer weighting; None where that does not explain the data as well.
+
+    Args:
+        measurements: the set.
+        fit: a model that explains everything.
+        check: called before each step; may raise to stop.
+    """
+    bench = Workbench(measurements, fit.layout, SHARP)
+    closer = bench.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
+    if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
+        return None
+    return Sharpened(closer.x, *fit_covariance(bench, closer))
