@@ -1,0 +1,65 @@
+"""The last fit's closer weighting: nearer to the truth, and refused where the model does not explain all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis.explaining import standard_errors
+from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.sharpening import sharpened
+from flexviz.effects import choose_effects
+from flexviz.equation import Layout
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.simulation import make_plan, simulate_plan, write_plan
+from flexviz.simulation.hiding import hide
+
+HIDDEN = ("coulomb_friction:joint2", "stribeck_friction:joint2:stribeck=0.4,velocity=0.08")
+PLAN = hide(make_plan("planar-2r"), HIDDEN)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    """A planar arm with friction that falls with speed."""
+    return read_set(write_plan(PLAN, simulate_plan(PLAN), tmp_path_factory.mktemp("sharp") / "set"))
+
+
+def fitted(measurements: MeasurementSet, effects: tuple[str, ...]) -> tuple[Workbench, Fit]:
+    """A model with these effects, fitted as the diagnosis judges it."""
+    layout = Layout(measurements.joints, choose_effects(effects, measurements.joints))
+    bench = Workbench(measurements, layout)
+    start = layout.vector(identify(measurements, effects=effects).model)
+    return bench, bench.fit(layout, start, iterations=20)
+
+
+def test_values_are_the_truth_within_smaller_intervals(made: MeasurementSet) -> None:
+    bench, fit = fitted(made, ("coulomb_friction:joint2", "stribeck_friction:joint2"))
+    closer = sharpened(made, fit, lambda: None)
+    assert closer is not None
+    std = np.sqrt(np.diag(closer.covariance))
+    wide = standard_errors(bench, fit)
+    known = closer.prior_share < 0.01  # by the data
+    assert known.sum() >= 10
+    assert np.exp(np.mean(np.log(std[known] / wide[known]))) < 0.95
+    true = fit.layout.vector(PLAN.model)
+    deviations = (closer.x - true)[known] / std[known]
+    assert np.abs(deviations).max() < 5 and np.sqrt(np.mean(deviations**2)) < 2
+
+
+def test_what_does_not_explain_all_keeps_its_values(made: MeasurementSet) -> None:
+    _, fit = fitted(made, ("coulomb_friction:joint2",))
+    assert fit.chi.max() > 1.5  # something is missing
+    closer = sharpened(made, fit, lambda: None)
+    assert closer is None
+
+
+def test_it_can_be_stopped(made: MeasurementSet) -> None:
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    _, fit = fitted(made, ("coulomb_friction:joint2",))
+    with pytest.raises(KeyboardInterrupt):
+        sharpened(made, fit, stop)
