@@ -259,6 +259,22 @@ def test_what_is_missing_is_written_down(tmp_path: Path) -> None:
     assert any("step = seconds from row to row" in line for line in looked.draft.missing)
 
 
+def test_columns_with_names_of_no_meaning_are_listed_to_be_filled_in(tmp_path: Path) -> None:
+    names = {"stamp": DATA.time}
+    for j, letter in enumerate("ab"):
+        names |= {f"{letter}_one": DATA.theta[:, j], f"{letter}_two": DATA.tau[:, j]}
+    looked = look([csv_of(tmp_path, names)], str(tmp_path / "robot.urdf"))
+    file = written(tmp_path, looked)
+    text = file.read_text()
+    low, high = DATA.tau[:, 1].min(), DATA.tau[:, 1].max()
+    assert f"b_two: {low:.4g} … {high:.4g}" in text and 'column = "stamp"' in text
+    for letter in "ab":
+        text = text.replace("# theta = …", f'theta = "{letter}_one"', 1)
+        text = text.replace("# tau = …", f'tau = "{letter}_two"', 1)
+    file.write_text(text)
+    same(tmp_path, file)
+
+
 def test_a_robot_that_does_not_fit(tmp_path: Path) -> None:
     log = csv_of(tmp_path, {"t": DATA.time, "p1": DATA.theta[:, 0], "m1": DATA.tau[:, 0]})
     with pytest.raises(InputError, match="robot description not found"):

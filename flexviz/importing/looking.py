@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from flexviz.robot import Robot
 MOST_LOOKED = (
     3  # logs that are read; the others are taken to be alike, and importing finds where they are not
 )
+MOST_NAMED = 60  # columns that were not recognised and are listed
 ROUNDS = 4  # of correcting what the data contradict
 SHIFTED = 2e-3  # [s] a smaller offset of the link clock is not corrected
 TITLES = {
@@ -80,12 +82,15 @@ def look(
     roles = choose_roles(families, asked)
     for name in ("theta", "tau"):
         if name not in roles:
-            known = "; ".join(family.name for family in families[:12]) or "none"
-            draft.missing.append(
-                f"no columns were recognised as {TITLES[name]}; columns that belong together: {known}"
-            )
+            known = "; ".join(family.name for family in families[:12])
+            together = f"; columns that belong together: {known}" if known else ""
+            draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
     used = [column for family in roles.values() for column in family.columns.values()]
-    draft.time, draft.time_comment, own_times = guess_time(logs[0], used)
+    if draft.missing:
+        draft.seen += left_in(logs[0], used)
+    # where nothing was recognised, the signals are likely in the table with the most columns
+    widest = max((list(table.columns) for table in logs[0].tables), key=len, default=[])
+    draft.time, draft.time_comment, own_times = guess_time(logs[0], used or widest[:1])
     if draft.time_comment.startswith("MISSING"):
         draft.missing.append(draft.time_comment.removeprefix("MISSING: "))
         draft.time_comment = ""
@@ -128,6 +133,23 @@ def seen_in(log: Log) -> list[str]:
     if odd:
         lines.append(f"  not usable: {'; '.join(odd[:4])}{'; …' if len(odd) > 4 else ''}")
     return lines
+
+
+def left_in(log: Log, used: Sequence[str]) -> list[str]:
+    """Lines about the columns that nothing is known of, for who fills in the mapping."""
+    left = {
+        name: values
+        for table in log.tables
+        for name, values in table.columns.items()
+        if name not in used and np.isfinite(values).any()
+    }
+    lines = [
+        f"    {name}: {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
+        for name, values in islice(left.items(), MOST_NAMED)
+    ]
+    if len(left) > len(lines):
+        lines.append(f"    … and {len(left) - len(lines)} more")
+    return ["  columns that were not recognised:", *lines] if lines else []
 
 
 def choose_roles(families: Sequence[Family], asked: Questions) -> dict[str, Family]:
