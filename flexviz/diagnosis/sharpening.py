@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 # chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
 SHARP = Weighing(16.0, {1: 40, 2: 40, 3: 32}, 20, 5, 1e-8)
+MOST_JOINTS = 3  # of more, what can be paid for gains a fortieth (Panda, UR5) for half a minute
 ITERATIONS = 8
 WORSE = 1.5  # times the mean square of the whitened residual, from which on traces weigh too much
 
@@ -40,13 +41,17 @@ class Sharpened:
 
 
 def sharpened(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> Sharpened | None:
-    """The same model fitted with the closer weighting; None where that does not explain the data as well.
+    """The same model fitted with the closer weighting.
+
+    None for robots with more than `MOST_JOINTS` joints, and where it does not explain the data as well.
 
     Args:
         measurements: the set.
         fit: a model that explains everything.
         check: called before each step; may raise to stop.
     """
+    if fit.layout.n > MOST_JOINTS:
+        return None
     bench = Workbench(measurements, fit.layout, SHARP)
     closer = bench.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
     if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
