@@ -275,6 +275,18 @@ def test_columns_with_names_of_no_meaning_are_listed_to_be_filled_in(tmp_path: P
     same(tmp_path, file)
 
 
+def test_a_time_in_another_unit_is_named_in_the_mapping(tmp_path: Path) -> None:
+    columns = {"t": 1e3 * DATA.time}
+    for j in range(2):
+        columns |= {f"pos{j + 1}": DATA.theta[:, j], f"torque{j + 1}": DATA.tau[:, j]}
+    file = written(tmp_path, look([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf")))
+    text = file.read_text()
+    assert 'unit = "ms"' in text
+    file.write_text(text.replace('unit = "ms"', 'unit = "s"', 1))
+    with pytest.raises(InputError, match=r'found\.toml, time\.unit: .* is 2: .* unit = "ms" would be right'):
+        import_logs(file, None)
+
+
 def test_a_robot_that_does_not_fit(tmp_path: Path) -> None:
     log = csv_of(tmp_path, {"t": DATA.time, "p1": DATA.theta[:, 0], "m1": DATA.tau[:, 0]})
     with pytest.raises(InputError, match="robot description not found"):

@@ -24,8 +24,9 @@ from flexviz.importing.robots import files_of, load_robot
 from flexviz.importing.sources import open_log
 from flexviz.importing.suspicion import Suspicion
 from flexviz.measurements.data import MeasurementSet
+from flexviz.measurements.plausibility import sample_motion, wrong_time_unit
 from flexviz.measurements.reading import read_set
-from flexviz.measurements.writing import make_way, write_set
+from flexviz.measurements.writing import GroupTable, make_way, write_set
 
 FORMAT = 1  # of the report as JSON
 
@@ -214,7 +215,23 @@ def read_groups(
             raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
         Reading(should_stop=should_stop).check_stop()
         groups.append(assemble(log, entry, mapping, file))
+        if mapping.time.column is not None and mapping.time.unit == "s":
+            check_time(groups[-1].table, path, file)
     return groups
+
+
+def check_time(table: GroupTable, log: Path, file: Path) -> None:
+    """Refuse a time that is not in seconds, naming the key of the mapping that says so."""
+    step = float(np.median(np.diff(table.time)))
+    speed = float(np.max(np.abs(sample_motion(table.time, table.theta, table.tau).v)))
+    if unit := wrong_time_unit(step, speed):
+        short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
+        raise InputError(
+            f"the median step of {log.name} is {step:g}: is its time in {unit}? "
+            f'unit = "{short}" would be right',
+            file=file,
+            place="time.unit",
+        )
 
 
 def suspicious_offsets(offsets: list[ClockOffset], mapping: Mapping) -> list[Suspicion]:

@@ -55,10 +55,21 @@ class Motion:
     torque: Array
 
 
+def wrong_time_unit(step: float, speed: float) -> str | None:
+    """The unit that a time with this median step seems to be in; None where it can be seconds.
+
+    Args:
+        step: as if it were in seconds.
+        speed: largest joint speed that it implies [rad/s].
+    """
+    if step > SLOWEST_STEP or (step > ODD_STEP and speed < 5e-3):
+        return "milliseconds" if step < 100 else "microseconds" if step < 1e5 else "nanoseconds"
+    return None
+
+
 def check_step(step: float, speed: float, file: Path, warn: Warn) -> None:
     """Refuse a time that is not in seconds: median step [s], largest joint speed it implies [rad/s]."""
-    if step > SLOWEST_STEP or (step > ODD_STEP and speed < 5e-3):
-        unit = "milliseconds" if step < 100 else "microseconds" if step < 1e5 else "nanoseconds"
+    if unit := wrong_time_unit(step, speed):
         raise InputError(
             f"the median step is {step:g}: is time in {unit}? seconds would be right",
             file=file,
