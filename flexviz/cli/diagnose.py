@@ -119,10 +119,12 @@ def sentence(result: Diagnosis) -> str:
 
 def described(finding: Finding) -> str:
     """An effect with its place and values."""
+    from flexviz.cli.tables import interval
+
     place = finding.joint or finding.payload or "the whole robot"
     group = f" in group {finding.group}" if finding.group else ""
     values = ", ".join(
-        f"{k} {v:.4g} ± {1.96 * s:.2g} {'' if u == '-' else u}".rstrip()
+        f"{k} {' ± '.join(interval(v, s))} {'' if u == '-' else u}".rstrip()
         for k, (v, s, u) in finding.parameters.items()
     )
     return (
