@@ -17,7 +17,6 @@ from flexviz.cli.diagnose import lines
 from flexviz.diagnosis import diagnose
 from flexviz.effects import choose_effects
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.identification.identify import carried
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
 from flexviz.observers import ButterworthZeroPhase
@@ -34,7 +33,7 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
     signals = build_signals(measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ))
     names = [g.name for g in measurements.groups]
     effects = choose_effects(
-        [e.text for e in model.effects], measurements.joints, carried(measurements), names
+        [e.text for e in model.effects], measurements.joints, measurements.carried, names
     )
     layout = Layout(measurements.joints, effects)
     equation = Equation(measurements.robot, signals, layout)
@@ -50,7 +49,7 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
 def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, tuple[float, float]]:
     """Joint → correlation and ratio of rms of identified and encoded θ − q, both about their mean."""
     out: dict[str, list[tuple[Array, Array]]] = {}
-    effects = choose_effects([e.text for e in model.effects], measurements.joints, carried(measurements))
+    effects = choose_effects([e.text for e in model.effects], measurements.joints, measurements.carried)
     layout = Layout(measurements.joints, effects)
     x = layout.vector(model)
     for group in measurements.groups:

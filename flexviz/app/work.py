@@ -130,25 +130,13 @@ def map_set(
     analysis: Analysis, model: FlexibleModel, *, progress: Progress, should_stop: Stop
 ) -> tuple[ResidualMap, ...]:
     """Where a model's residual lives, as the diagnosis sees it: every joint's against every variable."""
-    from flexviz.diagnosis.fitting import Workbench
-    from flexviz.diagnosis.where import where_it_fails
-    from flexviz.effects import choose_effects
-    from flexviz.equation import Layout
-    from flexviz.identification.identify import carried
+    from flexviz.diagnosis.where import maps_of
 
     def check() -> None:
         if should_stop():
             raise Cancelled
 
-    measurements = chosen_set(analysis)
-    groups = [group.name for group in measurements.groups]
-    effects = (*measurements.effects, *analysis.effects)
-    chosen = choose_effects(effects, measurements.joints, carried(measurements), groups)
-    layout = Layout(measurements.joints, chosen)
-    bench = Workbench(measurements, layout)
-    check()
-    fit = bench.fit(layout, layout.vector(model), iterations=0)
-    return where_it_fails(bench, fit, check)[1]
+    return maps_of(chosen_set(analysis), model, analysis.effects, check)
 
 
 def sweep_set(

@@ -91,6 +91,7 @@ def record_all(
     results: list[Identification],
 ) -> None:
     """Record a set, its identification and, with `diagnose`, the way to the model that lacks nothing."""
+    from flexviz.diagnosis.where import maps_of
     from flexviz.observers import make_observer
 
     measurements = file.measurements
@@ -113,7 +114,7 @@ def record_all(
         if result.stopped:
             raise Cancelled("stopped by the user")
         file.step(f"{label}: where it fails", 0.3)
-        file.recorder.maps(maps(measurements, effects, result))
+        file.recorder.maps(maps_of(measurements, result.model, effects))
 
     effects = wanted.effects
     solve(effects, f"with {', '.join(effects)}" if effects else "as it is")
@@ -140,20 +141,3 @@ def search(measurements: MeasurementSet, effects: list[str], report: Reporter, s
         progress=lambda p: report(p.text, fraction=p.share),
         should_stop=stop,
     )
-
-
-def maps(measurements: MeasurementSet, effects: list[str], result: Identification):
-    """Where an identified model's residual lives, as the diagnosis sees it."""
-    from flexviz.diagnosis.fitting import Workbench
-    from flexviz.diagnosis.where import where_it_fails
-    from flexviz.effects import choose_effects
-    from flexviz.equation import Layout
-    from flexviz.identification.identify import carried
-
-    groups = [group.name for group in measurements.groups]
-    names = (*measurements.effects, *effects)
-    layout = Layout(
-        measurements.joints, choose_effects(names, measurements.joints, carried(measurements), groups)
-    )
-    bench = Workbench(measurements, layout)
-    return where_it_fails(bench, bench.fit(layout, layout.vector(result.model), iterations=0))[1]

@@ -173,15 +173,15 @@ def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -
             return
         print(f"Rerun's window cannot be opened ({failed}); the page is", file=sys.stderr)
     with web_viewer(files, port) as address:
+        show_page(address, browser)
+
+
+def show_page(address: str, browser: bool) -> None:
+    """Say where the page is, and wait until Ctrl+C."""
+    try:
         say(address)
         if browser:
             webbrowser.open(address)
-        wait_for_interrupt()
-
-
-def wait_for_interrupt() -> None:
-    """Until Ctrl+C."""
-    try:
         threading.Event().wait()
     except KeyboardInterrupt:
         print("closed", file=sys.stderr)

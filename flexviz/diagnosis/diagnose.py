@@ -23,10 +23,9 @@ from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.diagnosis.sharpening import sharpened
 from flexviz.diagnosis.where import where_it_fails
-from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import Layout
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import layout_of
 from flexviz.identification import identify
-from flexviz.identification.identify import carried
 from flexviz.identification.summary import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
@@ -99,9 +98,7 @@ class _Diagnosing:
     ) -> None:
         self.measurements, self.start = measurements, start
         self.progress, self.should_stop = progress, should_stop
-        groups = [g.name for g in measurements.groups]
-        wanted = choose_effects(measurements.effects, measurements.joints, carried(measurements), groups)
-        self.layout = Layout(measurements.joints, wanted)
+        self.layout = layout_of(measurements)
         self.bench = Workbench(measurements, self.layout)
         self.search = Search(self.bench, self.say)
         self.band = ErrorBand(measurements)

@@ -5,7 +5,7 @@ The residual's mean in bins of a variable is judged on blocks of time that had n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,9 @@ from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
 from flexviz.diagnosis.result import Place
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
+from flexviz.equation import layout_of
+from flexviz.measurements import MeasurementSet
+from flexviz.model import FlexibleModel
 
 Array = NDArray[np.float64]
 
@@ -251,6 +254,19 @@ def band_share(data: Samples, joint: int, spectrum: Spectrum) -> tuple[float, fl
         float(np.sqrt(scatter[at : at + wide].sum())),
         (float(at * width), float((at + wide) * width)),
     )
+
+
+def maps_of(
+    measurements: MeasurementSet,
+    model: FlexibleModel,
+    effects: Sequence[str] = (),
+    check: Callable[[], None] = lambda: None,
+) -> tuple[ResidualMap, ...]:
+    """The maps of a model as it is: the set's own effects and these beside them, nothing fitted."""
+    layout = layout_of(measurements, effects)
+    bench = Workbench(measurements, layout)
+    check()
+    return where_it_fails(bench, bench.fit(layout, layout.vector(model), iterations=0), check)[1]
 
 
 def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None) -> tuple[Place, ...]:

@@ -6,12 +6,14 @@ residual is nearly linear, so that a start value ten times off is one good step 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue, FlexibleModel
 
 Array = NDArray[np.float64]
@@ -132,3 +134,17 @@ class Layout:
             values = known.get(key, {})
             x[where] = [values.get(p.name, 0.0) for p in EFFECTS[effect.effect].parameters]
         return x
+
+
+def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
+    """The layout of a set's model with these effects beside its own.
+
+    Raises
+    ------
+    InputError: an effect, joint, payload or group that does not exist.
+    """
+    groups = [group.name for group in measurements.groups]
+    wanted = (*measurements.effects, *effects)
+    return Layout(
+        measurements.joints, choose_effects(wanted, measurements.joints, measurements.carried, groups)
+    )

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.effects import ChosenEffect, choose_effects
-from flexviz.equation import Equation, Evaluation, Layout, build_signals
+from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError, choose_from
 from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.refine import Refined
@@ -120,7 +119,7 @@ def _identify(
 ) -> Identification:
     began = time.perf_counter()
     fitted = _fit_groups(measurements, groups)
-    layout = Layout(measurements.joints, _chosen(measurements, fitted, effects))
+    layout = _layout(measurements, fitted, effects)
     report = _Reporter(layout, progress, should_stop)
     chosen, equation, start, solution = _plain_fit(
         measurements, fitted, layout, observer, bandwidth, report, max_iterations
@@ -189,23 +188,15 @@ def _identify(
     )
 
 
-def carried(measurements: MeasurementSet) -> list[str]:
-    """Names of the payloads that are not empty."""
-    return [name for name, bodies in measurements.payloads.items() if bodies]
-
-
-def _chosen(
-    measurements: MeasurementSet, fitted: Sequence[Group], effects: Sequence[str]
-) -> tuple[ChosenEffect, ...]:
-    """The model's effects; an episode has to lie in a group that is fitted."""
-    joints, groups = measurements.joints, [g.name for g in measurements.groups]
-    chosen = choose_effects((*measurements.effects, *effects), joints, carried(measurements), groups)
+def _layout(measurements: MeasurementSet, fitted: Sequence[Group], effects: Sequence[str]) -> Layout:
+    """The model's; an episode has to lie in a group that is fitted."""
+    layout = layout_of(measurements, effects)
     names = [g.name for g in fitted]
-    for effect in chosen:
+    for effect in layout.effects:
         if effect.group is not None and effect.group not in names:
-            text = effect.text(joints)
+            text = effect.text(layout.joints)
             raise InputError(f'effect "{text}": group "{effect.group}" is not fitted; {", ".join(names)} are')
-    return chosen
+    return layout
 
 
 def _fit_groups(measurements: MeasurementSet, names: Sequence[str] | None) -> tuple[Group, ...]:

@@ -140,6 +140,11 @@ class MeasurementSet:
         """Groups that are never used for fitting."""
         return tuple(group for group in self.groups if group.validation)
 
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """Names of the payloads that are not empty."""
+        return tuple(name for name, bodies in self.payloads.items() if bodies)
+
     def group(self, name: str) -> Group:
         """The group called `name`; InputError listing the valid names when there is none."""
         for group in self.groups:

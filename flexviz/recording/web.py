@@ -12,6 +12,7 @@ import re
 import shutil
 import socket
 import subprocess
+import threading
 import time
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
@@ -104,7 +105,6 @@ def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[
     port = free_port(port) if port is not None else _usual_port()
     files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
     server = _Server((HOST, port), viewer_page(), files)
-    import threading
 
     thread = threading.Thread(target=server.serve_forever, name="flexviz-viewer", daemon=True)
     thread.start()

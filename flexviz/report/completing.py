@@ -26,15 +26,12 @@ def guarded(
 ) -> Guard:
     """What moves with the observer's bandwidth, for the model that the diagnosis ended with."""
     from flexviz.diagnosis.guard import guard
-    from flexviz.effects import choose_effects
-    from flexviz.equation import Layout
+    from flexviz.equation import layout_of
 
     def check() -> None:
         if should_stop():
             raise Cancelled
 
     chosen = chosen_set(measurements, analysis)
-    groups = [group.name for group in chosen.groups]
-    payloads = [name for name, bodies in chosen.payloads.items() if bodies]
-    layout = Layout(chosen.joints, choose_effects(chosen.effects, chosen.joints, payloads, groups))
+    layout = layout_of(chosen)
     return guard(chosen, layout, layout.vector(model), check=check)

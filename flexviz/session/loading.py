@@ -189,13 +189,12 @@ def _checked(step: Any, measurements: MeasurementSet, document: Document, change
         raise InputError(f"its groups are not the set's ({', '.join(names)})")
     for name, role in analysis.roles:
         analysis.with_role(name, role)
-    payloads = tuple(name for name, bodies in measurements.payloads.items() if bodies)
     unknown = [text for text in analysis.effects if text.partition(":")[0] not in EFFECTS]
     own = [str(entry.get("path")) for entry in document.get("effects_from", [])]
     if unknown and own:
         files = " ".join(f"--effects-from {file}" for file in own)
         raise InputError(f"{', '.join(unknown)} came from a file of one's own; {files} would be right")
-    choose_effects(analysis.effects, measurements.joints, payloads, names)
+    choose_effects(analysis.effects, measurements.joints, measurements.carried, names)
     make_observer(analysis.observer, analysis.bandwidth)
     if not isinstance(analysis.refine, bool):
         raise InputError("refine is neither true nor false")
