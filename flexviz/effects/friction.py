@@ -154,6 +154,7 @@ class FrictionDrift(LawEffect):
     )
     state = True
     smooth = True
+    relative = True
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         rise, constant = values[0], max(values[1], 1e-3)

@@ -26,6 +26,7 @@ SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
 SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
+LEAST_SHARE, LEAST_VISCOUS = 0.2, 1e-6  # of a joint's viscous friction, [Nm s/rad]: that on the motor side
 BAND_STEP = 1.05  # bands within this factor are the same to signals that models share
 
 
@@ -214,7 +215,6 @@ class EffectContext:
         assert x is not None
         compliance, inertia = x[lay.compliance][joint], x[lay.motor_inertia][joint]
         viscous = x[lay.motor_viscous][joint]
-        both = viscous + x[lay.link_viscous][joint]
         rows = []
         for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
             theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
@@ -244,7 +244,7 @@ class EffectContext:
                 fine.position[:, joint] - compliance * torque,
                 fine.velocity[:, joint] - compliance * rate,
                 1 / compliance,
-                float(max(viscous, 0.2 * both, 1e-6)),  # a scale, also where the split is not right yet
+                viscous_scale(lay, x, joint)[0],
                 scale,
                 present,
             )
@@ -340,3 +340,13 @@ def torque_band(
     quiet = (torque < TORQUE_NOISE * scale) & (rate < LINK_VELOCITY_NOISE)
     widest = np.where(quiet, f, 0.0).max(axis=0)
     return np.clip(widest, 2.0, limit)
+
+
+def viscous_scale(layout: Layout, x: Array, joint: int) -> tuple[float, float, float]:
+    """The f_mv that effects are relative to, also where the split is not right yet; ∂ by f_mv and by f_lv."""
+    motor, link = float(x[layout.motor_viscous][joint]), float(x[layout.link_viscous][joint])
+    if motor >= max(LEAST_SHARE * (motor + link), LEAST_VISCOUS):
+        return motor, 1.0, 0.0
+    if LEAST_SHARE * (motor + link) >= LEAST_VISCOUS:
+        return LEAST_SHARE * (motor + link), LEAST_SHARE, LEAST_SHARE
+    return LEAST_VISCOUS, 0.0, 0.0

@@ -10,7 +10,7 @@ A parameter that moves s by δs (and its derivatives) or q by δq moves r by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from flexviz.effects import EFFECTS, ChosenEffect, Terms
 from flexviz.equation.beginning import Remembered, remembered
 from flexviz.equation.chain import Chain
-from flexviz.equation.context import EffectContext
+from flexviz.equation.context import EffectContext, viscous_scale
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals
@@ -121,7 +121,8 @@ class Equation:
         for effect, where in self.layout.effect_slices():
             law = EFFECTS[effect.effect]
             if not law.linear:
-                out.append((where, law.terms(self.context, effect.place, x[where])))
+                term = law.terms(self.context, effect.place, x[where])
+                out.append((where, self._rescaled(term, x) if _relative(effect) else term))
                 continue
             if effect not in self._linear:
                 self._linear[effect] = law.terms(
@@ -131,6 +132,14 @@ class Equation:
             value = np.tensordot(x[where], unit.slopes, axes=1)
             out.append((where, Terms(unit.entry, unit.joints, value, unit.slopes)))
         return out
+
+    def _rescaled(self, term: Terms, x: Array) -> Terms:
+        """A law that is relative to viscous friction, with that of x."""
+        assert self._prepared is not None
+        (joint,) = term.joints
+        seen = viscous_scale(self.layout, self._prepared, joint)[0]
+        ratio = viscous_scale(self.layout, x, joint)[0] / seen
+        return replace(term, value=ratio * term.value, slopes=ratio * term.slopes)
 
     def motor_side(self, x: Array, terms: list[tuple[slice, Terms]] | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
@@ -191,6 +200,13 @@ class Equation:
         for where, term in terms:
             for p, column in enumerate(range(where.start, where.stop)):
                 jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
+        for effect, (_, term) in zip(lay.effects, terms, strict=True):
+            if _relative(effect):
+                (j,) = term.joints
+                scale, by_motor, by_link = viscous_scale(lay, x, j)
+                column = chain.column(term.entry, term.joints, term.value / scale)
+                jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
+                jacobian[:, :, lay.link_viscous.start + j] += by_link * column
         if self._remembered is None:
             values = [(effect, x[where]) for effect, where in lay.effect_slices()]
             self._remembered = remembered(self.context, sig, values, chain)
@@ -198,6 +214,10 @@ class Equation:
             stretch.taken_out(residual)
             stretch.taken_out(jacobian)
         return Evaluation(residual, jacobian, s, q, link)
+
+
+def _relative(effect: ChosenEffect) -> bool:
+    return getattr(EFFECTS[effect.effect], "relative", False)
 
 
 def _without(terms: list[tuple[slice, Terms]], residual: Array) -> Array:
