@@ -4,7 +4,7 @@
     run      diagnose those without a result, and fit them with the truth known
     table    print the tables; --write puts them into docs/diagnosis-study.md
     all      the three
-    calibrate  print weights of the confidence that suit one half of the cases, and how they do on the other
+    calibrate  print weights of the confidence, and how those of either half of the cases do on the other
 
 Each can be interrupted and goes on where it was. The exit code is 1 when a required figure is not reached.
 """
@@ -53,12 +53,11 @@ def table(work: Path, cases: list[Case], label: str, write: bool) -> bool:
 
 
 def calibrate(cases: list[Judged]) -> None:
-    """Weights from one half of the cases, and stated against right on either."""
-    fitted, other = calibration.halves(cases)
-    given = calibration.weights(fitted)
+    """Weights from all cases, and stated against right where each half has the other's weights."""
+    given = calibration.weights([s for half in calibration.halves(cases) for s in half])
     print(f"WEIGHTS = {given}")
-    for what, stated in (("fitted to", fitted), ("checked on", other)):
-        print(f"{what} {len(stated)} findings", *calibration.report(stated, given), sep="\n    ")
+    checked = calibration.crosswise(cases)
+    print(f"crosswise, {len(checked)} findings", *calibration.report(checked), sep="\n    ")
 
 
 def main(arguments: list[str] | None = None) -> int:

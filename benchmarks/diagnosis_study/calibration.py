@@ -1,9 +1,10 @@
-"""Weights of the confidence, fitted to one half of a study's cases and checked on the other."""
+"""Weights of the confidence, fitted to a study's cases and checked crosswise: each half by the other's."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -43,9 +44,20 @@ def weights(stated: Sequence[Stated]) -> tuple[float, ...]:
     return tuple(round(float(w), 3) for w in found.x)
 
 
-def report(stated: Sequence[Stated], given: Sequence[float]) -> list[str]:
+def crosswise(cases: Sequence[Judged]) -> list[Stated]:
+    """Every finding, stated as the weights that were fitted to the other half of the cases say."""
+    one, other = halves(cases)
+    out = []
+    for judged, fitted in ((one, other), (other, one)):
+        if len({s.right for s in fitted}) > 1:
+            given = weights(fitted)
+            out += [replace(s, confidence=probability(s.features, given)) for s in judged]
+    return out
+
+
+def report(stated: Sequence[Stated]) -> list[str]:
     """Stated against right, a line a bin."""
-    sure = np.array([probability(s.features, given) for s in stated])
+    sure = np.array([s.confidence for s in stated])
     right = np.array([s.right for s in stated])
     lines = []
     for low, high in pairwise(BINS):

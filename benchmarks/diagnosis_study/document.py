@@ -83,7 +83,9 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         "χ² a sample of its worst joint, in the fit groups; 1 is the measurement noise.",
         tables.knowing(outcomes),
         "## Confidence",
-        "Findings of all cases, decidable or not, by the confidence that was stated with them.",
+        "Findings of all cases, decidable or not, by the confidence that was stated with them. The weights "
+        "are fitted to these cases; the first table says what comes of it when each half is judged with the "
+        "weights of the other.",
         tables.calibration(outcomes),
         "## Every case that should be right and is not",
         tables.wrong(outcomes),
