@@ -299,7 +299,8 @@ def where_it_fails(
         if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
             rows["position"] = replace(both, variable="position")
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
-        weight = found[j].chi_square * max(ranked[0].explained, LITTLE)
+        surely = max(m.explained - m.explained_std for m in ranked)  # noise lies along something by chance
+        weight = found[j].chi_square * max(surely, LITTLE)
         places.append((weight, [Place(m.joint, m.variable, m.explained, m.range) for m in ranked]))
     places.sort(key=lambda joint: -joint[0])
     return tuple(place for _, joint in places for place in joint), tuple(all_maps)
