@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from flexviz.cli.diagnose import lines
 from flexviz.diagnosis import diagnose
-from flexviz.effects import choose_effects
-from flexviz.equation import Equation, Layout, build_signals
+from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
 from flexviz.observers import ButterworthZeroPhase
@@ -31,11 +30,7 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
     """Held-out rms ÷ standard deviation of the torque while moving, shape (n,)."""
     groups = [g for g in measurements.groups if g.validation]
     signals = build_signals(measurements, groups, ButterworthZeroPhase(2 * np.pi * HERTZ))
-    names = [g.name for g in measurements.groups]
-    effects = choose_effects(
-        [e.text for e in model.effects], measurements.joints, measurements.carried, names
-    )
-    layout = Layout(measurements.joints, effects)
+    layout = layout_of(measurements, [e.text for e in model.effects])
     equation = Equation(measurements.robot, signals, layout)
     x = layout.vector(model)
     equation.prepare(x)
@@ -49,8 +44,7 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
 def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, tuple[float, float]]:
     """Joint → correlation and ratio of rms of identified and encoded θ − q, both about their mean."""
     out: dict[str, list[tuple[Array, Array]]] = {}
-    effects = choose_effects([e.text for e in model.effects], measurements.joints, measurements.carried)
-    layout = Layout(measurements.joints, effects)
+    layout = layout_of(measurements, [e.text for e in model.effects])
     x = layout.vector(model)
     for group in measurements.groups:
         if group.q is None or len(group.segments) != 1:

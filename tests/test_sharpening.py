@@ -8,8 +8,7 @@ import pytest
 from flexviz.diagnosis.explaining import standard_errors
 from flexviz.diagnosis.fitting import Fit, Workbench
 from flexviz.diagnosis.sharpening import sharpened
-from flexviz.effects import choose_effects
-from flexviz.equation import Layout
+from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import make_plan, simulate_plan, write_plan
@@ -27,7 +26,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
 
 def fitted(measurements: MeasurementSet, effects: tuple[str, ...]) -> tuple[Workbench, Fit]:
     """A model with these effects, fitted as the diagnosis judges it."""
-    layout = Layout(measurements.joints, choose_effects(effects, measurements.joints))
+    layout = layout_of(measurements, effects)
     bench = Workbench(measurements, layout)
     start = layout.vector(identify(measurements, effects=effects).model)
     return bench, bench.fit(layout, start, iterations=20)

@@ -120,11 +120,12 @@ def sentence(result: Diagnosis) -> str:
 def described(finding: Finding) -> str:
     """An effect with its place and values."""
     from flexviz.cli.tables import interval
+    from flexviz.view.text import unit_text
 
     place = finding.joint or finding.payload or "the whole robot"
     group = f" in group {finding.group}" if finding.group else ""
     values = ", ".join(
-        f"{k} {' ± '.join(interval(v, s))} {'' if u == '-' else u}".rstrip()
+        f"{k} {' ± '.join(interval(v, s))} {unit_text(u)}".rstrip()
         for k, (v, s, u) in finding.parameters.items()
     )
     return (

@@ -65,6 +65,7 @@ def simulate(
 def summary(done: SimulatedSet) -> list[str]:
     """What was written where, in a few lines of text."""
     from flexviz.simulation.laws import LAWS
+    from flexviz.view.text import unit_text
 
     plan = done.plan
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
@@ -74,8 +75,7 @@ def summary(done: SimulatedSet) -> list[str]:
     for effect in plan.model.effects:
         units = LAWS[effect.effect].units
         values = ", ".join(
-            f"{name} {value:g} {'' if units[name] == '-' else units[name]}".rstrip()
-            for name, value in effect.parameters.items()
+            f"{name} {value:g} {unit_text(units[name])}".rstrip() for name, value in effect.parameters.items()
         )
         place = effect.joint or effect.payload or "all joints"
         lines.append(f"  hidden: {effect.effect} on {place}: {values}")

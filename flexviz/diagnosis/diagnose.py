@@ -235,10 +235,11 @@ class _Diagnosing:
             final, last = base, "missing"
         else:
             last = verdict(final, self.reference)
-        cov, share = fit_covariance(self.bench, final)
         if last == "nothing-missing" and (closer := self.sharpened(final)) is not None:
             final, cov, share = closer
             fits[-1], errors[-1] = final, self.band.errors(final)
+        else:
+            cov, share = fit_covariance(self.bench, final)
         added = [None, *found] if apply else [None]
         steps = [
             self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
@@ -300,11 +301,12 @@ class _Diagnosing:
         """Candidates for the model the set starts with: the one that was added, then the others tried."""
         out = found[:1]
         taken = {(f.effect, f.joint, f.group, f.payload) for f in out}
+        did = objectives(self.first)
         for t in self.first:
             key = (t.effect.effect, base.layout.joint_name(t.effect), t.effect.group, t.effect.payload)
             if key in taken or base.objective - t.fit.objective <= 0:
                 continue
-            other = explain(self.bench, base, t, objectives(self.first), None, t.fit)
+            other = explain(self.bench, base, t, did, None, t.fit)
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out

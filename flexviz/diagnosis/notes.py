@@ -39,17 +39,18 @@ def notes(
             "no model reaches the measurement noise here: effects were judged by the error of held-out "
             f"groups, beside a model error of (Nm) {sizes}"
         )
+    floor = np.maximum(np.array(errors.noise_floor), 1e-300)
     rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
-    ratio = rms / np.maximum(np.array(errors.noise_floor), 1e-300)
     largest = np.maximum(rms, errors.rms)
-    open_ = any(metric.basis is not None for metric in final.point.metrics)
-    j = int(np.argmax(largest / np.maximum(np.array(errors.noise_floor), 1e-300)))
-    if verdict == "nothing-missing" and open_ and largest[j] > SPIKES * errors.noise_floor[j]:
+    j = int(np.argmax(largest / floor))
+    pulses = any(metric.basis is not None for metric in final.point.metrics)
+    if verdict == "nothing-missing" and pulses and largest[j] > SPIKES * floor[j]:
         out.append(
             f"the error of {joints[j]} ({largest[j]:.3g} Nm) is that of the moments in which joints turn "
             "round or cross a gap: what happens there is fitted as pulses of unknown size, which it holds"
         )
     if verdict == "unknown":
+        ratio = rms / floor
         left = ", ".join(
             f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
         )

@@ -7,20 +7,20 @@ costs a fifth of the accuracy. A model that explains everything down to the nois
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.explaining import fit_covariance
-from flexviz.diagnosis.fitting import Fit, Weighing, Workbench
+from flexviz.diagnosis.fitting import JUDGING, Fit, Workbench
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
 # chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
-SHARP = Weighing(16.0, {1: 40, 2: 40, 3: 32}, 20, 5, 1e-8)
-MOST_JOINTS = 3  # of more, what can be paid for gains a fortieth (Panda, UR5) for half a minute
+# of more joints, what can be paid for gains a fortieth (Panda, UR5) for half a minute
+SHARP = replace(JUDGING, hertz=16.0, orders={1: 40, 2: 40, 3: 32}, ridge=1e-8)
 ITERATIONS = 8
 WORSE = 1.5  # times the mean square of the whitened residual, from which on traces weigh too much
 
@@ -43,14 +43,14 @@ class Sharpened:
 def sharpened(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> Sharpened | None:
     """The same model fitted with the closer weighting.
 
-    None for robots with more than `MOST_JOINTS` joints, and where it does not explain the data as well.
+    None for robots with more joints than `SHARP` has orders for, and where it explains the data less well.
 
     Args:
         measurements: the set.
         fit: a model that explains everything.
         check: called before each step; may raise to stop.
     """
-    if fit.layout.n > MOST_JOINTS:
+    if fit.layout.n not in SHARP.orders:
         return None
     bench = Workbench(measurements, fit.layout, SHARP)
     closer = bench.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)

@@ -255,6 +255,8 @@ class Effect(ABC):
     example: ClassVar[tuple[float, ...]] = ()
     flexible: ClassVar[bool] = False
     """Whether it can imitate unknown position effects (ripples of free order)."""
+    relative: ClassVar[bool] = False
+    """Whether u is proportional to `motion.motor_viscous`, so that it moves with f_mv, too."""
 
     @property
     def entry(self) -> Entry:
@@ -300,14 +302,12 @@ class LawEffect(Effect):
     Attributes:
         memory: u depends on what was before the record (`unknown` says how).
         smooth: u never jumps where a velocity or torque passes zero, so that nothing is undecided there.
-        relative: u is proportional to `motion.motor_viscous`, so that it moves with f_mv, too.
         grid: parameter → values at which a search tries it; in the other ones u is linear from zero on.
     """
 
     grid: ClassVar[Mapping[str, Sequence[float]]] = {}
     memory: ClassVar[bool] = False
     smooth: ClassVar[bool] = False
-    relative: ClassVar[bool] = False
 
     @abstractmethod
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:

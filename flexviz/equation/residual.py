@@ -122,7 +122,7 @@ class Equation:
             law = EFFECTS[effect.effect]
             if not law.linear:
                 term = law.terms(self.context, effect.place, x[where])
-                out.append((where, self._rescaled(term, x) if _relative(effect) else term))
+                out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:
                 self._linear[effect] = law.terms(
@@ -201,7 +201,7 @@ class Equation:
             for p, column in enumerate(range(where.start, where.stop)):
                 jacobian[:, :, column] = chain.column(term.entry, term.joints, term.slopes[p])
         for effect, (_, term) in zip(lay.effects, terms, strict=True):
-            if _relative(effect):
+            if EFFECTS[effect.effect].relative:
                 (j,) = term.joints
                 scale, by_motor, by_link = viscous_scale(lay, x, j)
                 column = chain.column(term.entry, term.joints, term.value / scale)
@@ -214,10 +214,6 @@ class Equation:
             stretch.taken_out(residual)
             stretch.taken_out(jacobian)
         return Evaluation(residual, jacobian, s, q, link)
-
-
-def _relative(effect: ChosenEffect) -> bool:
-    return getattr(EFFECTS[effect.effect], "relative", False)
 
 
 def _without(terms: list[tuple[slice, Terms]], residual: Array) -> Array:

@@ -105,7 +105,6 @@ def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[
     port = free_port(port) if port is not None else _usual_port()
     files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
     server = _Server((HOST, port), viewer_page(), files)
-
     thread = threading.Thread(target=server.serve_forever, name="flexviz-viewer", daemon=True)
     thread.start()
     base = f"http://{HOST}:{port}"

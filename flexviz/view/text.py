@@ -19,6 +19,11 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{mantissa}e{int(exponent)}".replace("-", "−")
 
 
+def unit_text(unit: str) -> str:
+    """A unit as it is written; nothing for a pure number."""
+    return "" if unit == "-" else unit
+
+
 def with_error(value: float, error: float | None) -> tuple[str, str]:
     """A value and its ± as two texts, both cut where the error's second digit stands.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexviz.effects import EFFECTS
-from flexviz.view.text import escape, number, plural, title, with_error
+from flexviz.view.text import escape, number, plural, title, unit_text, with_error
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding, Tie
@@ -119,7 +119,7 @@ def values_text(finding: Finding) -> str:
     parts = []
     for name, (value, std, unit) in finding.parameters.items():
         shown, error = with_error(value, None if std is None else 1.96 * std)
-        parts.append(f"{title(name)} {shown} ± {error} {'' if unit == '-' else unit}".rstrip())
+        parts.append(f"{title(name)} {shown} ± {error} {unit_text(unit)}".rstrip())
     return ", ".join(parts)
 
 
@@ -134,9 +134,8 @@ def tie_text(tie: Tie) -> str:
 def absorbed_text(absorbed: Absorbed) -> str:
     """A parameter that had taken the effect up."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
-    unit = "" if absorbed.unit == "-" else f" {absorbed.unit}"
-    name = INERTIA.get(absorbed.name, title(absorbed.name))
-    return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)}{unit}"
+    name, unit = INERTIA.get(absorbed.name, title(absorbed.name)), unit_text(absorbed.unit)
+    return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)} {unit}".rstrip()
 
 
 def finding_html(finding: Finding, rank: int, full: bool) -> str:

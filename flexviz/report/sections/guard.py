@@ -7,8 +7,7 @@ import numpy as np
 from flexviz.diagnosis.guard import Guard, ParameterCurve
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
-from flexviz.report.sections.parameters import unit
-from flexviz.view.text import number, title
+from flexviz.view.text import number, title, unit_text
 
 MOST = 40  # parameters listed
 
@@ -70,7 +69,7 @@ def _parameters(found: Guard) -> Table:
                 place,
                 number(float(p.values[found.in_use])),
                 *_span(p),
-                unit(p.unit),
+                unit_text(p.unit),
                 number(p.moved, 2),
                 Cell("trusted" if p.trusted else "not to be trusted", strong=not p.trusted),
             ]

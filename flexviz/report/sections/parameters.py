@@ -9,7 +9,7 @@ from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
 from flexviz.view.tables import INERTIAL, MARKS
-from flexviz.view.text import number, plural, title, with_error
+from flexviz.view.text import number, plural, title, unit_text, with_error
 
 NORMAL = 1.96  # standard errors in half a 95 % interval
 WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
@@ -50,11 +50,6 @@ def interval(value: float, std: float | None) -> tuple[str, str]:
     return with_error(value, None if std is None or not math.isfinite(std) else NORMAL * std)
 
 
-def unit(name: str) -> str:
-    """A unit as it is written; nothing for a pure number."""
-    return "" if name == "-" else name
-
-
 def place_of(p: ParameterEstimate) -> str:
     """The joint, payload or group that it belongs to."""
     return ", ".join(part for part in (p.joint, p.payload, p.group) if part) or "all joints"
@@ -71,7 +66,9 @@ def _main(found: Sequence[ParameterEstimate]) -> Table:
         value, half = interval(p.value, p.std)
         ties = ", ".join(map(tied, p.tied_to[:TIES])) + (" …" if len(p.tied_to) > TIES else "")
         mark = Cell(grade(p).text + (", at its bound" if p.at_bound else ""))
-        rows.append([place_of(p), title(p.name), Cell(value, strong=True), half, unit(p.unit), mark, ties])
+        rows.append(
+            [place_of(p), title(p.name), Cell(value, strong=True), half, unit_text(p.unit), mark, ties]
+        )
     return table(
         ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to"), rows, (2, 3),
         "Parameters of joints and effects",
@@ -110,7 +107,7 @@ def _combinations(found: Sequence[Combination]) -> Table:
     rows = []
     for c in found:
         value, half = interval(c.value, c.std)
-        rows.append([c.name, Cell(value, strong=True), half, unit(c.unit), grade(c)])
+        rows.append([c.name, Cell(value, strong=True), half, unit_text(c.unit), grade(c)])
     head = ("combination", "value", "± 95 %", "unit", "determined")
     return table(head, rows, (1, 2), "Combinations of inertial parameters that motion can show", dense=True)
 
