@@ -15,7 +15,7 @@ from flexviz.equation.sensitivity import Transfer, noise_ways
 from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, weighted_point
+from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, score_of, weighted_point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.uncertainty import colour_matrix, covariance
@@ -178,7 +178,7 @@ def seconds(band: Band, common: Spans) -> Ints:
 
 
 def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
-    """Gauss–Newton on Zᵀ W r = 0 from where `begin` is.
+    """Gauss–Newton on Zᵀ W r = b from where `begin` is.
 
     Unless it is the last fit, it also finds the model error that has to be allowed for where the noise cannot
     be the reason of the residual. With that the last fits are made, at every bandwidth with the same.
@@ -189,14 +189,16 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
     layout, blocks = refinement.layout, refinement.blocks
     x = bounds.clip(begin.x)
     refinement.tolerance = begin.tolerance
-    metrics = None
+    metrics, shared = None, []
     iteration = 0
     while True:
         residual, narrow = evaluated(refinement, x)
         residual = residual - band.own_error
         if metrics is None:
-            metrics = refinement.metrics(x, narrow, refinement.whiteners(x, narrow.link))
-        point = weighted_point(refinement, residual, narrow, metrics)
+            whiteners = refinement.whiteners(x, narrow.link)
+            metrics = refinement.metrics(x, narrow, whiteners)
+            shared = refinement.instrument_bias(x, narrow.link, whiteners)
+        point = weighted_point(refinement, residual, narrow, metrics, shared)
         r, z = point.r * window[:, None], point.z * window[:, None, None]
         chi = np.sum(r**2, axis=0) / max(np.count_nonzero(point.used & window), 1)
         if not last and (refinement.tolerance.any() or float(chi.mean()) > CONSISTENT):
@@ -208,7 +210,7 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
         flat = z.reshape(-1, layout.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
-        step, at_bound = bounded_step(gradient + flat.T @ r.ravel(), hessian, x, bounds)
+        step, at_bound = bounded_step(gradient + score_of(refinement, point, window), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         if length < NEGLIGIBLE or iteration == STEPS[last]:
             break

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Layout, Signals, build_signals
 from flexviz.equation.residual import Chain
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import Point, evaluated, feasible_step, weighted_point
+from flexviz.identification.refine import Point, evaluated, feasible_step, score_of, weighted_point
 from flexviz.identification.refinement import WIDE_HERTZ, Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.start import Start, other_effects, start_values
@@ -143,7 +143,7 @@ class Workbench:
         check: Callable[[], None] = lambda: None,
         near: Fit | None = None,
     ) -> Fit:
-        """Gauss–Newton on Zᵀ W r = 0 from x.
+        """Gauss–Newton on Zᵀ W r = b from x.
 
         Args:
             layout: the model's effects.
@@ -283,7 +283,7 @@ class _Descent:
             gradient, prior_hessian = prior.gradient_and_hessian(x)
             flat = point.z.reshape(-1, size)
             hessian = flat.T @ flat + prior_hessian
-            step, _ = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
+            step, _ = bounded_step(gradient + score_of(self.refinement, point), hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             converged = length < NEGLIGIBLE and iteration >= 1
             if converged or iteration == iterations:
@@ -300,7 +300,7 @@ class _Whitened:
 
     def __init__(self, layout: Layout, near: Fit | None, held_out: bool = False) -> None:
         self._layout = layout
-        self._whiteners, self.noise_at = None, np.zeros(0)
+        self._whiteners, self._shared, self.noise_at = None, [], np.zeros(0)
         point = None if near is None else near.held_out if held_out else near.point
         if near is not None and point is not None:
             self._whiteners, self.noise_at = point.whiteners, near.noise_at[held_out]
@@ -317,7 +317,9 @@ class _Whitened:
             if np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:
                 self._metrics = None
         if self._whiteners is None:
-            self._whiteners = refinement.whiteners(x, narrow.link)
+            self._whiteners, self._shared = refinement.whiteners(x, narrow.link), []
+        if not self._shared:
+            self._shared = refinement.instrument_bias(x, narrow.link, self._whiteners)
         if self._metrics is None:
             self._metrics, self._effects_at = refinement.metrics(x, narrow, self._whiteners), effects.copy()
-        return weighted_point(refinement, residual, narrow, self._metrics)
+        return weighted_point(refinement, residual, narrow, self._metrics, self._shared)

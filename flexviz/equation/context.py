@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexviz._pinocchio import pin
-from flexviz.effects import JointMotion
+from flexviz.effects import EFFECTS, JointMotion
+from flexviz.effects.base import LawEffect
 from flexviz.equation.layout import Layout
 from flexviz.equation.signals import Block, Signals
 from flexviz.noise import segments_noise
@@ -215,41 +216,61 @@ class EffectContext:
         assert x is not None
         compliance, inertia = x[lay.compliance][joint], x[lay.motor_inertia][joint]
         viscous = x[lay.motor_viscous][joint]
-        rows = []
-        for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
-            theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
-            torque = tau[0] - inertia * theta[2] - viscous * theta[1]
-            rate = tau[1] - inertia * theta[3] - viscous * theta[2]
-            if self._s is not None:
-                # what the equation itself found, friction taken off, between its first and last sample
-                time = self._signals.time[block.rows]
-                known = CubicSpline(time, self._s[block.rows, joint])
-                inside = (fine.time >= time[0]) & (fine.time <= time[-1])
-                torque, rate = torque.copy(), rate.copy()
-                torque[inside] = known(fine.time[inside])
-                rate[inside] = known(fine.time[inside], 1)
-            rows.append((fine, torque, rate))
-        scale = float(np.sqrt(np.mean(np.concatenate([t for _, t, _ in rows]) ** 2))) + 1e-12
         present = {
             effect.effect: tuple(x[where].tolist())
             for effect, where in lay.effect_slices()
             if effect.joint == joint
         }
-        return [
-            JointMotion(
+        out = []
+        for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
+            theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
+            torque = tau[0] - inertia * theta[2] - viscous * theta[1]
+            rate = tau[1] - inertia * theta[3] - viscous * theta[2]
+            position, velocity = fine.position[:, joint], fine.velocity[:, joint]
+            motion = JointMotion(
                 fine.time,
-                fine.position[:, joint],
-                fine.velocity[:, joint],
+                position,
+                velocity,
                 torque,
-                fine.position[:, joint] - compliance * torque,
-                fine.velocity[:, joint] - compliance * rate,
+                position - compliance * torque,
+                velocity - compliance * rate,
                 1 / compliance,
                 viscous_scale(lay, x, joint)[0],
-                scale,
+                1.0,
                 present,
             )
-            for fine, torque, rate in rows
-        ]
+            out.append(motion if self._s is None else self._without_friction(motion, rate, block, joint))
+        scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in out]) ** 2))) + 1e-12
+        return [replace(motion, torque_scale=scale) for motion in out]
+
+    def _without_friction(self, motion: JointMotion, rate: Array, block: Block, joint: int) -> JointMotion:
+        """The same with what the equation itself found of the torque, friction taken off.
+
+        It is known between the equation's first and last sample of the stretch. What is beyond has to go on
+        from there: a step of friction that is taken off on one side only is one that a damped joint answers
+        to.
+        """
+        assert self._s is not None and self._x is not None
+        torque, rate = motion.torque.copy(), rate.copy()
+        for effect, where in self._layout.effect_slices():
+            law = EFFECTS[effect.effect]
+            if effect.joint == joint and isinstance(law, LawEffect) and law.entry == "torque":
+                torque -= law.law(motion, self._x[where])[0]
+        time = self._signals.time[block.rows]
+        known = CubicSpline(time, self._s[block.rows, joint])
+        inside = (motion.time >= time[0]) & (motion.time <= time[-1])
+        first, last = np.flatnonzero(inside)[[0, -1]]
+        found = known(motion.time[inside])
+        torque[:first] += found[0] - torque[first]
+        torque[last + 1 :] += found[-1] - torque[last]
+        torque[inside], rate[inside] = found, known(motion.time[inside], 1)
+        compliance = self._x[self._layout.compliance][joint]
+        return replace(
+            motion,
+            torque=torque,
+            link_position=motion.position - compliance * torque,
+            link_velocity=motion.velocity - compliance * rate,
+        )
 
     def _fine_stride(self, block: Block) -> int:
         wanted = max(1, int(FINE_STEP / block.segment.step + 1e-6))

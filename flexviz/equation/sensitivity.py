@@ -28,6 +28,7 @@ class NoiseWay:
         matrices: shape (D, N, n, m), ∂r over what the noise has become.
         orders: shape (D,), which derivative that is.
         lags: shape (D,), time constant of the low-pass that it passes besides the observer [s]; 0 for none.
+        passes: how often it passes that.
     """
 
     sensor: int
@@ -35,6 +36,7 @@ class NoiseWay:
     matrices: Array
     orders: tuple[int, ...]
     lags: tuple[float, ...]
+    passes: int = 1
 
     def rows(self, rows: slice) -> NoiseWay:
         """The same for some of the samples."""
@@ -51,7 +53,7 @@ class NoiseWay:
         law's, filtered once more.
         """
         passed = transfer(omega, 0)
-        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag)) for lag in self.lags]
+        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag) ** self.passes) for lag in self.lags]
         return [transfer(omega, k) * (1 - lost) for k, lost in zip(self.orders, lacking, strict=True)]
 
 
@@ -96,18 +98,57 @@ def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
     direct, elastic = _parts(layout, x, link)
     lag = time_constants(layout, x)
     out = []
-    plain = np.flatnonzero(lag == 0.0)
-    for sensor, depth in enumerate(DEPTH):
-        orders = tuple(range(depth))
-        if plain.size:
-            whole = direct[sensor] + elastic[sensor]
-            some = whole if plain.size == layout.n else whole[..., plain]
-            out.append(NoiseWay(sensor, plain, some, orders, (0.0,) * depth))
-        for j in np.flatnonzero(lag):
-            both = np.concatenate((direct[sensor][..., [j]], elastic[sensor][..., [j]]))
-            lags = (0.0,) * depth + (float(lag[j]),) * depth
-            out.append(NoiseWay(sensor, np.array([j]), both, orders * 2, lags))
+    for sensor, joints in _kinds(lag):
+        orders = tuple(range(DEPTH[sensor]))
+        mine, through = (part[sensor][..., joints] for part in (direct, elastic))
+        delay = (float(lag[joints[0]]),) * len(orders)
+        if lag[joints[0]] == 0.0:
+            out.append(NoiseWay(sensor, joints, mine + through, orders, delay))
+        else:
+            both, none = np.concatenate((mine, through)), (0.0,) * len(orders)
+            out.append(NoiseWay(sensor, joints, both, orders * 2, none + delay))
     return out
+
+
+def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoiseWay]]:
+    """The ways of the sensors' noise into ∂r/∂c_j and ∂r/∂D_j, of joint j's sensors into its own columns.
+
+    c_j and D_j move r by what goes through joint j's elasticity: no other joint's sensors matter. That is
+    c/(1 + iωDc) times what its torque is multiplied by, whose derivatives are 1/(1 + iωDc)² and
+    −iωc²/(1 + iωDc)². Other parameters multiply what is measured well, or nothing measured.
+
+    Args:
+        layout: of the vector.
+        x: shape (P,).
+        link: the rigid-body terms at N samples.
+
+    Returns:
+        (which parameters, shape (m,), the way of their joints' sensors).
+    """
+    lag, unit = time_constants(layout, x), x.copy()
+    unit[layout.compliance] = 1.0
+    _, elastic = _parts(layout, unit, link)
+    damping = {e.joint: at.start for e, at in layout.effect_slices() if e.effect == "joint_damping"}
+    out = []
+    for sensor, joints in _kinds(lag):
+        orders = tuple(range(DEPTH[sensor]))
+        delay = (float(lag[joints[0]]),) * len(orders)
+        matrices = elastic[sensor][..., joints]
+        out.append((layout.compliance.start + joints, NoiseWay(sensor, joints, matrices, orders, delay, 2)))
+        for j in joints:
+            if j in damping:
+                compliance, one = x[layout.compliance][j], np.array([j])
+                matrices, higher = -(compliance**2) * elastic[sensor][..., one], tuple(k + 1 for k in orders)
+                way = NoiseWay(sensor, one, matrices, higher, delay, 2)
+                out.append((np.array([damping[j]]), way))
+    return out
+
+
+def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
+    """(sensor, joints) whose noise goes the same way: all plain joints together, each damped one alone."""
+    plain = np.flatnonzero(lag == 0.0)
+    each = [np.array([j]) for j in np.flatnonzero(lag)]
+    return [(sensor, joints) for sensor in range(len(DEPTH)) for joints in ([plain] if plain.size else []) + each]
 
 
 def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 SPACING = 0.01  # [s] between pulses
 MOST = 12  # pulses in one stretch: what friction does at a long rest changes slowly
 SHARE = 0.15  # of the change of u that is unknown on average between two pulses
-SETTLED = 0.97  # u has reached this share of its full size on either side
+SETTLED = 0.99  # u has reached this share of its full size on either side
 SOURCES = {
     "velocity": 0.02,
     "link_velocity": 0.02,

@@ -2,10 +2,9 @@
 
 Two bands. The residual r comes from a wide filter that is exactly flat where the robot moves, so that
 products of filtered signals are right; it is full of noise, but that noise's covariance is known
-(`whitening`). The Jacobian comes from a narrow filter, so that its noise is small and its correlation with
-the residual's noise
-negligible: it serves as instrument Z. Solved is Zᵀ W r = 0 with W the inverse covariance — generalised least
-squares without the errors-in-variables bias of one band.
+(`whitening`). The Jacobian comes from a narrow filter, so that its noise is small: it serves as instrument Z.
+Solved is Zᵀ W r = b with W the inverse covariance — generalised least squares without the errors-in-variables
+bias of one band — and b what noise that Z and r share leaves on average (`instrument_bias`).
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ def refine(
     max_iterations: int = 12,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
 ) -> Refined:
-    """Solve Zᵀ W r = 0 (plus the prior) from the plain fit's x.
+    """Solve Zᵀ W r = b (plus the prior) from the plain fit's x.
 
     Where the residual is far above the measurement noise the model, not the noise, is what is wrong: a white
     model error is then added to the noise, as large as it takes to explain the residual, so that nothing is
@@ -87,7 +86,16 @@ def refine(
 
 @dataclass(frozen=True)
 class Point:
-    """Whitened residual (N, n) and instruments (N, n, P) at one x; unusable samples are zero."""
+    """Whitened residual and instruments at one x.
+
+    Attributes:
+        r: shape (N, n); unusable samples are zero.
+        z: shape (N, n, P), likewise.
+        used: shape (N,).
+        metrics, whiteners: one a block.
+        narrow: the narrow band's equation.
+        shared: shape (P,) a block, mean of zᵀ r a sample from the noise that both contain.
+    """
 
     r: Array
     z: Array
@@ -95,6 +103,7 @@ class Point:
     metrics: list[Metric]
     whiteners: list[Whitener]
     narrow: Evaluation
+    shared: list[Array]
 
 
 def whitened_point(
@@ -112,7 +121,8 @@ def whitened_point(
     residual, narrow = evaluated(refinement, x)
     if whiteners is None:
         whiteners = refinement.whiteners(x, narrow.link)
-    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners))
+    shared = refinement.instrument_bias(x, narrow.link, whiteners)
+    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners), shared)
 
 
 def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:
@@ -123,7 +133,11 @@ def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:
 
 
 def weighted_point(
-    refinement: Refinement, residual: Array, narrow: Evaluation, metrics: list[Metric]
+    refinement: Refinement,
+    residual: Array,
+    narrow: Evaluation,
+    metrics: list[Metric],
+    shared: list[Array],
 ) -> Point:
     """What `evaluated` gives, in units of the noise."""
     blocks = refinement.blocks
@@ -133,7 +147,23 @@ def weighted_point(
     used = np.concatenate([settled(r[b.rows]) for b in blocks])
     r[~used] = 0.0
     z[~used] = 0.0
-    return Point(r, z, used, metrics, [m.whitener for m in metrics], narrow)
+    return Point(r, z, used, metrics, [m.whitener for m in metrics], narrow, shared)
+
+
+def score_of(refinement: Refinement, point: Point, window: NDArray[np.bool_] | None = None) -> Array:
+    """Zᵀ W r − b, shape (P,): zero on average where the model is right.
+
+    Args:
+        refinement: the data and the model.
+        point: there.
+        window: shape (N,), the samples that count; all of them where None.
+    """
+    used = point.used if window is None else point.used & window
+    r = point.r if window is None else point.r * window[:, None]
+    score: Array = point.z.reshape(-1, point.z.shape[2]).T @ r.ravel()
+    for block, mean in zip(refinement.blocks, point.shared, strict=True):
+        score -= np.count_nonzero(used[block.rows]) * mean
+    return score
 
 
 def settled(r: Array) -> NDArray[np.bool_]:
@@ -177,7 +207,7 @@ def _solve(
         flat = point.z.reshape(-1, lay.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
-        step, at_bound = bounded_step(gradient + flat.T @ point.r.ravel(), hessian, x, bounds)
+        step, at_bound = bounded_step(gradient + score_of(refinement, point), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         report(x, 0.5 * float((point.r**2).sum()), length)
         converged = length < NEGLIGIBLE and iteration >= 2

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.equation.chain import Chain
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import noise_ways, time_constants
+from flexviz.equation.sensitivity import instrument_ways, noise_ways, time_constants
 from flexviz.equation.signals import Signals
 from flexviz.equation.undecided import pulses
+from flexviz.identification.instrument_bias import shared_noise
 from flexviz.identification.metric import Metric
 from flexviz.identification.whitening import (
     Whitener,
@@ -98,6 +99,22 @@ class Refinement:
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
             cov[0] += np.diag(1e-9 * size + self.tolerance)
             out.append(whitener(cov, self.every, self.ridge))
+        return out
+
+    def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
+        """Mean of (W z)ᵀ W r a sample from the noise that both contain, shape (P,), one a block."""
+        ways = {(w.sensor, j): w for w in noise_ways(self.layout, x, link) for j in w.joints}
+        observers = self.narrow.signals.observer, self.wide.signals.observer
+        out = [np.zeros(self.layout.size) for _ in self.blocks]
+        for parameters, into_z in instrument_ways(self.layout, x, link):
+            into_r = ways[into_z.sensor, into_z.joints[0]]
+            variance = into_z.variance(self.noise)
+            for mean, block, w in zip(out, self.blocks, whiteners, strict=True):
+                raw, rows = block.segment.step, block.rows
+                steps = raw * block.stride, raw
+                mean[parameters] += variance * shared_noise(
+                    w, into_z.rows(rows), into_r.rows(rows), observers, steps
+                )
         return out
 
     def noise_level(self, x: Array, link: LinkTerms) -> Array:

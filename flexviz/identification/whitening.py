@@ -69,21 +69,57 @@ def noise_kernel(
     Returns:
         shape (lags + 1, D, D): E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
     """
-    # fine enough to resolve the band, long enough to hold the lags
-    slowest = float(np.min(observer.bandwidth)) * joint_step
-    length = 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
+    length = _length(observer, joint_step, lags)
     omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
     if isinstance(count, NoiseWay):
         gain = count.gains(observer.transfer, omega)
     else:
         gain = [observer.transfer(omega, k) for k in range(count)]
-    depth = len(gain)
-    out = np.empty((lags + 1, depth, depth))
-    for j in range(depth):
-        for k in range(depth):
-            density = gain[j] * np.conj(gain[k]) * (raw_step / joint_step)
+    return _correlation(gain, gain, length, raw_step / joint_step)[: lags + 1]
+
+
+def shared_kernel(
+    observers: tuple[Observer, Observer],
+    joint_step: float,
+    raw_step: float,
+    ways: tuple[NoiseWay, NoiseWay],
+    lags: int,
+) -> Array:
+    """Covariance of what two observers and ways make of the same white noise of unit variance a raw sample.
+
+    Args:
+        observers: x and y pass these.
+        joint_step: step of the equation's samples [s].
+        raw_step: step of the raw samples [s].
+        ways: of x, with D derivatives, and of y, with E.
+        lags: −lags … lags.
+
+    Returns:
+        shape (2·lags + 1, D, E): E[x_j(t) y_k(t − lag)].
+    """
+    length = max(_length(observer, joint_step, lags) for observer in observers)
+    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    one, other = (way.gains(o.transfer, omega) for way, o in zip(ways, observers, strict=True))
+    out = _correlation(one, other, length, raw_step / joint_step)
+    return np.concatenate((out[len(out) - lags :], out[: lags + 1]))
+
+
+def _length(observer: Observer, joint_step: float, lags: int) -> int:
+    """Of a spectrum that is fine enough to resolve the band and long enough to hold the lags."""
+    slowest = float(np.min(observer.bandwidth)) * joint_step
+    return 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
+
+
+def _correlation(
+    one: Sequence[NDArray[np.inexact]], other: Sequence[NDArray[np.inexact]], length: int, share: float
+) -> Array:
+    """Inverse transform of every product of two gains, shape (length, D, E); negative lags at the end."""
+    out = np.empty((length, len(one), len(other)))
+    for j, gain in enumerate(one):
+        for k, with_it in enumerate(other):
+            density = gain * np.conj(with_it) * share
             density[-1] = density[-1].real
-            out[:, j, k] = fft.irfft(density, length)[: lags + 1]
+            out[:, j, k] = fft.irfft(density, length)
     return out
 
 
