@@ -8,6 +8,7 @@ deflection is compared with the measured one, which no fit has seen.
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,24 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
     return size / raw.std(axis=0)
 
 
-def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, tuple[float, float]]:
-    """Joint → correlation and ratio of rms of identified and encoded θ − q, both about their mean."""
-    out: dict[str, list[tuple[Array, Array]]] = {}
+@dataclass(frozen=True)
+class Encoded:
+    """Identified against encoded deflection θ − q of one joint, both about their mean.
+
+    Attributes:
+        delay: of the link encoder behind the motor's [s]: what goes with the velocity.
+        correlation: of the identified one with the rest.
+        ratio: of rms, identified ÷ encoded, the latter as far as it goes with the torque.
+    """
+
+    delay: float
+    correlation: float
+    ratio: float
+
+
+def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, Encoded]:
+    """Joint → how what is identified compares with the link encoders, which no fit has seen."""
+    out: dict[str, list[Array]] = {}
     layout = layout_of(measurements, [e.text for e in model.effects])
     x = layout.vector(model)
     for group in measurements.groups:
@@ -59,12 +75,14 @@ def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, 
                 continue
             measured = np.interp(signals.time, group.time, group.q[:, j])
             encoded = np.interp(signals.time, segment.time, segment.theta[:, j]) - measured
-            out.setdefault(joint, []).append((identified[:, j], encoded))
+            columns = np.stack((identified[:, j], encoded, signals.theta[1][:, j]), axis=1)
+            out.setdefault(joint, []).append(columns - columns.mean(axis=0))
     found = {}
     for joint, parts in out.items():
-        a = np.concatenate([p - p.mean() for p, _ in parts])
-        b = np.concatenate([p - p.mean() for _, p in parts])
-        found[joint] = float(np.corrcoef(a, b)[0, 1]), float(a.std() / b.std())
+        ours, encoded, velocity = np.concatenate(parts).T
+        (delay, share), *_ = np.linalg.lstsq(np.stack((velocity, ours), axis=1), encoded, rcond=None)
+        rest = encoded - delay * velocity
+        found[joint] = Encoded(float(delay), float(np.corrcoef(ours, rest)[0, 1]), float(1 / share))
     return found
 
 
@@ -80,9 +98,12 @@ def main() -> None:
         print(f"{label:34s} {share.mean():.4f}  {np.round(share, 3)}")
     found = deflection(measurements, result.model)
     if found:
-        print("\nidentified against encoded deflection (never fitted): correlation, ratio of rms")
-        for joint, (correlation, ratio) in found.items():
-            print(f"{joint:12s} {correlation:6.3f}  {ratio:.3f}")
+        print("\nidentified against encoded deflection (never fitted), the encoder's delay taken off:")
+        for joint, one in found.items():
+            print(
+                f"{joint:12s} delay {1e3 * one.delay:.2f} ms, correlation {one.correlation:.3f}, "
+                f"identified ÷ encoded {one.ratio:.2f}"
+            )
     print("\nwhere the final residual lives, largest first")
     for place in result.where[:12]:
         low, high = place.range

@@ -282,6 +282,19 @@ def test_smooth_ones_leave_nothing_undecided(name: str) -> None:
     assert effect.smooth or len(times) or effect.memory
 
 
+def test_friction_of_a_velocity_that_only_touches_zero_is_undecided() -> None:
+    """As far as 0.5 mrad/s of noise in the velocity, a tenth of the sign's width, moves friction."""
+    effect, motion = EFFECTS["coulomb_friction"], MOTION.motions(0)[0]
+    assert isinstance(effect, LawEffect)
+    for least, noticed in ((0.002, True), (0.0115, True), (0.02, False)):
+        dip = replace(motion, velocity=-least - 3.0 * (motion.time - 3.0) ** 2)
+        moved = effect.law(replace(dip, velocity=dip.velocity + 5e-4), np.ones(1))[0]
+        assert (np.ptp(moved - effect.law(dip, np.ones(1))[0]) > 2e-3) == noticed
+        times, sizes = undecided(effect, dip, np.ones(1))
+        assert bool(len(times)) == noticed and (sizes > 0).all()
+        assert not noticed or np.abs(times - 3.0).max() < 0.1
+
+
 @pytest.mark.parametrize("name", [name for name in EFFECTS if EFFECTS[name].scope != "episode"])
 def test_guesses_are_small_versions_of_the_effect(name: str) -> None:
     guesses = EFFECTS[name].guesses(MOTION, PLACE)

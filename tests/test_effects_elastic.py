@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexviz.diagnosis.fitting import Workbench
 from flexviz.effects import EFFECTS
 from flexviz.effects.base import JointMotion, LawEffect
 from flexviz.effects.elastic import ElasticJoint, hardened
+from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import read_set
+from flexviz.model import EffectValue
+from flexviz.simulation import make_plan, simulate_plan, write_plan
 from flexviz.simulation.elastic import ElasticJoint as SimulatedJoint
 from flexviz.simulation.sets import simulate_preset
 
@@ -70,6 +74,33 @@ def test_slopes_beside_each_other() -> None:
         np.testing.assert_allclose(
             slope, (up - down) / (2e-4 * size), rtol=1e-5, atol=1e-6 * np.abs(slope).max()
         )
+
+
+def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(tmp_path: Path) -> None:
+    """Beyond them friction is taken off, too: a step there is one that a damped joint would answer to."""
+    plan = make_plan("planar-2r")
+    friction = EffectValue("coulomb_friction", "joint2", {"coulomb": 6.0})
+    effects = (friction, EffectValue("joint_damping", "joint2", {"damping": 8.0}))
+    plan = replace(plan, model=replace(plan.model, effects=effects))
+    runs = simulate_plan(plan)
+    measurements = read_set(write_plan(plan, runs, tmp_path / "set"))
+    layout = layout_of(measurements, [e.text for e in effects])
+    refinement = Workbench(measurements, layout).refinement.with_layout(layout)
+    wide = refinement.wide
+    wide.prepare(layout.vector(plan.model))
+    for made, block, group in zip(
+        wide.context.motions(1), refinement.blocks, measurements.groups, strict=False
+    ):
+        exact = np.interp(made.time, runs[group.name].time, runs[group.name].tau_joint[:, 1])
+        time = wide.signals.time[block.rows]
+        begin, end = np.searchsorted(made.time, [time[0], time[-1]])
+        for edge in (begin, end):
+            around = made.torque[edge - 3 : edge + 4]
+            assert np.abs(np.diff(around)).max() < 1.0  # Nm; the friction is 6 Nm
+        near = np.abs(made.time[:, None] - [time[0], time[-1]]).min(axis=1) < 0.2
+        beyond = near & ((made.time < time[0]) | (made.time > time[-1]))
+        assert beyond.sum() > 100
+        assert np.sqrt(np.mean((made.torque - exact)[beyond] ** 2)) < 0.6
 
 
 def test_notes_do_not_outlive_their_motion() -> None:

@@ -15,7 +15,14 @@ from flexviz.equation.sensitivity import Transfer, noise_ways
 from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import CONSISTENT, TOLERANCE, evaluated, feasible_step, score_of, weighted_point
+from flexviz.identification.refine import (
+    CONSISTENT,
+    TOLERANCE,
+    evaluated,
+    feasible_step,
+    score_of,
+    weighted_point,
+)
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.uncertainty import colour_matrix, covariance

@@ -28,6 +28,7 @@ SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
 LEAST_SHARE, LEAST_VISCOUS = 0.2, 1e-6  # of a joint's viscous friction, [Nm s/rad]: that on the motor side
+OVERLAP = 0.2  # [s] at either end of what the equation knows of a torque; a reversal in it does no harm
 BAND_STEP = 1.05  # bands within this factor are the same to signals that models share
 
 
@@ -41,6 +42,7 @@ class _Fine:
     velocity: Array
     theta: Array  # (4, N_fine, n) in the torque's band: what s and ṡ need
     tau: Array  # (2, N_fine, n)
+    torque_hertz: Array  # (n,), that band
 
 
 class EffectContext:
@@ -239,30 +241,37 @@ class EffectContext:
                 1.0,
                 present,
             )
-            out.append(motion if self._s is None else self._without_friction(motion, rate, block, joint))
+            if self._s is not None:
+                band = float(fine.torque_hertz[joint])
+                motion = self._without_friction(motion, rate, block, joint, band)
+            out.append(motion)
         scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in out]) ** 2))) + 1e-12
         return [replace(motion, torque_scale=scale) for motion in out]
 
-    def _without_friction(self, motion: JointMotion, rate: Array, block: Block, joint: int) -> JointMotion:
+    def _without_friction(
+        self, motion: JointMotion, rate: Array, block: Block, joint: int, hertz: float
+    ) -> JointMotion:
         """The same with what the equation itself found of the torque, friction taken off.
 
         It is known between the equation's first and last sample of the stretch. What is beyond has to go on
-        from there: a step of friction that is taken off on one side only is one that a damped joint answers
-        to.
+        from there, as the two differ nearby: a step of friction that is taken off on one side only is one
+        that a damped joint answers to.
         """
         assert self._s is not None and self._x is not None
-        torque, rate = motion.torque.copy(), rate.copy()
+        friction, rate = np.zeros_like(rate), rate.copy()
         for effect, where in self._layout.effect_slices():
             law = EFFECTS[effect.effect]
             if effect.joint == joint and isinstance(law, LawEffect) and law.entry == "torque":
-                torque -= law.law(motion, self._x[where])[0]
+                friction += law.law(motion, self._x[where])[0]
+        slow = ButterworthZeroPhase(2 * np.pi * hertz).derivatives(friction[:, None], motion.step, 1)
+        torque = motion.torque - slow[0, :, 0]
         time = self._signals.time[block.rows]
         known = CubicSpline(time, self._s[block.rows, joint])
         inside = (motion.time >= time[0]) & (motion.time <= time[-1])
         first, last = np.flatnonzero(inside)[[0, -1]]
-        found = known(motion.time[inside])
-        torque[:first] += found[0] - torque[first]
-        torque[last + 1 :] += found[-1] - torque[last]
+        found, near = known(motion.time[inside]), max(1, round(OVERLAP / motion.step))
+        torque[:first] += np.median((found - torque[inside])[:near])
+        torque[last + 1 :] += np.median((found - torque[inside])[-near:])
         torque[inside], rate[inside] = found, known(motion.time[inside], 1)
         compliance = self._x[self._layout.compliance][joint]
         return replace(
@@ -325,7 +334,8 @@ class EffectContext:
         theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
         delay = self._signals.torque_hold / 2
         tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
-        return _Fine(segment.time[::stride], segment.step * stride, position[0], position[1], theta, tau)
+        time, step = segment.time[::stride], segment.step * stride
+        return _Fine(time, step, position[0], position[1], theta, tau, narrow_hertz)
 
     # -- rigid body ------------------------------------------------------------------------------------------
 

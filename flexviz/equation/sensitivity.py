@@ -28,7 +28,7 @@ class NoiseWay:
         matrices: shape (D, N, n, m), ∂r over what the noise has become.
         orders: shape (D,), which derivative that is.
         lags: shape (D,), time constant of the low-pass that it passes besides the observer [s]; 0 for none.
-        passes: how often it passes that.
+        alone: nothing passes but through a damped joint's slope, 1/(1 + iω·lag)².
     """
 
     sensor: int
@@ -36,7 +36,7 @@ class NoiseWay:
     matrices: Array
     orders: tuple[int, ...]
     lags: tuple[float, ...]
-    passes: int = 1
+    alone: bool = False
 
     def rows(self, rows: slice) -> NoiseWay:
         """The same for some of the samples."""
@@ -53,7 +53,10 @@ class NoiseWay:
         law's, filtered once more.
         """
         passed = transfer(omega, 0)
-        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag) ** self.passes) for lag in self.lags]
+        if self.alone:
+            passes = [passed / (1 + 1j * omega * lag) ** 2 for lag in self.lags]
+            return [transfer(omega, k) * share for k, share in zip(self.orders, passes, strict=True)]
+        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag)) for lag in self.lags]
         return [transfer(omega, k) * (1 - lost) for k, lost in zip(self.orders, lacking, strict=True)]
 
 
@@ -114,8 +117,9 @@ def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDA
     """The ways of the sensors' noise into ∂r/∂c_j and ∂r/∂D_j, of joint j's sensors into its own columns.
 
     c_j and D_j move r by what goes through joint j's elasticity: no other joint's sensors matter. That is
-    c/(1 + iωDc) times what its torque is multiplied by, whose derivatives are 1/(1 + iωDc)² and
-    −iωc²/(1 + iωDc)². Other parameters multiply what is measured well, or nothing measured.
+    c/(1 + iωDc) times what its torque is multiplied by. The column of c_j is that of the spring alone, as the
+    Jacobian has it; that of D_j has −iωc²/(1 + iωDc)². Other parameters multiply what is measured well, or
+    nothing measured.
 
     Args:
         layout: of the vector.
@@ -131,16 +135,14 @@ def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDA
     damping = {e.joint: at.start for e, at in layout.effect_slices() if e.effect == "joint_damping"}
     out = []
     for sensor, joints in _kinds(lag):
-        orders = tuple(range(DEPTH[sensor]))
-        delay = (float(lag[joints[0]]),) * len(orders)
-        matrices = elastic[sensor][..., joints]
-        out.append((layout.compliance.start + joints, NoiseWay(sensor, joints, matrices, orders, delay, 2)))
-        for j in joints:
-            if j in damping:
-                compliance, one = x[layout.compliance][j], np.array([j])
-                matrices, higher = -(compliance**2) * elastic[sensor][..., one], tuple(k + 1 for k in orders)
-                way = NoiseWay(sensor, one, matrices, higher, delay, 2)
-                out.append((np.array([damping[j]]), way))
+        orders, none = tuple(range(DEPTH[sensor])), (0.0,) * DEPTH[sensor]
+        spring = NoiseWay(sensor, joints, elastic[sensor][..., joints], orders, none)
+        out.append((layout.compliance.start + joints, spring))
+        for j in sorted(set(joints) & set(damping)):
+            one, compliance = np.array([j]), x[layout.compliance][j]
+            matrices = -(compliance**2) * elastic[sensor][..., one]
+            higher, delay = tuple(k + 1 for k in orders), (float(lag[j]),) * len(orders)
+            out.append((np.array([damping[j]]), NoiseWay(sensor, one, matrices, higher, delay, True)))
     return out
 
 
@@ -148,7 +150,9 @@ def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
     """(sensor, joints) whose noise goes the same way: all plain joints together, each damped one alone."""
     plain = np.flatnonzero(lag == 0.0)
     each = [np.array([j]) for j in np.flatnonzero(lag)]
-    return [(sensor, joints) for sensor in range(len(DEPTH)) for joints in ([plain] if plain.size else []) + each]
+    return [
+        (sensor, joints) for sensor in range(len(DEPTH)) for joints in ([plain] if plain.size else []) + each
+    ]
 
 
 def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

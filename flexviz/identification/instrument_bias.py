@@ -1,10 +1,10 @@
 """What instruments and residual have in common: the noise that both contain.
 
 The equations Zᵀ W r = 0 hold on average where the noise of Z has nothing to do with that of r. Of a
-compliance that is not so: its column of the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), holds the measured torque
-and its derivatives. On a joint that carries much the motion outweighs their noise; on a light wrist it does
-not, and the joint comes out several times too soft. The product's expectation follows from the noise as the
-residual's own covariance does (`whitening`): what is solved is Zᵀ W r = b, b_j = E[z_jᵀ W r].
+compliance that is not so: its column of the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), holds the measured
+torque and its derivatives. On a joint that carries much the motion outweighs their noise; on a light wrist it
+does not, and the joint comes out several times too soft. The product's expectation follows from the noise as
+the residual's own covariance does (`whitening`): what is solved is Zᵀ W r = b, b_j = E[z_jᵀ W r].
 """
 
 from __future__ import annotations

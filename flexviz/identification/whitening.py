@@ -70,7 +70,7 @@ def noise_kernel(
         shape (lags + 1, D, D): E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
     """
     length = _length(observer, joint_step, lags)
-    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    omega = _frequencies(length, joint_step)
     if isinstance(count, NoiseWay):
         gain = count.gains(observer.transfer, omega)
     else:
@@ -98,7 +98,7 @@ def shared_kernel(
         shape (2·lags + 1, D, E): E[x_j(t) y_k(t − lag)].
     """
     length = max(_length(observer, joint_step, lags) for observer in observers)
-    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
+    omega = _frequencies(length, joint_step)
     one, other = (way.gains(o.transfer, omega) for way, o in zip(ways, observers, strict=True))
     out = _correlation(one, other, length, raw_step / joint_step)
     return np.concatenate((out[len(out) - lags :], out[: lags + 1]))
@@ -108,6 +108,12 @@ def _length(observer: Observer, joint_step: float, lags: int) -> int:
     """Of a spectrum that is fine enough to resolve the band and long enough to hold the lags."""
     slowest = float(np.min(observer.bandwidth)) * joint_step
     return 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
+
+
+def _frequencies(length: int, step: float) -> Array:
+    """Of a transform of `length` samples [rad/s]."""
+    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * step)
+    return omega
 
 
 def _correlation(

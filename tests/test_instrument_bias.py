@@ -1,0 +1,139 @@
+"""What instruments of stiffness and damping share with the residual: dense sums, slopes, noise draws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.fitting import Workbench
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout, layout_of
+from flexviz.equation.link import LinkTerms
+from flexviz.equation.sensitivity import THETA, NoiseWay, instrument_ways, noise_ways
+from flexviz.identification import instrument_bias
+from flexviz.identification.instrument_bias import shared_noise
+from flexviz.identification.refine import score_of, whitened_point
+from flexviz.identification.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
+from flexviz.measurements import read_set
+from flexviz.model import EffectValue
+from flexviz.observers import FlatZeroPhase
+from flexviz.simulation import make_plan, move, record, write_plan
+
+Array = NDArray[np.float64]
+NARROW, WIDE = FlatZeroPhase(2 * np.pi * 5), FlatZeroPhase(2 * np.pi * 9)
+
+
+def way(rng: np.random.Generator, depth: int, count: int, n: int) -> NoiseWay:
+    """Of the torque sensors of all joints, changing with time."""
+    matrices = rng.standard_normal((depth, 1, n, n)) + 0.3 * rng.standard_normal((depth, count, n, n))
+    matrices /= (2 * np.pi * 5) ** np.arange(depth)[:, None, None, None]
+    return NoiseWay(1, np.arange(n), matrices, tuple(range(depth)), (0.0,) * depth)
+
+
+def test_shared_kernel_is_that_of_filtered_noise() -> None:
+    rng = np.random.default_rng(4)
+    raw, stride = 1e-3, 25
+    noise = rng.standard_normal((400_000, 1))
+    one, other = (o.derivatives(noise, raw, 3, stride=stride)[:, 200:-200, 0] for o in (NARROW, WIDE))
+    two = NoiseWay(1, np.array([0]), np.zeros((3, 1, 1, 1)), (0, 1, 2), (0.0,) * 3)
+    kernel = shared_kernel((NARROW, WIDE), raw * stride, raw, (two, two), 3)
+    sizes = (noise_kernel(o, raw * stride, raw, 3, 0)[0] for o in (NARROW, WIDE))
+    scale = np.sqrt(np.outer(*(np.diag(size) for size in sizes)))
+    for lag in range(-3, 4):
+        here = slice(max(0, lag), one.shape[1] + min(0, lag))
+        there = slice(max(0, -lag), one.shape[1] + min(0, -lag))
+        empirical = one[:, here] @ other[:, there].T / (here.stop - here.start)
+        assert np.abs((kernel[3 + lag] - empirical) / scale).max() < 0.03
+
+
+def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(instrument_bias, "EVERY", 1)
+    rng, (count, n, order), (step, raw) = np.random.default_rng(5), (40, 2, 6), (0.03, 1e-3)
+    instrument, residual = way(rng, 3, count, n), way(rng, 2, count, n)
+    kernel = noise_kernel(WIDE, step, raw, residual, order)
+    lagged = lagged_covariance(residual.matrices, kernel, np.ones(n))
+    lagged[0] += 0.05 * np.eye(n)
+    tool = whitener(lagged)
+    found = shared_noise(tool, instrument, residual, (NARROW, WIDE), (step, raw))
+
+    kernel = shared_kernel((NARROW, WIDE), step, raw, (instrument, residual), count)
+    apply = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
+    for j in range(n):
+        dense = np.zeros((count, n, count, n))  # E[z_j(t) r(u)ᵀ] from sensor j alone
+        for t in range(count):
+            for u in range(count):
+                rho = kernel[count + t - u]
+                z, r = instrument.matrices[:, t, :, j], residual.matrices[:, u, :, j]
+                dense[t, :, u] = np.einsum("di,de,ek->ik", z, rho, r)
+        product = apply @ dense.reshape(count * n, -1) @ apply.T
+        later = np.diag(product).reshape(count, n)[order:]
+        assert found[j] == pytest.approx(later.sum(axis=1).mean(), rel=1e-9)
+
+
+def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual() -> None:
+    rng, n, joint = np.random.default_rng(6), 2, 1
+    layout = Layout(("a", "b"), (ChosenEffect("joint_damping", joint),))
+    x = np.abs(rng.standard_normal(layout.size))
+    x[layout.compliance] = 1e-3, 7e-4
+    x[-1] = 9.0  # D
+    link = LinkTerms(np.zeros((1, n, 10 * n)), *(rng.standard_normal((1, n, n)) for _ in range(3)))
+    omega = np.array([5.0, 20.0, 31.0])  # where the filter passes all
+
+    def arrives(sensor: int, j: int, at: Array) -> Array:
+        """Response of r to what sensor j says, shape (F, n)."""
+        found = next(w for w in noise_ways(layout, at, link) if w.sensor == sensor and j in w.joints)
+        column = list(found.joints).index(j)
+        gains = found.gains(WIDE.transfer, omega)
+        return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, found.matrices, strict=True)], 0)
+
+    seen = set()
+    for parameters, into_z in instrument_ways(layout, x, link):
+        gains = into_z.gains(WIDE.transfer, omega)
+        for column, (parameter, j) in enumerate(zip(parameters, into_z.joints, strict=True)):
+            seen.add((int(parameter), into_z.sensor))
+            if parameter == layout.compliance.start + joint:
+                continue  # the Jacobian's column is that of the spring alone
+            h = 1e-5 * x[parameter]
+            up, down = x.copy(), x.copy()
+            up[parameter] += h
+            down[parameter] -= h
+            slope = (arrives(into_z.sensor, j, up) - arrives(into_z.sensor, j, down)) / (2 * h)
+            parts = zip(gains, into_z.matrices, strict=True)
+            got = np.sum([g[:, None] * m[0, :, column] for g, m in parts], 0)
+            np.testing.assert_allclose(got, slope, rtol=1e-5, atol=1e-9 * np.abs(slope).max())
+    stiff = range(layout.compliance.start, layout.compliance.stop)
+    assert seen == {(p, s) for p in (*stiff, layout.size - 1) for s in (THETA, 1)}
+
+
+@pytest.mark.parametrize("damping", [None, 6.0])
+def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, damping: float | None) -> None:
+    """A torque sensor that is so bad that the joint's deflection drowns in its noise."""
+    plan = make_plan("planar-2r")
+    effects = () if damping is None else (EffectValue("joint_damping", "joint2", {"damping": damping}),)
+    noise = {None: 2.0, 6.0: 0.6}[damping]
+    sensors = replace(plan.sensors, theta_noise=2e-7, torque_noise=noise)
+    plan = replace(plan, sensors=sensors, model=replace(plan.model, effects=effects))
+    runs = move(plan, 1)
+    raw, clean = [], []
+    for seed in range(16):
+        measured = read_set(write_plan(plan, record(plan, runs, seed), tmp_path / f"s{seed}"))
+        layout = layout_of(measured, [e.text for e in plan.model.effects])
+        refinement = Workbench(measured, layout).refinement.with_layout(layout)
+        x = layout.vector(plan.model)
+        point = whitened_point(refinement, x)
+        deviation = np.sqrt(np.diag(refinement.score_covariance(x, point.z, point.metrics)))
+        kept = [
+            *range(layout.compliance.start, layout.compliance.stop),
+            *range(layout.effect_start, layout.size),
+        ]
+        plain = point.z.reshape(-1, layout.size).T @ point.r.ravel()
+        raw.append(plain[kept] / deviation[kept])
+        clean.append(score_of(refinement, point)[kept] / deviation[kept])
+    error = 1 / np.sqrt(len(raw))  # of the means
+    assert np.abs(np.mean(raw, axis=0)).max() > 5 * error
+    assert np.abs(np.mean(clean, axis=0)).max() < 3.5 * error
+    assert 0.5 < np.std(clean) < 1.5
