@@ -111,9 +111,8 @@ def _length(observer: Observer, joint_step: float, lags: int) -> int:
 
 
 def _frequencies(length: int, step: float) -> Array:
-    """Of a transform of `length` samples [rad/s]."""
-    omega: Array = 2 * np.pi * np.arange(length // 2 + 1) / (length * step)
-    return omega
+    """Of a transform of an even number of samples [rad/s]."""
+    return np.linspace(0.0, np.pi / step, length // 2 + 1)
 
 
 def _correlation(
