@@ -41,6 +41,7 @@ def truth(*effects: dict[str, Any], kind: str = "single", base: tuple[str, ...] 
         "effects": list(effects),
         "base": list(base),
     }
+    out |= {"stiffness": [1000.0, 1500.0], "motor_inertia": [2.0, 1.0]}
     return out | {"noise_scale": 1.0, "seed": 1, "joints": ["joint1", "joint2"], "torque_rms": [10.0, 5.0]}
 
 
@@ -65,9 +66,15 @@ def answer(
 ) -> dict[str, Any]:
     steps = [{"added": None, "verdict": verdict}, *({"added": a, "verdict": "missing"} for a in added)]
     steps[-1]["verdict"] = final or ("nothing-missing" if added else verdict)
-    effects = [a | {"parameters": {"coulomb": {"value": 2.02}}} for a in added]
+    effects = [a | {"parameters": {"coulomb": {"value": 2.02, "std": 0.01}}} for a in added]
+    estimated = [
+        {"name": "stiffness", "joint": "joint2", "value": 1530.0, "std": 10.0},
+        {"name": "motor_inertia", "joint": "joint1", "value": 2.0, "std": 0.001},
+        {"name": "viscous_friction_sum", "joint": "joint1", "value": 1.0, "std": 0.001},
+    ]
     document = {
-        "verdict": verdict, "steps": steps, "candidates": list(added[:1]), "model": {"effects": effects},
+        "verdict": verdict, "steps": steps, "candidates": list(added[:1]),
+        "model": {"effects": effects, "parameters": estimated},
         "where": [{"joint": where, "variable": "position"}],
     }  # fmt: skip
     spent = {"wall": 3.0, "cpu": 2.5, "errors": [0.003, 0.004]}
@@ -197,6 +204,14 @@ def test_one_effect() -> None:
     assert case.right and case.first_right and case.decidable and case.named == ("coulomb_friction", "joint1")
     assert case.parameter_errors["coulomb_friction.coulomb"] == pytest.approx(0.01)
     assert case.knowing_errors["coulomb_friction.coulomb"] == pytest.approx(0.0005)
+    assert case.deviations["coulomb_friction.coulomb"] == pytest.approx(2.0)
+    by_name = {(e.name, e.joint): (e.error, e.deviation) for e in case.base}
+    assert by_name == {
+        ("stiffness", 1): (pytest.approx(0.02), pytest.approx(3.0)),
+        ("motor_inertia", 0): (0.0, 0.0),
+    }
+    unexplained = answer("missing", found("coulomb_friction"), final="unknown")
+    assert not judge(truth(COULOMB), known(), unexplained).base
     assert case.held_out == pytest.approx(0.0) and case.stated == (
         Stated(probability(FEATURES), True, FEATURES),
     )
@@ -267,6 +282,10 @@ def test_tables_and_page(tmp_path: Path) -> None:
     matrix = tables.confusion(judged)
     assert "1+1✗" in matrix[1]
     assert [row[0] for row in tables.wrong(judged)[1:]] == ["single-2r-000"]
+    assert tables.errors(judged)[1][-1] == "0/1 (0.0 %)"  # two standard errors off
+    assert tables.motor_side(judged)[2] == [
+        "2r", "2", "3", "2 %", "2 %", "0/3 (0.0 %)", "–", "–", "–",
+    ]  # fmt: skip
     got = {f.what: f for f in figures.figures([case for case, _ in judged])}
     assert got["2-DOF, one effect, first named right"].reached == "1/2 (50.0 %)"
     assert got["clean sets, false alarms"].passed is False  # too few

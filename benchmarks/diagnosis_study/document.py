@@ -79,6 +79,9 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         "Of the effects that were named right, relative to the truth, in the final model. A phase and a "
         "rest angle are not counted, the sign of an amplitude neither.",
         tables.errors(outcomes),
+        "Stiffness and motor inertia, of all sets in which nothing is missing in the end. Light wrists say "
+        "little of their stiffness.",
+        tables.motor_side(outcomes),
         "## The fit that knows the truth",
         "χ² a sample of its worst joint, in the fit groups; 1 is the measurement noise.",
         tables.knowing(outcomes),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,16 @@ class Stated:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A joint's stiffness or motor inertia: |found / true − 1|, and that in standard errors."""
+
+    name: str
+    joint: int
+    error: float
+    deviation: float
+
+
+@dataclass(frozen=True)
 class Judged:
     """One case, and what was said of it.
 
@@ -44,6 +55,8 @@ class Judged:
     right: right in every respect.
     parameter_errors: "effect.parameter" → |found / true − 1| in the final model.
     knowing_errors: the same of the fit that knows the truth.
+    deviations: "effect.parameter" → |found − true| in the standard errors that are stated with it.
+    base: stiffnesses and motor inertias, where nothing is missing in the end.
     held_out: final held-out error over that of the fit that knows the truth, minus one; None without either.
     stated: findings with their confidence: the first named, then what was added later.
     wall, cpu: seconds of the diagnosis.
@@ -66,6 +79,8 @@ class Judged:
     right: bool
     parameter_errors: dict[str, float]
     knowing_errors: dict[str, float]
+    deviations: dict[str, float]
+    base: tuple[Estimate, ...]
     held_out: float | None
     stated: tuple[Stated, ...]
     wall: float
@@ -126,6 +141,8 @@ def judge(truth: Json, known: Json, result: Json) -> Judged:
         truth, known, result, verdict, named,
         first_right=first_right, all_found=found, extra=tuple(map(_text, extra)), right=right,
         parameter_errors=_errors(library, got["model"]["effects"]),
+        deviations=_deviations(library, got["model"]["effects"]),
+        base=_base(truth, got["model"]["parameters"]) if final == "nothing-missing" else (),
         stated=_stated(first, added, result["features"], library),
         answer=", ".join(words),
     )  # fmt: skip
@@ -136,7 +153,7 @@ def _judged(
 ) -> Judged:
     library = [e for e in truth["effects"] if e["effect"] != "unknown"]
     values: Json = {"first_right": False, "all_found": False, "extra": (), "right": False, "answer": ""}
-    values |= {"parameter_errors": {}, "stated": ()}
+    values |= {"parameter_errors": {}, "deviations": {}, "base": (), "stated": ()}
     errors, best = result.get("errors"), known.get("errors")
     return Judged(
         case=truth["case"],
@@ -169,8 +186,8 @@ def _stated(
     return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 
-def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
-    out: dict[str, float] = {}
+def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, float, Any]]:
+    """ "effect.parameter", its true value, and what was found."""
     for true in library:
         for found in effects:
             place = ("joint", "payload")
@@ -178,12 +195,36 @@ def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
                 continue
             for name, value in true["parameters"].items():
                 entry = found["parameters"].get(name)
-                if entry is None or not value or name == "order":
-                    continue
-                number = entry["value"] if isinstance(entry, dict) else entry
-                ratio = abs(number / value) if name in SIGNLESS else number / value
-                out[f"{true['effect']}.{name}"] = abs(ratio - 1.0)
+                if entry is not None and value and name != "order":
+                    yield f"{true['effect']}.{name}", value, entry
+
+
+def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for key, true, found in _pairs(library, effects):
+        ratio = (found["value"] if isinstance(found, dict) else found) / true
+        out[key] = abs((abs(ratio) if key.split(".")[1] in SIGNLESS else ratio) - 1.0)
     return out
+
+
+def _deviations(library: list[Json], effects: list[Json]) -> dict[str, float]:
+    out: dict[str, float] = {}
+    for key, true, found in _pairs(library, effects):
+        if found["std"]:
+            size = abs(found["value"]) if key.split(".")[1] in SIGNLESS else found["value"]
+            out[key] = abs(size - (abs(true) if key.split(".")[1] in SIGNLESS else true)) / found["std"]
+    return out
+
+
+def _base(truth: Json, parameters: list[Json]) -> tuple[Estimate, ...]:
+    out = []
+    for found in parameters:
+        if found["name"] in ("stiffness", "motor_inertia") and found["std"]:
+            joint = truth["joints"].index(found["joint"])
+            true = truth[found["name"]][joint]
+            off = abs(found["value"] - true)
+            out.append(Estimate(found["name"], joint, off / true, off / found["std"]))
+    return tuple(out)
 
 
 def _text(effect: Json) -> str:

@@ -16,6 +16,7 @@ Table = list[list[str]]
 Outcome = tuple[Judged, Json]  # a case and its truth
 
 GAINS = ((300.0, 3e3), (3e3, 1e5), (1e5, 1e7), (1e7, float("inf")))
+INTERVAL = 1.96  # standard errors
 CODES = {
     "coulomb_friction": "Cou", "stribeck_friction": "Str", "quadratic_friction": "Qua",
     "load_dependent_friction": "Loa", "presliding_hysteresis": "Pre", "friction_drift": "Dri",
@@ -145,7 +146,8 @@ def sizes(outcomes: Sequence[Outcome], robots: Sequence[str]) -> Table:
 
 def errors(outcomes: Sequence[Outcome]) -> Table:
     """Errors of the effects' parameters, where they were named right."""
-    rows = [["parameter", "cases", "median", "nine in ten", "truth-knowing: median", "nine in ten"]]
+    head = ["parameter", "cases", "median", "nine in ten", "truth-knowing: median", "nine in ten"]
+    rows = [[*head, "within 95 % interval"]]
     chosen = [c for c, _ in outcomes if c.kind in ("single", "limit") and c.decidable and c.first_right]
     names = dict.fromkeys(
         name
@@ -158,7 +160,30 @@ def errors(outcomes: Sequence[Outcome]) -> Table:
         found = [c.parameter_errors[name] for c in chosen if name in c.parameter_errors]
         best = [c.knowing_errors[name] for c in chosen if name in c.knowing_errors]
         cells = [percent(st.quantile(v, q)) for v in (found, best) for q in (0.5, 0.9)]
-        rows.append([name, str(len(found)), *cells])
+        inside = [c.deviations[name] < INTERVAL for c in chosen if name in c.deviations]
+        rows.append([name, str(len(found)), *cells, st.Share(sum(inside), len(inside)).text])
+    return rows
+
+
+def motor_side(outcomes: Sequence[Outcome]) -> Table:
+    """Errors of stiffness and motor inertia, joint by joint, where nothing is missing in the end."""
+    head = ["robot", "joint", "sets"]
+    for name in ("stiffness", "motor inertia"):
+        head += [f"{name}: median", "nine in ten", "within 95 % interval"]
+    rows = [head]
+    cases = [c for c, _ in outcomes if c.base]
+    for robot in dict.fromkeys(c.robot for c in cases):
+        here = [e for c in cases if c.robot == robot for e in c.base]
+        for joint in sorted({e.joint for e in here}):
+            row = [robot, str(joint + 1)]
+            for name in ("stiffness", "motor_inertia"):
+                found = [e for e in here if e.joint == joint and e.name == name]
+                inside = Counter(e.deviation < INTERVAL for e in found)
+                if len(row) == 2:
+                    row.append(str(len(found)))
+                row += [percent(st.quantile([e.error for e in found], q)) for q in (0.5, 0.9)]
+                row.append(st.Share(inside[True], len(found)).text)
+            rows.append(row)
     return rows
 
 
