@@ -76,7 +76,9 @@ def test_slopes_beside_each_other() -> None:
         )
 
 
-def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(tmp_path: Path) -> None:
+def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Beyond them friction is taken off, too: a step there is one that a damped joint would answer to."""
     plan = make_plan("planar-2r")
     friction = EffectValue("coulomb_friction", "joint2", {"coulomb": 6.0})
@@ -87,11 +89,20 @@ def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(tmp_path: Path) -
     layout = layout_of(measurements, [e.text for e in effects])
     refinement = Workbench(measurements, layout).refinement.with_layout(layout)
     wide = refinement.wide
+    coulomb, scales = law("coulomb_friction"), []
+    plain = coulomb.law
+
+    def spied(seen: JointMotion, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        scales.append(seen.torque_scale)
+        return plain(seen, values)
+
+    monkeypatch.setattr(coulomb, "law", spied)
     wide.prepare(layout.vector(plan.model))
-    for made, block, group in zip(
-        wide.context.motions(1), refinement.blocks, measurements.groups, strict=False
-    ):
-        exact = np.interp(made.time, runs[group.name].time, runs[group.name].tau_joint[:, 1])
+    rms = np.sqrt(np.mean(wide.signals.tau[0, :, 1] ** 2))
+    assert scales and all(0.5 * rms < s < 2 * rms for s in scales)  # laws may divide by it
+    for made, block in zip(wide.context.motions(1), refinement.blocks, strict=True):
+        run = runs[wide.signals.groups[block.group].name]
+        exact = np.interp(made.time, run.time, run.tau_joint[:, 1])
         time = wide.signals.time[block.rows]
         begin, end = np.searchsorted(made.time, [time[0], time[-1]])
         for edge in (begin, end):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.bands import Band, fit_refined, unfitted
 from flexviz.diagnosis.fitting import Workbench
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
@@ -16,7 +17,8 @@ from flexviz.equation.link import LinkTerms
 from flexviz.equation.sensitivity import THETA, NoiseWay, instrument_ways, noise_ways
 from flexviz.identification import instrument_bias
 from flexviz.identification.instrument_bias import shared_noise
-from flexviz.identification.refine import score_of, whitened_point
+from flexviz.identification.refine import compensated_score, refine, whitened_point
+from flexviz.identification.refinement import Refinement
 from flexviz.identification.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
@@ -24,6 +26,7 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.simulation import make_plan, move, record, write_plan
 
 Array = NDArray[np.float64]
+JOINTS = ("a", "b")
 NARROW, WIDE = FlatZeroPhase(2 * np.pi * 5), FlatZeroPhase(2 * np.pi * 9)
 
 
@@ -58,9 +61,10 @@ def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.Monk
     lagged = lagged_covariance(residual.matrices, kernel, np.ones(n))
     lagged[0] += 0.05 * np.eye(n)
     tool = whitener(lagged)
-    found = shared_noise(tool, instrument, residual, (NARROW, WIDE), (step, raw))
+    ways = instrument, residual
+    found = shared_noise(tool, *ways, shared_kernel((NARROW, WIDE), step, raw, ways, order))
 
-    kernel = shared_kernel((NARROW, WIDE), step, raw, (instrument, residual), count)
+    kernel = shared_kernel((NARROW, WIDE), step, raw, ways, count)
     apply = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
     for j in range(n):
         dense = np.zeros((count, n, count, n))  # E[z_j(t) r(u)ᵀ] from sensor j alone
@@ -74,39 +78,42 @@ def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.Monk
         assert found[j] == pytest.approx(later.sum(axis=1).mean(), rel=1e-9)
 
 
-def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual() -> None:
-    rng, n, joint = np.random.default_rng(6), 2, 1
-    layout = Layout(("a", "b"), (ChosenEffect("joint_damping", joint),))
-    x = np.abs(rng.standard_normal(layout.size))
-    x[layout.compliance] = 1e-3, 7e-4
-    x[-1] = 9.0  # D
-    link = LinkTerms(np.zeros((1, n, 10 * n)), *(rng.standard_normal((1, n, n)) for _ in range(3)))
+@pytest.mark.parametrize("size", [9.0, 0.0])
+def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float) -> None:
+    rng, joint = np.random.default_rng(6), 1
+    damped, plain = Layout(JOINTS, (ChosenEffect("joint_damping", joint),)), Layout(JOINTS)
+    x = np.abs(rng.standard_normal(damped.size))
+    x[damped.compliance] = 1e-3, 7e-4
+    x[-1] = size
+    link = LinkTerms(np.zeros((1, 2, 20)), *(rng.standard_normal((1, 2, 2)) for _ in range(3)))
     omega = np.array([5.0, 20.0, 31.0])  # where the filter passes all
 
-    def arrives(sensor: int, j: int, at: Array) -> Array:
-        """Response of r to what sensor j says, shape (F, n)."""
-        found = next(w for w in noise_ways(layout, at, link) if w.sensor == sensor and j in w.joints)
-        column = list(found.joints).index(j)
-        gains = found.gains(WIDE.transfer, omega)
-        return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, found.matrices, strict=True)], 0)
+    def response(way: NoiseWay, j: int) -> Array:
+        """Of r, or of its slope, to what sensor j says, shape (F, n)."""
+        column = list(way.joints).index(j)
+        gains = way.gains(WIDE.transfer, omega)
+        return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, way.matrices, strict=True)], 0)
+
+    def residual(layout: Layout, sensor: int, j: int, at: Array) -> Array:
+        ways = noise_ways(layout, at[: layout.size], link)
+        return response(next(w for w in ways if w.sensor == sensor and j in w.joints), j)
 
     seen = set()
-    for parameters, into_z in instrument_ways(layout, x, link):
-        gains = into_z.gains(WIDE.transfer, omega)
-        for column, (parameter, j) in enumerate(zip(parameters, into_z.joints, strict=True)):
+    for parameters, into_z in instrument_ways(damped, x, link):
+        for parameter, j in zip(parameters, into_z.joints, strict=True):
             seen.add((int(parameter), into_z.sensor))
-            if parameter == layout.compliance.start + joint:
-                continue  # the Jacobian's column is that of the spring alone
-            h = 1e-5 * x[parameter]
+            # the Jacobian's column of a compliance is that of the spring alone
+            layout = damped if parameter == damped.size - 1 else plain
+            h = 1e-5 * (x[parameter] or 1.0)
             up, down = x.copy(), x.copy()
             up[parameter] += h
-            down[parameter] -= h
-            slope = (arrives(into_z.sensor, j, up) - arrives(into_z.sensor, j, down)) / (2 * h)
-            parts = zip(gains, into_z.matrices, strict=True)
-            got = np.sum([g[:, None] * m[0, :, column] for g, m in parts], 0)
-            np.testing.assert_allclose(got, slope, rtol=1e-5, atol=1e-9 * np.abs(slope).max())
-    stiff = range(layout.compliance.start, layout.compliance.stop)
-    assert seen == {(p, s) for p in (*stiff, layout.size - 1) for s in (THETA, 1)}
+            down[parameter] = max(down[parameter] - h, 0.0)
+            ends = (residual(layout, into_z.sensor, j, at) for at in (up, down))
+            slope = np.subtract(*ends) / (up[parameter] - down[parameter])
+            close = 1e-6 * np.abs(slope).max()
+            np.testing.assert_allclose(response(into_z, j), slope, rtol=1e-5, atol=close)
+    stiff = range(damped.compliance.start, damped.compliance.stop)
+    assert seen == {(p, s) for p in (*stiff, damped.size - 1) for s in (THETA, 1)}
 
 
 @pytest.mark.parametrize("damping", [None, 6.0])
@@ -132,8 +139,44 @@ def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, dam
         ]
         plain = point.z.reshape(-1, layout.size).T @ point.r.ravel()
         raw.append(plain[kept] / deviation[kept])
-        clean.append(score_of(refinement, point)[kept] / deviation[kept])
+        clean.append(compensated_score(refinement, point)[kept] / deviation[kept])
     error = 1 / np.sqrt(len(raw))  # of the means
     assert np.abs(np.mean(raw, axis=0)).max() > 5 * error
     assert np.abs(np.mean(clean, axis=0)).max() < 3.5 * error
     assert 0.5 < np.std(clean) < 1.5
+
+
+def test_every_fit_takes_it_off(tmp_path: Path) -> None:
+    plan = make_plan("planar-2r")
+    plan = replace(plan, sensors=replace(plan.sensors, theta_noise=2e-7, torque_noise=2.0))
+    measured = read_set(write_plan(plan, record(plan, move(plan, 1), 1), tmp_path / "set"))
+    layout = layout_of(measured, ())
+    bench = Workbench(measured, layout)
+    prior, bounds = bench.assumptions(layout)
+    start = layout.vector(plan.model)
+
+    def check(refinement: Refinement, x: Array, window: NDArray[np.bool_] | None = None) -> None:
+        point = whitened_point(refinement, x)
+        deviation = np.sqrt(np.diag(refinement.score_covariance(x, point.z, point.metrics)))
+        score = prior.gradient_and_hessian(x)[0] + compensated_score(refinement, point, window)
+        r = point.r if window is None else point.r * window[:, None]
+        plain = prior.gradient_and_hessian(x)[0] + point.z.reshape(-1, layout.size).T @ r.ravel()
+        free = layout.compliance
+        assert np.abs(score[free] / deviation[free]).max() < 0.4
+        assert np.abs(plain[free] / deviation[free]).max() > 0.9
+
+    fit = bench.fit(layout, start, iterations=20)
+    assert fit.converged
+    check(bench.refinement.with_layout(layout), fit.x)
+
+    alone = bench.refinement.with_layout(layout)
+    refined = refine(alone, prior, bounds, start)
+    assert refined.converged
+    check(alone, refined.x)
+
+    band = Band(2 * np.pi * 14, alone.wide.signals, alone.narrow, alone)
+    seconds = np.arange(band.signals.count) * 20 // band.signals.count
+    seconds[: band.signals.count // 8] = -1  # a window
+    fitted = fit_refined(band, prior, bounds, replace(unfitted(layout, start), x=start), seconds, True)
+    check(alone, fitted.x, seconds >= 0)
+    assert np.abs(fitted.influence.sum(axis=0) / np.sqrt(np.diag(fitted.cov)))[layout.compliance].max() < 0.2

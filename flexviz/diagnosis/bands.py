@@ -18,9 +18,10 @@ from flexviz.identification.prior import Prior
 from flexviz.identification.refine import (
     CONSISTENT,
     TOLERANCE,
+    compensated_score,
     evaluated,
     feasible_step,
-    score_of,
+    shared_part,
     weighted_point,
 )
 from flexviz.identification.refinement import Refinement
@@ -217,7 +218,9 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
         flat = z.reshape(-1, layout.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
-        step, at_bound = bounded_step(gradient + score_of(refinement, point, window), hessian, x, bounds)
+        step, at_bound = bounded_step(
+            gradient + compensated_score(refinement, point, window), hessian, x, bounds
+        )
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         if length < NEGLIGIBLE or iteration == STEPS[last]:
             break
@@ -230,7 +233,11 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
     else:
         colour = refinement.score_covariance(x, z, point.metrics) * max(float(chi.mean()), 1.0)
     cov = _covariance(information, colour, prior_hessian, ~at_bound)
-    influence = _influence(r, z, hessian, ~at_bound, seconds)
+    each = np.einsum("tjp,tj->tp", z, r)
+    counted = point.used & window
+    for block, mean in zip(blocks, shared_part(refinement, point, counted), strict=True):
+        each[block.rows] -= counted[block.rows, None] * mean
+    influence = _influence(each, hessian, ~at_bound, seconds)
     return Fitted(x, *cov, at_bound, refinement.tolerance, influence)
 
 
@@ -256,15 +263,16 @@ def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: 
     information = flat.T @ flat
     prior_hessian = prior.gradient_and_hessian(solution.x)[1]
     cov = _covariance(information, colour_matrix(r, z, rows), prior_hessian, free)
-    influence = _influence(r, z, information + prior_hessian, free, seconds)
+    each = np.einsum("tjp,tj->tp", z, r)
+    influence = _influence(each, information + prior_hessian, free, seconds)
     return Fitted(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
 
 
-def _influence(r: Array, z: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
-    """−H⁻¹ Σ zᵀ r over each second."""
+def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
+    """−H⁻¹ times the sum over each second of the samples' scores, shape (N, P)."""
     score = np.zeros((int(seconds.max()) + 1, len(hessian)))
     used = seconds >= 0
-    np.add.at(score, seconds[used], np.einsum("tjp,tj->tp", z[used], r[used]))
+    np.add.at(score, seconds[used], each[used])
     out = np.zeros_like(score)
     scale = 1 / np.sqrt(np.maximum(np.diag(hessian)[free], 1e-300))
     scaled = hessian[np.ix_(free, free)] * scale[:, None] * scale

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Layout, Signals, build_signals
 from flexviz.equation.residual import Chain
 from flexviz.identification.prior import Prior
-from flexviz.identification.refine import Point, evaluated, feasible_step, score_of, weighted_point
+from flexviz.identification.refine import (
+    Point,
+    compensated_score,
+    evaluated,
+    feasible_step,
+    weighted_point,
+)
 from flexviz.identification.refinement import WIDE_HERTZ, Refinement
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.start import Start, other_effects, start_values
@@ -123,8 +129,8 @@ class Workbench:
     def assumptions(self, layout: Layout) -> tuple[Prior, Bounds]:
         """Prior and bounds of a layout.
 
-        A joint that hardly deflects, such as a light wrist, says nothing of its stiffness; noise makes it
-        look soft, and a soft joint imitates much, a gap above all.
+        A joint that hardly deflects, such as a light wrist, says nothing of its stiffness, and a soft joint
+        imitates much, a gap above all.
         """
         start = other_effects(self._start, layout, self.refinement.narrow.signals)
         prior = start.prior
@@ -283,7 +289,7 @@ class _Descent:
             gradient, prior_hessian = prior.gradient_and_hessian(x)
             flat = point.z.reshape(-1, size)
             hessian = flat.T @ flat + prior_hessian
-            step, _ = bounded_step(gradient + score_of(self.refinement, point), hessian, x, bounds)
+            step, _ = bounded_step(gradient + compensated_score(self.refinement, point), hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             converged = length < NEGLIGIBLE and iteration >= 1
             if converged or iteration == iterations:
@@ -299,7 +305,7 @@ class _Whitened:
     """Whitened points along a fit; the noise's way is followed anew only where it has changed."""
 
     def __init__(self, layout: Layout, near: Fit | None, held_out: bool = False) -> None:
-        self._layout = layout
+        self._layout, self._held_out = layout, held_out
         self._whiteners, self._shared, self.noise_at = None, [], np.zeros(0)
         point = None if near is None else near.held_out if held_out else near.point
         if near is not None and point is not None:
@@ -318,7 +324,7 @@ class _Whitened:
                 self._metrics = None
         if self._whiteners is None:
             self._whiteners, self._shared = refinement.whiteners(x, narrow.link), []
-        if not self._shared:
+        if not self._shared and not self._held_out:  # nothing is fitted to what is held out
             self._shared = refinement.instrument_bias(x, narrow.link, self._whiteners)
         if self._metrics is None:
             self._metrics, self._effects_at = refinement.metrics(x, narrow, self._whiteners), effects.copy()

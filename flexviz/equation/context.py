@@ -223,33 +223,36 @@ class EffectContext:
             for effect, where in lay.effect_slices()
             if effect.joint == joint
         }
-        out = []
-        for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
+        motions, rates = [], []
+        for fine in self.fine():
             theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
             torque = tau[0] - inertia * theta[2] - viscous * theta[1]
             rate = tau[1] - inertia * theta[3] - viscous * theta[2]
             position, velocity = fine.position[:, joint], fine.velocity[:, joint]
-            motion = JointMotion(
-                fine.time,
-                position,
-                velocity,
-                torque,
-                position - compliance * torque,
-                velocity - compliance * rate,
-                1 / compliance,
-                viscous_scale(lay, x, joint)[0],
-                1.0,
-                present,
+            motions.append(
+                JointMotion(
+                    fine.time,
+                    position,
+                    velocity,
+                    torque,
+                    position - compliance * torque,
+                    velocity - compliance * rate,
+                    1 / compliance,
+                    viscous_scale(lay, x, joint)[0],
+                    1.0,
+                    present,
+                )
             )
-            if self._s is not None:
-                band = float(fine.torque_hertz[joint])
-                motion = self._without_friction(motion, rate, block, joint, band)
-            out.append(motion)
-        scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in out]) ** 2))) + 1e-12
-        return [replace(motion, torque_scale=scale) for motion in out]
+            rates.append(rate)
+        motions = _scaled(motions)
+        if self._s is None:
+            return motions
+        bands = [float(fine.torque_hertz[joint]) for fine in self.fine()]
+        parts = zip(motions, rates, self._signals.blocks, bands, strict=True)
+        return _scaled([self._without_friction(joint, *part) for part in parts])
 
     def _without_friction(
-        self, motion: JointMotion, rate: Array, block: Block, joint: int, hertz: float
+        self, joint: int, motion: JointMotion, rate: Array, block: Block, hertz: float
     ) -> JointMotion:
         """The same with what the equation itself found of the torque, friction taken off.
 
@@ -258,13 +261,14 @@ class EffectContext:
         that a damped joint answers to.
         """
         assert self._s is not None and self._x is not None
-        friction, rate = np.zeros_like(rate), rate.copy()
-        for effect, where in self._layout.effect_slices():
-            law = EFFECTS[effect.effect]
-            if effect.joint == joint and isinstance(law, LawEffect) and law.entry == "torque":
-                friction += law.law(motion, self._x[where])[0]
-        slow = ButterworthZeroPhase(2 * np.pi * hertz).derivatives(friction[:, None], motion.step, 1)
-        torque = motion.torque - slow[0, :, 0]
+        torque, rate = motion.torque.copy(), rate.copy()
+        laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
+        own = [(law, at) for law, at in laws if isinstance(law, LawEffect) and law.entry == "torque"]
+        if own:
+            friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
+            slow = ButterworthZeroPhase(2 * np.pi * hertz).derivatives(friction[:, None], motion.step, 2)
+            torque -= slow[0, :, 0]
+            rate -= slow[1, :, 0]
         time = self._signals.time[block.rows]
         known = CubicSpline(time, self._s[block.rows, joint])
         inside = (motion.time >= time[0]) & (motion.time <= time[-1])
@@ -351,6 +355,12 @@ class EffectContext:
         rows = [np.ascontiguousarray(self._robot.to_pin(level)) for level in q]
         out = np.array([pin.rnea(model, data, a, b, c) for a, b, c in zip(*rows, strict=True)])
         return self._robot.from_pin(out)
+
+
+def _scaled(motions: list[JointMotion]) -> list[JointMotion]:
+    """The same with the torque's rms over all stretches."""
+    scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in motions]) ** 2))) + 1e-12
+    return [replace(motion, torque_scale=scale) for motion in motions]
 
 
 def torque_band(

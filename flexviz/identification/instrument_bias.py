@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation.sensitivity import NoiseWay
-from flexviz.identification.whitening import Whitener, shared_kernel
-from flexviz.observers import Observer
+from flexviz.identification.whitening import Whitener
 
 Array = NDArray[np.float64]
 
@@ -26,19 +25,19 @@ def shared_noise(
     whitener: Whitener,
     instrument: NoiseWay,
     residual: NoiseWay,
-    observers: tuple[Observer, Observer],
-    steps: tuple[float, float],
+    kernel: Array,
 ) -> Array:
     """Mean over a stretch of (W z_j)ᵀ W r from white noise of unit variance in the sensors of joints j.
 
-    What is not known of reversals is left out: it concerns few samples.
+    What is not known of reversals is left out: it concerns few samples. So is a stretch no longer than W's
+    memory.
 
     Args:
         whitener: W of the stretch, N samples.
         instrument: way of the m sensors' noise into z, each into its own column, at the N samples.
         residual: of at least the same sensors into r.
-        observers: of the instruments and of the residual.
-        steps: of the equation's samples and of the raw ones [s].
+        kernel: shape (2p + 1, D, E), covariance of what the ways' filters make of the noise
+            (`shared_kernel`) at lags −p … p, p the samples that W looks back.
 
     Returns:
         shape (m,).
@@ -46,11 +45,10 @@ def shared_noise(
     order, count = whitener.predictor.shape[:2]
     if count <= order:
         return np.zeros(len(instrument.joints))
-    at = np.arange(order, count, max(EVERY, (count - order) // MOST))
+    at = np.arange(order, count, max(EVERY, -(-(count - order) // MOST)))
     # W as one row of matrices: of the sample itself and of those before it
     weights = [whitener.scale[at]]
     weights += [-weights[0] @ matrix[at] for matrix in whitener.predictor]
-    kernel = shared_kernel(observers, *steps, (instrument, residual), order)
     # E[z(t−l) r(t−m)] depends on m − l alone
     lags = order + np.arange(order + 1) - np.arange(order + 1)[:, None]
     size = (order + 1) * kernel.shape[1], (order + 1) * kernel.shape[2]

@@ -150,7 +150,7 @@ def weighted_point(
     return Point(r, z, used, metrics, [m.whitener for m in metrics], narrow, shared)
 
 
-def score_of(refinement: Refinement, point: Point, window: NDArray[np.bool_] | None = None) -> Array:
+def compensated_score(refinement: Refinement, point: Point, window: NDArray[np.bool_] | None = None) -> Array:
     """Zᵀ W r − b, shape (P,): zero on average where the model is right.
 
     Args:
@@ -161,9 +161,30 @@ def score_of(refinement: Refinement, point: Point, window: NDArray[np.bool_] | N
     used = point.used if window is None else point.used & window
     r = point.r if window is None else point.r * window[:, None]
     score: Array = point.z.reshape(-1, point.z.shape[2]).T @ r.ravel()
-    for block, mean in zip(refinement.blocks, point.shared, strict=True):
+    for block, mean in zip(refinement.blocks, shared_part(refinement, point, used), strict=True):
         score -= np.count_nonzero(used[block.rows]) * mean
     return score
+
+
+def shared_part(refinement: Refinement, point: Point, used: NDArray[np.bool_]) -> list[Array]:
+    """b a sample, shape (P,) a block.
+
+    A joint whose residual is below its noise has less of it than was estimated (torque chatter, for one, is
+    not noise): less is taken off then.
+
+    Args:
+        refinement: the data and the model.
+        point: there.
+        used: shape (N,), the samples that count.
+    """
+    layout = refinement.layout
+    chi = np.sum(point.r[used] ** 2, axis=0) / max(np.count_nonzero(used), 1)
+    share = np.zeros(layout.size)
+    share[layout.compliance] = np.minimum(chi, 1.0)
+    for effect, where in layout.effect_slices():
+        if effect.joint is not None:
+            share[where] = min(chi[effect.joint], 1.0)
+    return [share * mean for mean in point.shared]
 
 
 def settled(r: Array) -> NDArray[np.bool_]:
@@ -207,7 +228,7 @@ def _solve(
         flat = point.z.reshape(-1, lay.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
-        step, at_bound = bounded_step(gradient + score_of(refinement, point), hessian, x, bounds)
+        step, at_bound = bounded_step(gradient + compensated_score(refinement, point), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         report(x, 0.5 * float((point.r**2).sum()), length)
         converged = length < NEGLIGIBLE and iteration >= 2

@@ -22,6 +22,7 @@ from flexviz.identification.whitening import (
     lagged_covariance,
     noise_kernel,
     score_covariance,
+    shared_kernel,
     ways_covariance,
     whitener,
 )
@@ -109,12 +110,14 @@ class Refinement:
         for parameters, into_z in instrument_ways(self.layout, x, link):
             into_r = ways[into_z.sensor, into_z.joints[0]]
             variance = into_z.variance(self.noise)
+            kernels: dict[tuple[float, float, int], Array] = {}
             for mean, block, w in zip(out, self.blocks, whiteners, strict=True):
                 raw, rows = block.segment.step, block.rows
-                steps = raw * block.stride, raw
-                mean[parameters] += variance * shared_noise(
-                    w, into_z.rows(rows), into_r.rows(rows), observers, steps
-                )
+                key = (raw * block.stride, raw, len(w.predictor))
+                if key not in kernels:
+                    kernels[key] = shared_kernel(observers, *key[:2], (into_z, into_r), key[2])
+                shared = shared_noise(w, into_z.rows(rows), into_r.rows(rows), kernels[key])
+                mean[parameters] += variance * shared
         return out
 
     def noise_level(self, x: Array, link: LinkTerms) -> Array:
