@@ -15,10 +15,13 @@ def row(page: Any, label: str) -> Any:
     return box.nth(exact[0]).locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
 
 
-def button(page: Any, name: str) -> Any:
-    """The one button with this text."""
+def button(page: Any, name: str, seconds: float = 10.0) -> Any:
+    """The one button with this text; a step that was just chosen may take a moment to show it."""
     found = page.get_by_role("button", name=name, exact=True)
-    assert found.count() == 1, f"{found.count()} buttons are called {name!r}"
+    end = time.monotonic() + seconds
+    while (count := found.count()) != 1 and time.monotonic() < end:
+        page.wait_for_timeout(50)
+    assert count == 1, f"{count} buttons are called {name!r}"
     return found
 
 
