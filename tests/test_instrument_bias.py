@@ -16,7 +16,7 @@ from flexviz.equation import Layout, layout_of
 from flexviz.equation.link import LinkTerms
 from flexviz.equation.sensitivity import THETA, NoiseWay, instrument_ways, noise_ways
 from flexviz.identification import instrument_bias
-from flexviz.identification.instrument_bias import shared_noise
+from flexviz.identification.instrument_bias import lookback, shared_noise
 from flexviz.identification.refine import compensated_score, refine, whitened_point
 from flexviz.identification.refinement import Refinement
 from flexviz.identification.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
@@ -62,7 +62,7 @@ def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.Monk
     lagged[0] += 0.05 * np.eye(n)
     tool = whitener(lagged)
     ways = instrument, residual
-    found = shared_noise(tool, *ways, shared_kernel((NARROW, WIDE), step, raw, ways, order))
+    found = shared_noise(lookback(tool), *ways, shared_kernel((NARROW, WIDE), step, raw, ways, order))
 
     kernel = shared_kernel((NARROW, WIDE), step, raw, ways, count)
     apply = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)

@@ -186,8 +186,8 @@ def _stated(
     return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 
-def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, float, Any]]:
-    """ "effect.parameter", its true value, and what was found."""
+def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, float, float, float | None]]:
+    """(effect.parameter, true value, found value, its standard error); both sizes where no sign counts."""
     for true in library:
         for found in effects:
             place = ("joint", "payload")
@@ -195,25 +195,20 @@ def _pairs(library: list[Json], effects: list[Json]) -> Iterator[tuple[str, floa
                 continue
             for name, value in true["parameters"].items():
                 entry = found["parameters"].get(name)
-                if entry is not None and value and name != "order":
-                    yield f"{true['effect']}.{name}", value, entry
+                if entry is None or not value or name == "order":
+                    continue
+                number, std = (entry["value"], entry["std"]) if isinstance(entry, dict) else (entry, None)
+                if name in SIGNLESS:
+                    value, number = abs(value), abs(number)
+                yield f"{true['effect']}.{name}", value, number, std
 
 
 def _errors(library: list[Json], effects: list[Json]) -> dict[str, float]:
-    out: dict[str, float] = {}
-    for key, true, found in _pairs(library, effects):
-        ratio = (found["value"] if isinstance(found, dict) else found) / true
-        out[key] = abs((abs(ratio) if key.split(".")[1] in SIGNLESS else ratio) - 1.0)
-    return out
+    return {key: abs(found / true - 1.0) for key, true, found, _ in _pairs(library, effects)}
 
 
 def _deviations(library: list[Json], effects: list[Json]) -> dict[str, float]:
-    out: dict[str, float] = {}
-    for key, true, found in _pairs(library, effects):
-        if found["std"]:
-            size = abs(found["value"]) if key.split(".")[1] in SIGNLESS else found["value"]
-            out[key] = abs(size - (abs(true) if key.split(".")[1] in SIGNLESS else true)) / found["std"]
-    return out
+    return {key: abs(found - true) / std for key, true, found, std in _pairs(library, effects) if std}
 
 
 def _base(truth: Json, parameters: list[Json]) -> tuple[Estimate, ...]:

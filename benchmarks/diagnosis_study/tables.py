@@ -175,14 +175,12 @@ def motor_side(outcomes: Sequence[Outcome]) -> Table:
     for robot in dict.fromkeys(c.robot for c in cases):
         here = [e for c in cases if c.robot == robot for e in c.base]
         for joint in sorted({e.joint for e in here}):
-            row = [robot, str(joint + 1)]
+            at = [e for e in here if e.joint == joint]
+            row = [robot, str(joint + 1), str(sum(e.name == "stiffness" for e in at))]
             for name in ("stiffness", "motor_inertia"):
-                found = [e for e in here if e.joint == joint and e.name == name]
-                inside = Counter(e.deviation < INTERVAL for e in found)
-                if len(row) == 2:
-                    row.append(str(len(found)))
+                found = [e for e in at if e.name == name]
                 row += [percent(st.quantile([e.error for e in found], q)) for q in (0.5, 0.9)]
-                row.append(st.Share(inside[True], len(found)).text)
+                row.append(st.Share(sum(e.deviation < INTERVAL for e in found), len(found)).text)
             rows.append(row)
     return rows
 

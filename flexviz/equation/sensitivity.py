@@ -149,10 +149,9 @@ def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDA
 def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
     """(sensor, joints) whose noise goes the same way: all plain joints together, each damped one alone."""
     plain = np.flatnonzero(lag == 0.0)
-    each = [np.array([j]) for j in np.flatnonzero(lag)]
-    return [
-        (sensor, joints) for sensor in range(len(DEPTH)) for joints in ([plain] if plain.size else []) + each
-    ]
+    kinds = [plain] if plain.size else []
+    kinds += [np.array([j]) for j in np.flatnonzero(lag)]
+    return [(sensor, joints) for sensor in range(len(DEPTH)) for joints in kinds]
 
 
 def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

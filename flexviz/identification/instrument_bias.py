@@ -9,6 +9,8 @@ the residual's own covariance does (`whitening`): what is solved is Zᵀ W r = b
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,20 +23,36 @@ EVERY = 5  # samples: the expectation changes as slowly as the pose
 MOST = 400  # samples of a stretch
 
 
-def shared_noise(
-    whitener: Whitener,
-    instrument: NoiseWay,
-    residual: NoiseWay,
-    kernel: Array,
-) -> Array:
+@dataclass(frozen=True)
+class Lookback:
+    """W as matrices of a sample and of those before it, at some samples of a stretch.
+
+    Attributes:
+        at: shape (T,), the samples.
+        weights: (p + 1) times shape (T, n, n).
+    """
+
+    at: NDArray[np.intp]
+    weights: list[Array]
+
+
+def lookback(whitener: Whitener) -> Lookback:
+    """Of a stretch's samples that have all that W looks back on before them; none where it is too short."""
+    order, count = whitener.predictor.shape[:2]
+    at = np.arange(order, count, max(EVERY, -(-(count - order) // MOST)))
+    scale = whitener.scale[at]
+    return Lookback(at, [scale, *(-scale @ matrix[at] for matrix in whitener.predictor)])
+
+
+def shared_noise(w: Lookback, instrument: NoiseWay, residual: NoiseWay, kernel: Array) -> Array:
     """Mean over a stretch of (W z_j)ᵀ W r from white noise of unit variance in the sensors of joints j.
 
     What is not known of reversals is left out: it concerns few samples. So is a stretch no longer than W's
     memory.
 
     Args:
-        whitener: W of the stretch, N samples.
-        instrument: way of the m sensors' noise into z, each into its own column, at the N samples.
+        w: W of the stretch.
+        instrument: way of the m sensors' noise into z, each into its own column, at the stretch's samples.
         residual: of at least the same sensors into r.
         kernel: shape (2p + 1, D, E), covariance of what the ways' filters make of the noise
             (`shared_kernel`) at lags −p … p, p the samples that W looks back.
@@ -42,24 +60,20 @@ def shared_noise(
     Returns:
         shape (m,).
     """
-    order, count = whitener.predictor.shape[:2]
-    if count <= order:
+    if not w.at.size:
         return np.zeros(len(instrument.joints))
-    at = np.arange(order, count, max(EVERY, -(-(count - order) // MOST)))
-    # W as one row of matrices: of the sample itself and of those before it
-    weights = [whitener.scale[at]]
-    weights += [-weights[0] @ matrix[at] for matrix in whitener.predictor]
+    back = np.arange(len(w.weights))
     # E[z(t−l) r(t−m)] depends on m − l alone
-    lags = order + np.arange(order + 1) - np.arange(order + 1)[:, None]
-    size = (order + 1) * kernel.shape[1], (order + 1) * kernel.shape[2]
+    lags = back[-1] + back - back[:, None]
+    size = len(back) * kernel.shape[1], len(back) * kernel.shape[2]
     toeplitz = kernel[lags].transpose(0, 2, 1, 3).reshape(size)
     same = np.searchsorted(residual.joints, instrument.joints)
-    z, r = _weighted(weights, instrument.matrices, at), _weighted(weights, residual.matrices[..., same], at)
+    z, r = _weighted(w, instrument.matrices), _weighted(w, residual.matrices[..., same])
     product = np.einsum("ax,ax->x", z, toeplitz @ r)
-    return product.reshape(-1, len(instrument.joints)).sum(axis=0) / len(at)
+    return product.reshape(-1, len(instrument.joints)).sum(axis=0) / len(w.at)
 
 
-def _weighted(weights: list[Array], matrices: Array, at: NDArray[np.intp]) -> Array:
+def _weighted(w: Lookback, matrices: Array) -> Array:
     """W times a way's matrices (D, N, n, m) at each sample and those before: shape ((p + 1)·D, T·n·m)."""
-    passed = np.stack([weight @ matrices[:, at - k] for k, weight in enumerate(weights)])
+    passed = np.stack([weight @ matrices[:, w.at - k] for k, weight in enumerate(w.weights)])
     return passed.reshape(passed.shape[0] * passed.shape[1], -1)

@@ -15,7 +15,7 @@ from flexviz.equation.link import LinkTerms
 from flexviz.equation.sensitivity import instrument_ways, noise_ways, time_constants
 from flexviz.equation.signals import Signals
 from flexviz.equation.undecided import pulses
-from flexviz.identification.instrument_bias import shared_noise
+from flexviz.identification.instrument_bias import lookback, shared_noise
 from flexviz.identification.metric import Metric
 from flexviz.identification.whitening import (
     Whitener,
@@ -107,13 +107,14 @@ class Refinement:
         ways = {(w.sensor, j): w for w in noise_ways(self.layout, x, link) for j in w.joints}
         observers = self.narrow.signals.observer, self.wide.signals.observer
         out = [np.zeros(self.layout.size) for _ in self.blocks]
+        seen = [lookback(w) for w in whiteners]
         for parameters, into_z in instrument_ways(self.layout, x, link):
             into_r = ways[into_z.sensor, into_z.joints[0]]
             variance = into_z.variance(self.noise)
             kernels: dict[tuple[float, float, int], Array] = {}
-            for mean, block, w in zip(out, self.blocks, whiteners, strict=True):
+            for mean, block, w in zip(out, self.blocks, seen, strict=True):
                 raw, rows = block.segment.step, block.rows
-                key = (raw * block.stride, raw, len(w.predictor))
+                key = (raw * block.stride, raw, len(w.weights) - 1)
                 if key not in kernels:
                     kernels[key] = shared_kernel(observers, *key[:2], (into_z, into_r), key[2])
                 shared = shared_noise(w, into_z.rows(rows), into_r.rows(rows), kernels[key])
