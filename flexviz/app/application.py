@@ -184,8 +184,6 @@ class Application:
         if after.same_as(before):
             return
         self.data.unsaved.changed(before)
-        self.dock.refresh()
-        self.say(*self._message)
         if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
             self.show.plots.show_states()
         for step in self.steps.values():
@@ -194,6 +192,9 @@ class Application:
             self.show.show_model()
         if after.diagnosis is not before.diagnosis or after.stairs != before.stairs:
             self.show.show_diagnosis()
+        # last: who reads the new error, or sees Stop go out, finds plots and tables that go with it
+        self.dock.refresh()
+        self.say(*self._message)
 
     @property
     def recordings(self) -> Recordings:

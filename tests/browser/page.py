@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from typing import Any
 
+SOON = 20.0  # [s] in which what was just asked for is on the page of a busy machine
+
+
+def soon(look: Callable[[], list[Any]], seconds: float = SOON) -> list[Any]:
+    """What `look` finds once it finds exactly one; what it found last where it never does."""
+    end = time.monotonic() + seconds
+    while len(found := look()) != 1 and time.monotonic() < end:
+        time.sleep(0.05)
+    return found
+
 
 def row(page: Any, label: str) -> Any:
-    """The row of the control with this label."""
-    box = page.locator("label", has_text=label).filter(visible=True)
-    exact = [i for i in range(box.count()) if box.nth(i).inner_text().strip() == label]
-    assert len(exact) == 1, f"{len(exact)} controls are called {label!r}"
-    return box.nth(exact[0]).locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
+    """The row of the one control with this label."""
+    # of the exact text: places in the list change while the page is being drawn
+    labels = page.locator("label").filter(has_text=re.compile(rf"^\s*{re.escape(label)}\s*$"), visible=True)
+    found = soon(labels.all)
+    assert len(found) == 1, f"{len(found)} controls are called {label!r}"
+    return labels.locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
 
 
-def button(page: Any, name: str, seconds: float = 10.0) -> Any:
-    """The one button with this text; a step that was just chosen may take a moment to show it."""
-    found = page.get_by_role("button", name=name, exact=True)
-    end = time.monotonic() + seconds
-    while (count := found.count()) != 1 and time.monotonic() < end:
-        page.wait_for_timeout(50)
-    assert count == 1, f"{count} buttons are called {name!r}"
-    return found
+def button(page: Any, name: str) -> Any:
+    """The one button with this text."""
+    buttons = page.get_by_role("button", name=name, exact=True)
+    found = soon(buttons.all)
+    assert len(found) == 1, f"{len(found)} buttons are called {name!r}"
+    return buttons
 
 
 def tab(page: Any, name: str) -> Any:
@@ -40,7 +50,7 @@ def charts(page: Any) -> dict[str, list[list[float]]]:
 
 def chart(page: Any, start: str) -> list[list[float]]:
     """Data of the chart whose title begins with `start`."""
-    found = [data for title, data in charts(page).items() if title and title.startswith(start)]
+    found = soon(lambda: [data for title, data in charts(page).items() if title.startswith(start)])
     assert len(found) == 1, f"{len(found)} charts begin with {start!r}: {list(charts(page))}"
     return found[0]
 
@@ -106,9 +116,11 @@ def overlapping(page: Any) -> list[str]:
 
 
 def well_laid_out(page: Any) -> None:
-    """Nothing is cut off, nothing overlaps."""
-    assert not wider_than_its_place(page)
-    assert not overlapping(page)
+    """Nothing is cut off, nothing overlaps, as soon as what moves into its place has come to rest."""
+    end = time.monotonic() + SOON
+    while (wrong := wider_than_its_place(page) + overlapping(page)) and time.monotonic() < end:
+        page.wait_for_timeout(200)
+    assert not wrong
 
 
 def status(page: Any) -> str:

@@ -40,6 +40,18 @@ def canvas_colours(picture: bytes, width: int) -> int:
     return len(np.unique(middle.reshape(-1, 3), axis=0))
 
 
+def at_rest(page: Any) -> list[float] | None:
+    """Where the measured robot stands once it has stopped."""
+
+    def stands() -> bool:
+        before = node(page, "/measured/joint2")
+        page.wait_for_timeout(500)
+        return node(page, "/measured/joint2") == before
+
+    until(stands, 60, "the end of the motion")
+    return node(page, "/measured/joint2")
+
+
 def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> None:
     page = open_page(address)
     assert "Step Data" in status(page) and "no model yet" in status(page)
@@ -48,9 +60,8 @@ def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> N
     before = node(page, "/measured/joint2")
     until(lambda: node(page, "/measured/joint2") != before, what="motion")
     button(page, "Pause").click()
-    page.wait_for_timeout(800)
-    still = node(page, "/measured/joint2")
-    page.wait_for_timeout(500)
+    still = at_rest(page)
+    page.wait_for_timeout(1000)
     assert node(page, "/measured/joint2") == still
     assert canvas_colours(shot(page, "1-data"), 1280) > 50, "the canvas is blank"
     button(page, "Step ▶").click()
@@ -171,36 +182,31 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
     raise AssertionError(f"only {chosen} could be chosen")
 
 
-def keys_play_and_undo(page: Any) -> None:
-    button(page, "Pause").click()
-    page.mouse.click(600, 120)  # the empty sky: no control has the focus
-    page.wait_for_timeout(600)
-    still = node(page, "/measured/joint2")
-    page.keyboard.press("Space")
-    until(lambda: node(page, "/measured/joint2") != still, what="playing")
-    page.keyboard.press("Control+z")
-    until(lambda: "undone" in status(page), what="the undo")
-    page.keyboard.press("Control+Shift+z")
-    until(lambda: "redone" in status(page), what="the redo")
-
-
 def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
     one, two = open_page(address), open_page(address)
-    keys_play_and_undo(one)
+    button(one, "Pause").click()
+    one.mouse.click(600, 120)  # the empty sky: no control has the focus
+    still = at_rest(one)
+    one.keyboard.press("Space")
+    until(lambda: node(one, "/measured/joint2") != still, what="playing")
+
+    def role(page: Any) -> str:
+        return row(page, "t1p1: t1, p1").get_by_role("combobox").input_value()
+
     button(one, "Data").click()
     until(lambda: "Step Data" in status(two), what="the other page")
-    role = row(one, "t1p1: t1, p1").get_by_role("combobox")
-    role.click()
+    row(one, "t1p1: t1, p1").get_by_role("combobox").click()
     one.get_by_role("option", name="Ignore").click()
-    until(
-        lambda: row(two, "t1p1: t1, p1").get_by_role("combobox").input_value() == "Ignore",
-        what="the other page",
-    )
+    until(lambda: role(two) == "Ignore", what="the other page")
     one.mouse.click(600, 120)  # out of the text field, which has an undo of its own
-    one.keyboard.press("Control+z")
-    until(
-        lambda: row(two, "t1p1: t1, p1").get_by_role("combobox").input_value() == "Fit", what="the undo there"
-    )
+    for key, word, expected in (
+        ("Control+z", "undone", "Fit"),
+        ("Control+Shift+z", "redone", "Ignore"),
+        ("Control+z", "undone", "Fit"),
+    ):
+        one.keyboard.press(key)
+        until(lambda word=word: word in status(two), what=word)
+        until(lambda expected=expected: role(two) == expected, what=f"{word} there")
 
 
 BUTTONS = {

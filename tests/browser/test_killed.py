@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,14 +21,19 @@ def error(page: Any) -> str:
 
 
 def test_unsaved_work_outlives_a_killed_server(
-    serve: Callable[..., str], servers: list[subprocess.Popen[str]], open_page: Any, shot: Any
+    serve: Callable[..., str],
+    workplace: Path,
+    servers: list[subprocess.Popen[str]],
+    open_page: Any,
+    shot: Any,
 ) -> None:
     page = open_page(serve())
     button(page, "Identify").click()
     button(page, "Run").click()
     known = until(lambda: error(page), what="a result")
     until(lambda: not button(page, "Stop").is_enabled(), what="the end")
-    page.wait_for_timeout(3000)  # work is kept soon, not at once
+    # work is kept soon, not at once; session.json is written last
+    until(lambda: list((workplace / "sessions" / ".unsaved").rglob("session.json")), 60, "the kept work")
     servers[-1].kill()
     servers[-1].wait()
 

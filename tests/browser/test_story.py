@@ -118,7 +118,12 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     assert float(value[1]) == pytest.approx(
         document["candidates"][0]["parameters"]["coulomb"]["value"], rel=1e-3
     )
-    rows = page.locator(".fv-table tr").filter(has_text=re.compile(r"^\d\. ")).all_inner_texts()
+    table = page.locator(".fv-table tr").filter(has_text=re.compile(r"^\d\. "))
+    rows = until(
+        lambda: (texts := table.all_inner_texts()) and len(texts) >= len(document["steps"]) and texts,
+        60,
+        "the table of steps",
+    )
     for text, step in zip(rows, document["steps"], strict=True):
         fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
         assert fit == pytest.approx(total(step["rms"]), rel=0.05)
@@ -233,8 +238,14 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
         lambda: any(t.startswith("Residual of joint1 [Nm] against velocity") for t in charts(page)), what="it"
     )
     assert found
-    over_time = until(lambda: [d for t, d in charts(page).items() if t and "against time" in t], what="time")
-    assert {bool(value) for value in over_time[0][4]} == {False, True}
+    until(
+        lambda: any(
+            "against time" in title and {bool(v) for v in data[4:5] and data[4]} == {False, True}
+            for title, data in charts(page).items()
+        ),
+        60,
+        "the marked instants",
+    )
     heat = page.locator(".fv-heat td[title^='joint2, velocity']").inner_text()
     assert float(heat.split()[0]) > 80  # [%] what Coulomb friction leaves lies along the velocity
     spectrum = until(lambda: chart(page, "Spectrum of the residual of joint1"), what="the spectrum")
@@ -261,7 +272,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     page.locator("input[type=file]").set_input_files(str(file))
     chosen = row(page, "Measurement set").get_by_role("combobox")
     until(lambda: "planar-2r-demo-session" in chosen.input_value(), what="the uploaded session")
-    assert "validation error" in status(page)
+    until(lambda: "validation error" in status(page), 60, "its result")
     bad = tmp_path / "bad.zip"
     bad.write_bytes(b"PK nothing")
     page.locator("input[type=file]").set_input_files(str(bad))
