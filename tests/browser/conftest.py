@@ -70,10 +70,31 @@ def serve(workplace: Path, servers: list[subprocess.Popen[str]]) -> Iterator[Cal
             process.kill()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    """Beside a failure: what the pages showed."""
+    report: Any = yield
+    if report.failed and call.when == "call":
+        for number, page in enumerate(getattr(item, "pages", ()), start=1):
+            report.sections.append((f"page {number}", shown(page)))
+    return report
+
+
+def shown(page: Any) -> str:
+    """The texts of a page, and which of its boxes are ticked."""
+    ticked = """() => [...document.querySelectorAll('label')]
+        .filter(l => document.getElementById(l.htmlFor)?.checked).map(l => l.textContent)"""
+    try:
+        return f"{page.inner_text('body')}\nticked: {page.evaluate(ticked)}"
+    except Exception as error:  # a page that has gone
+        return str(error)
+
+
 @pytest.fixture
-def open_page(chromium: Any) -> Iterator[Callable[..., Any]]:
+def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[..., Any]]:
     """open_page(address, width, height) -> a page whose plots are there; errors of the page fail the test."""
     pages: list[Any] = []
+    request.node.pages = pages
     errors: list[str] = []
 
     def open_(address: str, width: int = 1280, height: int = 800) -> Any:

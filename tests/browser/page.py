@@ -35,6 +35,20 @@ def button(page: Any, name: str) -> Any:
     return buttons
 
 
+def tick(page: Any, label: str, on: bool = True) -> None:
+    """Tick this box, or take the tick away; a click into what still unfolds may miss."""
+    box = row(page, label).get_by_role("checkbox")
+    assert box.is_checked() != on
+    for _ in range(3):
+        box.click()
+        end = time.monotonic() + SOON / 4
+        while time.monotonic() < end:
+            if box.is_checked() == on:
+                return
+            page.wait_for_timeout(50)
+    raise AssertionError(f"the box {label!r} cannot be changed")
+
+
 def tab(page: Any, name: str) -> Any:
     """The one tab with this name."""
     return page.get_by_role("tab", name=name, exact=True)

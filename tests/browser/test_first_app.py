@@ -20,6 +20,7 @@ from tests.browser.page import (
     row,
     status,
     tab,
+    tick,
     until,
     well_laid_out,
 )
@@ -117,13 +118,12 @@ def more_effects_open_and_are_added(page: Any, shot: Any) -> None:
     button(page, "Identify").click()
     until(lambda: "torque_offset" in page.inner_text("body"), what="the common effects")
     page.get_by_text("More effects", exact=True).click()
-    box = row(page, "transmission_error").get_by_role("checkbox")
-    box.click()
-    until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), what="the note")
+    tick(page, "transmission_error")
+    until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), 60, "the note")
     page.wait_for_timeout(500)
     shot(page, "3-effects")
     well_laid_out(page)
-    box.click()
+    tick(page, "transmission_error", False)
     until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
 
 
@@ -268,7 +268,7 @@ def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, sh
     button(page, "Identify").click()
     until(lambda: "Step Identify" in status(page), what="the step")
     page.wait_for_timeout(500)
-    row(page, "coulomb_friction").get_by_role("checkbox").click()
+    tick(page, "coulomb_friction")
     button(page, "Run").click()
     until(lambda: "validation error" in status(page), what="a result")
     shot(page, "6-real")
