@@ -10,28 +10,40 @@ from typing import Any
 SOON = 20.0  # [s] in which what was just asked for is on the page of a busy machine
 
 
-def soon(look: Callable[[], list[Any]], seconds: float = SOON) -> list[Any]:
-    """What `look` finds once it finds exactly one; what it found last where it never does."""
+def within(seconds: float, look: Callable[[], Any], good: Callable[[Any], bool] = bool) -> Any:
+    """What `look` sees once it is good, or at the end of this time."""
     end = time.monotonic() + seconds
-    while len(found := look()) != 1 and time.monotonic() < end:
+    while not good(seen := look()) and time.monotonic() < end:
         time.sleep(0.05)
-    return found
+    return seen
+
+
+def until(condition: Callable[[], Any], timeout: float = 300.0, what: str = "it") -> Any:
+    """Wait for a true value and return it."""
+    value = within(timeout, condition)
+    assert value, f"waited in vain for {what}"
+    return value
+
+
+def the_one(look: Callable[[], list[Any]], what: str) -> Any:
+    """What `look` finds once it finds exactly one."""
+    found = within(SOON, look, lambda found: len(found) == 1)
+    assert len(found) == 1, f"{len(found)} {what}"
+    return found[0]
 
 
 def row(page: Any, label: str) -> Any:
     """The row of the one control with this label."""
     # of the exact text: places in the list change while the page is being drawn
     labels = page.locator("label").filter(has_text=re.compile(rf"^\s*{re.escape(label)}\s*$"), visible=True)
-    found = soon(labels.all)
-    assert len(found) == 1, f"{len(found)} controls are called {label!r}"
+    the_one(labels.all, f"controls are called {label!r}")
     return labels.locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
 
 
 def button(page: Any, name: str) -> Any:
     """The one button with this text."""
     buttons = page.get_by_role("button", name=name, exact=True)
-    found = soon(buttons.all)
-    assert len(found) == 1, f"{len(found)} buttons are called {name!r}"
+    the_one(buttons.all, f"buttons are called {name!r}")
     return buttons
 
 
@@ -41,11 +53,8 @@ def tick(page: Any, label: str, on: bool = True) -> None:
     assert box.is_checked() != on
     for _ in range(3):
         box.click()
-        end = time.monotonic() + SOON / 4
-        while time.monotonic() < end:
-            if box.is_checked() == on:
-                return
-            page.wait_for_timeout(50)
+        if within(SOON / 4, box.is_checked, lambda now: now == on) == on:
+            return
     raise AssertionError(f"the box {label!r} cannot be changed")
 
 
@@ -64,9 +73,10 @@ def charts(page: Any) -> dict[str, list[list[float]]]:
 
 def chart(page: Any, start: str) -> list[list[float]]:
     """Data of the chart whose title begins with `start`."""
-    found = soon(lambda: [data for title, data in charts(page).items() if title.startswith(start)])
-    assert len(found) == 1, f"{len(found)} charts begin with {start!r}: {list(charts(page))}"
-    return found[0]
+    return the_one(
+        lambda: [data for title, data in charts(page).items() if title.startswith(start)],
+        f"charts begin with {start!r}",
+    )
 
 
 def node(page: Any, name: str) -> list[float] | None:
@@ -79,15 +89,6 @@ def node(page: Any, name: str) -> list[float] | None:
 def place(page: Any, name: str) -> list[float]:
     """Where a scene node stands (x, y, z)."""
     return (node(page, name) or [])[12:15]
-
-
-def until(condition: Callable[[], Any], timeout: float = 300.0, what: str = "it") -> Any:
-    """Wait for a true value and return it."""
-    deadline = time.monotonic() + timeout
-    while not (value := condition()):
-        assert time.monotonic() < deadline, f"waited in vain for {what}"
-        time.sleep(0.05)
-    return value
 
 
 TEXTS = ".fv, .fv-table, .uplot, button, label, input:not([type=checkbox])"
@@ -131,9 +132,7 @@ def overlapping(page: Any) -> list[str]:
 
 def well_laid_out(page: Any) -> None:
     """Nothing is cut off, nothing overlaps, as soon as what moves into its place has come to rest."""
-    end = time.monotonic() + SOON
-    while (wrong := wider_than_its_place(page) + overlapping(page)) and time.monotonic() < end:
-        page.wait_for_timeout(200)
+    wrong = within(SOON, lambda: wider_than_its_place(page) + overlapping(page), lambda wrong: not wrong)
     assert not wrong
 
 

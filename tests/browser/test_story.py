@@ -213,10 +213,11 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     tick(page, "Refine")
     known = error(page)
     button(page, "Run").click()
-    until(lambda: button(two, "Stop").is_enabled(), what="Stop, on the other page")
+    # the first step is the start itself: what it has is not yet as good as what was there
+    until(lambda: re.search(r"iteration ([2-9]|\d\d)", status(two)), what="steps, on the other page")
     button(two, "Stop").click()
     until(lambda: "stopped" in status(page) and not button(page, "Stop").is_enabled(), what="the end")
-    assert np.isfinite(error(page)) and button(page, "Run").is_enabled()
+    assert np.isfinite(error(page)) and error(page) < 2 * known and button(page, "Run").is_enabled()
     button(page, "Undo").click()
     until(lambda: "undone" in status(page) and error(page) == known, 60, "the result before")
 
@@ -240,14 +241,12 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
         lambda: any(t.startswith("Residual of joint1 [Nm] against velocity") for t in charts(page)), what="it"
     )
     assert found
-    until(
-        lambda: any(
-            "against time" in title and {bool(v) for v in data[4:5] and data[4]} == {False, True}
-            for title, data in charts(page).items()
-        ),
+    over_time = until(
+        lambda: [d for t, d in charts(page).items() if "against time" in t and len(d) > 4 and any(d[4])],
         60,
         "the marked instants",
     )
+    assert {bool(value) for value in over_time[0][4]} == {False, True}
     heat = page.locator(".fv-heat td[title^='joint2, velocity']").inner_text()
     assert float(heat.split()[0]) > 80  # [%] what Coulomb friction leaves lies along the velocity
     spectrum = until(lambda: chart(page, "Spectrum of the residual of joint1"), what="the spectrum")
