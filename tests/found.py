@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import Diagnosis, Finding, Place, Step, Tie
+from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.guard import Guard, ParameterCurve
 from flexviz.diagnosis.result import Absorbed, Evidence
@@ -86,7 +86,10 @@ MAPS = tuple(
     for joint in JOINTS
     for number, (variable, unit) in enumerate(VARIABLES)
 )
-PLACES = (Place("joint2", "velocity", 0.31, (-1.0, 1.0)), Place("joint1", "load", 0.03, (2.0, 9.0)))
+PLACES = (
+    ResidualLocation("joint2", "velocity", 0.31, (-1.0, 1.0)),
+    ResidualLocation("joint1", "load", 0.03, (2.0, 9.0)),
+)
 CURVE = FreeForm(
     "joint2", "velocity", "rad/s", ("",), np.linspace(-1, 1, 81), np.tanh(np.linspace(-3, 3, 81))[None],
     np.full((1, 81), 0.05), 0.4, 0.03, 1.0,

@@ -57,11 +57,11 @@ def test_find_add_undo_remove(app: Application) -> None:
     assert error_text(identify(measurements, effects=(EFFECT,))) in status(app)
     assert "Nothing is missing" in app.diagnose._verdict.content and not best.add.visible
     answer = diagnose(measurements)
-    for stair, step in zip(added.stairs, answer.steps, strict=True):
+    for stair, step in zip(added.model_steps, answer.steps, strict=True):
         assert np.allclose(stair.step.rms, step.rms, rtol=0.02)
         assert np.allclose(stair.step.rms_validation, step.rms_validation, rtol=0.02)  # type: ignore[arg-type]
-    stairs = app.show.plots._compare._charts["all"]._handle.data
-    assert stairs[1][0] > 20 * stairs[1][-1]
+    model_steps = app.show.plots._compare._charts["all"]._handle.data
+    assert model_steps[1][0] > 20 * model_steps[1][-1]
     assert "Coulomb friction on joint2" in app.show.plots._steps.content
 
     act(app, "undo")
@@ -74,7 +74,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     act(app, "remove0")
     wait(app)
     assert app.session.analysis.effects == () and "Missing:" in app.diagnose._verdict.content
-    assert len(app.session.analysis.stairs) == 1
+    assert len(app.session.analysis.model_steps) == 1
 
 
 def test_add_all_is_a_history_of_steps(app: Application) -> None:

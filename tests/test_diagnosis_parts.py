@@ -13,8 +13,8 @@ from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.confidence import MOST_SURE, probability
 from flexviz.diagnosis.errors import ErrorBand
-from flexviz.diagnosis.fair_share import free_curve
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.free_curve_test import free_curve
 from flexviz.diagnosis.judging import GAIN, at_bound, credible, excess, needed_gain, verdict
 from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
@@ -37,10 +37,10 @@ def demo() -> Any:
 
 
 @pytest.fixture(scope="module")
-def base(demo: Any) -> tuple[Workbench, Fit]:
+def base(demo: Any) -> tuple[FitContext, Fit]:
     layout = Layout(demo.joints)
-    bench = Workbench(demo, layout)
-    return bench, bench.fit(layout, layout.vector(identify(demo).model), iterations=12)
+    fit_context = FitContext(demo, layout)
+    return fit_context, fit_context.fit(layout, layout.vector(identify(demo).model), iterations=12)
 
 
 def test_projection_agrees_with_taking_it_out_explicitly() -> None:
@@ -122,21 +122,21 @@ def test_residual_alone_is_the_residual(demo: Any) -> None:
         np.testing.assert_allclose(equation.residual(x), equation.evaluate(x).residual, atol=1e-9)
 
 
-def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tuple[Workbench, Fit]) -> None:
-    bench, fit = base
-    search = Search(bench, lambda text: None)
+def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tuple[FitContext, Fit]) -> None:
+    fit_context, fit = base
+    search = Search(fit_context, lambda text: None)
     scores = search.scores(fit)
     weigh = search.weigh(fit)
     coulomb = next(s for s in scores.ranked if s.effect == ChosenEffect("coulomb_friction", 1))
     assert scores.ranked[0] is coulomb
-    right = free_curve(bench, fit, 1, weigh, scores.projection)
-    wrong = free_curve(bench, fit, 0, weigh, scores.projection)
+    right = free_curve(fit_context, fit, 1, weigh, scores.projection)
+    wrong = free_curve(fit_context, fit, 0, weigh, scores.projection)
     assert right.variable in ("velocity", "position × direction")
     assert coulomb.gain == pytest.approx(right.gain, rel=0.1)
     assert wrong.gain < 0.5 * right.gain
 
 
-def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
+def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     fit = base[1]
     effect = ChosenEffect("torque_gain", 0)
 
@@ -155,9 +155,9 @@ def test_what_is_judged(base: tuple[Workbench, Fit]) -> None:
     assert excess(fit) > 10 and verdict(fit, fit) == "unknown"
 
 
-def test_a_refined_law_has_to_earn_its_freedom(base: tuple[Workbench, Fit]) -> None:
-    bench, fit = base
-    search = Search(bench, lambda _: None)
+def test_a_refined_law_has_to_earn_its_freedom(base: tuple[FitContext, Fit]) -> None:
+    fit_context, fit = base
+    search = Search(fit_context, lambda _: None)
 
     def tried(effect: str, joint: int, objective: float) -> Tried:
         scored = Scored(ChosenEffect(effect, joint), 1.0, np.zeros(1), np.zeros(1))
@@ -171,25 +171,25 @@ def test_a_refined_law_has_to_earn_its_freedom(base: tuple[Workbench, Fit]) -> N
 
 
 def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
-    demo: Any, base: tuple[Workbench, Fit]
+    demo: Any, base: tuple[FitContext, Fit]
 ) -> None:
     """A fit that ended with a wrong stiffness, and an effect whose fit found the right one."""
-    bench, _ = base
-    search = Search(bench, lambda _: None)
+    fit_context, _ = base
+    search = Search(fit_context, lambda _: None)
     layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
-    right = bench.fit(layout, layout.vector(identify(demo, effects=["coulomb_friction:joint2"]).model))
+    right = fit_context.fit(layout, layout.vector(identify(demo, effects=["coulomb_friction:joint2"]).model))
     x = right.x.copy()
     x[layout.compliance] *= 3.0
-    stuck = bench.fit(layout, x, iterations=0)
+    stuck = fit_context.fit(layout, x, iterations=0)
     with_more, start = with_effect(layout, right.x, ChosenEffect("stiffness_hardening", 0), np.zeros(1))
-    led_out = bench.fit(with_more, start, iterations=2)
+    led_out = fit_context.fit(with_more, start, iterations=2)
     scored = Scored(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
     again = search.restarted(stuck, Tried(scored, led_out), 0.0)
     assert again is not None and again.layout == layout
     assert again.objective < right.objective + GAIN
     # Coulomb friction itself is needed
     plain = Layout(demo.joints)
-    without = bench.fit(plain, x[: plain.size], iterations=0)
+    without = fit_context.fit(plain, x[: plain.size], iterations=0)
     scored = Scored(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
     assert search.restarted(without, Tried(scored, right), 0.0) is None
 
@@ -204,22 +204,22 @@ def test_confidence_follows_what_speaks_for_it() -> None:
         assert probability(less) <= probability(more)
 
 
-def test_what_tells_two_effects_apart_is_named(base: tuple[Workbench, Fit]) -> None:
-    bench, fit = base
+def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> None:
+    fit_context, fit = base
     rng = np.random.default_rng(0)
     mine = np.zeros(fit.point.r.shape)
-    speed = np.abs(bench.refinement.narrow.signals.theta[1, :, 1])
+    speed = np.abs(fit_context.two_band.narrow.signals.theta[1, :, 1])
     fast = speed > np.quantile(speed, 0.9)
     mine[fast, 1] = 1.0
     other = mine + 0.0
     other[fast, 1] += rng.standard_normal(fast.sum())
     mine, other = (m.ravel() / np.linalg.norm(m) for m in (mine, other))
-    sentence = breaking(bench, fit, ChosenEffect("coulomb_friction", 1), mine, other)
+    sentence = breaking(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, other)
     assert f"fast motion of {fit.layout.joints[1]}" in sentence
-    assert "same" in breaking(bench, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
+    assert "same" in breaking(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
 
 
-def test_errors_of_every_group_add_up(demo: Any, base: tuple[Workbench, Fit]) -> None:
+def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:
     errors = ErrorBand(demo).errors(base[1])
     assert [name for name, _, _ in errors.groups] == [g.name for g in demo.groups]
     assert [held for _, _, held in errors.groups] == [g.validation for g in demo.groups]

@@ -15,9 +15,9 @@ from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.__main__ import main
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
 from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same
-from benchmarks.diagnosis_study.knowing import true_model, with_hidden
 from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
+from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
 from benchmarks.diagnosis_study.sizes import LIMITS, SIZES
 from flexviz.diagnosis.confidence import probability

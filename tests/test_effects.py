@@ -20,7 +20,7 @@ from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
 from flexviz.effects.base import LawEffect, Scope, Where
 from flexviz.effects.load import tilted_gravity
 from flexviz.effects.trial import Made, Signal
-from flexviz.equation.undecided import undecided
+from flexviz.equation.reversal_nuisance import undecided
 from flexviz.simulation import building
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl

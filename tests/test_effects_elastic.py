@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.fitting import Workbench
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import EFFECTS
 from flexviz.effects.base import JointMotion, LawEffect
 from flexviz.effects.elastic import ElasticJoint, hardened
@@ -87,7 +87,7 @@ def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(
     runs = simulate_plan(plan)
     measurements = read_set(write_plan(plan, runs, tmp_path / "set"))
     layout = layout_of(measurements, [e.text for e in effects])
-    refinement = Workbench(measurements, layout).refinement.with_layout(layout)
+    refinement = FitContext(measurements, layout).two_band.with_layout(layout)
     wide = refinement.wide
     coulomb, scales = law("coulomb_friction"), []
     plain = coulomb.law

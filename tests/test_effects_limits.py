@@ -7,8 +7,8 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
+from flexviz.identification.instrumental_variables import feasible_step
 from flexviz.identification.prior import Prior, physically_consistent
-from flexviz.identification.refine import feasible_step
 from flexviz.identification.scoring import allowed
 from flexviz.identification.solver import Bounds
 from flexviz.robot import Robot

@@ -8,10 +8,10 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import noise_ways, signal_sensitivity
+from flexviz.equation.sensitivity import noise_paths, signal_sensitivity
 from flexviz.errors import InputError
 from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
-from flexviz.identification.whitening import noise_kernel, ways_covariance
+from flexviz.identification.whitening import noise_kernel, paths_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import FlatZeroPhase
 from flexviz.robot import PayloadBody, Robot
@@ -200,9 +200,9 @@ def test_noise_on_its_ways_against_noise(damped: bool):
     steps = (block.segment.step * block.stride, block.segment.step)
 
     def predicted(model: Layout) -> np.ndarray:
-        ways = noise_ways(model, x[: model.size], link)
+        ways = noise_paths(model, x[: model.size], link)
         kernels = [noise_kernel(observer, *steps, way, 0) for way in ways]
-        return ways_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
+        return paths_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
 
     np.testing.assert_allclose(found, predicted(layout), rtol=0.08)
     if damped:  # and the damper matters

@@ -10,9 +10,9 @@ from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import Identification, identify, sweep
 from flexviz.identification.base_parameters import base_parameters
-from flexviz.identification.refine import settled
+from flexviz.identification.instrumental_variables import settled
 from flexviz.identification.solver import Bounds, bounded_step
-from flexviz.identification.uncertainty import colour_matrix, covariance
+from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.identification.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.noise import white_noise
@@ -251,7 +251,7 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
         noise = noise[50:, None]
         estimates.append(np.linalg.solve(information, np.einsum("tip,ti->p", jacobian, noise)))
         if len(predicted) < 60:
-            colour = colour_matrix(noise, jacobian, [slice(0, count)])
+            colour = score_covariance(noise, jacobian, [slice(0, count)])
             predicted.append(np.diag(covariance(information, colour, np.zeros((3, 3)))[0]))
     ratio = np.sqrt(np.mean(predicted, axis=0)) / np.std(estimates, axis=0)
     assert np.all((ratio > 0.7) & (ratio < 1.2)), ratio

@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.bands import Band, fit_refined, unfitted
-from flexviz.diagnosis.fitting import Workbench
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import THETA, NoiseWay, instrument_ways, noise_ways
+from flexviz.equation.sensitivity import THETA, NoisePath, instrument_paths, noise_paths
 from flexviz.identification import instrument_bias
 from flexviz.identification.instrument_bias import lookback, shared_noise
-from flexviz.identification.refine import compensated_score, refine, whitened_point
-from flexviz.identification.refinement import Refinement
+from flexviz.identification.instrumental_variables import compensated_score, refine, whitened_point
+from flexviz.identification.two_band import TwoBandData
 from flexviz.identification.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
@@ -30,11 +30,11 @@ JOINTS = ("a", "b")
 NARROW, WIDE = FlatZeroPhase(2 * np.pi * 5), FlatZeroPhase(2 * np.pi * 9)
 
 
-def way(rng: np.random.Generator, depth: int, count: int, n: int) -> NoiseWay:
+def way(rng: np.random.Generator, depth: int, count: int, n: int) -> NoisePath:
     """Of the torque sensors of all joints, changing with time."""
     matrices = rng.standard_normal((depth, 1, n, n)) + 0.3 * rng.standard_normal((depth, count, n, n))
     matrices /= (2 * np.pi * 5) ** np.arange(depth)[:, None, None, None]
-    return NoiseWay(1, np.arange(n), matrices, tuple(range(depth)), (0.0,) * depth)
+    return NoisePath(1, np.arange(n), matrices, tuple(range(depth)), (0.0,) * depth)
 
 
 def test_shared_kernel_is_that_of_filtered_noise() -> None:
@@ -42,7 +42,7 @@ def test_shared_kernel_is_that_of_filtered_noise() -> None:
     raw, stride = 1e-3, 25
     noise = rng.standard_normal((400_000, 1))
     one, other = (o.derivatives(noise, raw, 3, stride=stride)[:, 200:-200, 0] for o in (NARROW, WIDE))
-    two = NoiseWay(1, np.array([0]), np.zeros((3, 1, 1, 1)), (0, 1, 2), (0.0,) * 3)
+    two = NoisePath(1, np.array([0]), np.zeros((3, 1, 1, 1)), (0, 1, 2), (0.0,) * 3)
     kernel = shared_kernel((NARROW, WIDE), raw * stride, raw, (two, two), 3)
     sizes = (noise_kernel(o, raw * stride, raw, 3, 0)[0] for o in (NARROW, WIDE))
     scale = np.sqrt(np.outer(*(np.diag(size) for size in sizes)))
@@ -61,10 +61,10 @@ def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.Monk
     lagged = lagged_covariance(residual.matrices, kernel, np.ones(n))
     lagged[0] += 0.05 * np.eye(n)
     tool = whitener(lagged)
-    ways = instrument, residual
-    found = shared_noise(lookback(tool), *ways, shared_kernel((NARROW, WIDE), step, raw, ways, order))
+    paths = instrument, residual
+    found = shared_noise(lookback(tool), *paths, shared_kernel((NARROW, WIDE), step, raw, paths, order))
 
-    kernel = shared_kernel((NARROW, WIDE), step, raw, ways, count)
+    kernel = shared_kernel((NARROW, WIDE), step, raw, paths, count)
     apply = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
     for j in range(n):
         dense = np.zeros((count, n, count, n))  # E[z_j(t) r(u)ᵀ] from sensor j alone
@@ -88,18 +88,18 @@ def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float
     link = LinkTerms(np.zeros((1, 2, 20)), *(rng.standard_normal((1, 2, 2)) for _ in range(3)))
     omega = np.array([5.0, 20.0, 31.0])  # where the filter passes all
 
-    def response(way: NoiseWay, j: int) -> Array:
+    def response(path: NoisePath, j: int) -> Array:
         """Of r, or of its slope, to what sensor j says, shape (F, n)."""
-        column = list(way.joints).index(j)
-        gains = way.gains(WIDE.transfer, omega)
-        return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, way.matrices, strict=True)], 0)
+        column = list(path.joints).index(j)
+        gains = path.gains(WIDE.transfer, omega)
+        return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, path.matrices, strict=True)], 0)
 
     def residual(layout: Layout, sensor: int, j: int, at: Array) -> Array:
-        ways = noise_ways(layout, at[: layout.size], link)
-        return response(next(w for w in ways if w.sensor == sensor and j in w.joints), j)
+        paths = noise_paths(layout, at[: layout.size], link)
+        return response(next(w for w in paths if w.sensor == sensor and j in w.joints), j)
 
     seen = set()
-    for parameters, into_z in instrument_ways(damped, x, link):
+    for parameters, into_z in instrument_paths(damped, x, link):
         for parameter, j in zip(parameters, into_z.joints, strict=True):
             seen.add((int(parameter), into_z.sensor))
             # the Jacobian's column of a compliance is that of the spring alone
@@ -129,17 +129,17 @@ def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, dam
     for seed in range(16):
         measured = read_set(write_plan(plan, record(plan, runs, seed), tmp_path / f"s{seed}"))
         layout = layout_of(measured, [e.text for e in plan.model.effects])
-        refinement = Workbench(measured, layout).refinement.with_layout(layout)
+        two_band = FitContext(measured, layout).two_band.with_layout(layout)
         x = layout.vector(plan.model)
-        point = whitened_point(refinement, x)
-        deviation = np.sqrt(np.diag(refinement.score_covariance(x, point.z, point.metrics)))
+        point = whitened_point(two_band, x)
+        deviation = np.sqrt(np.diag(two_band.noise_score_covariance(x, point.z, point.weightings)))
         kept = [
             *range(layout.compliance.start, layout.compliance.stop),
             *range(layout.effect_start, layout.size),
         ]
         plain = point.z.reshape(-1, layout.size).T @ point.r.ravel()
         raw.append(plain[kept] / deviation[kept])
-        clean.append(compensated_score(refinement, point)[kept] / deviation[kept])
+        clean.append(compensated_score(two_band, point)[kept] / deviation[kept])
     error = 1 / np.sqrt(len(raw))  # of the means
     assert np.abs(np.mean(raw, axis=0)).max() > 5 * error
     assert np.abs(np.mean(clean, axis=0)).max() < 3.5 * error
@@ -151,25 +151,25 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     plan = replace(plan, sensors=replace(plan.sensors, theta_noise=2e-7, torque_noise=2.0))
     measured = read_set(write_plan(plan, record(plan, move(plan, 1), 1), tmp_path / "set"))
     layout = layout_of(measured, ())
-    bench = Workbench(measured, layout)
-    prior, bounds = bench.assumptions(layout)
+    context = FitContext(measured, layout)
+    prior, bounds = context.assumptions(layout)
     start = layout.vector(plan.model)
 
-    def check(refinement: Refinement, x: Array, window: NDArray[np.bool_] | None = None) -> None:
-        point = whitened_point(refinement, x)
-        deviation = np.sqrt(np.diag(refinement.score_covariance(x, point.z, point.metrics)))
-        score = prior.gradient_and_hessian(x)[0] + compensated_score(refinement, point, window)
+    def check(two_band: TwoBandData, x: Array, window: NDArray[np.bool_] | None = None) -> None:
+        point = whitened_point(two_band, x)
+        deviation = np.sqrt(np.diag(two_band.noise_score_covariance(x, point.z, point.weightings)))
+        score = prior.gradient_and_hessian(x)[0] + compensated_score(two_band, point, window)
         r = point.r if window is None else point.r * window[:, None]
         plain = prior.gradient_and_hessian(x)[0] + point.z.reshape(-1, layout.size).T @ r.ravel()
         free = layout.compliance
         assert np.abs(score[free] / deviation[free]).max() < 0.4
         assert np.abs(plain[free] / deviation[free]).max() > 0.9
 
-    fit = bench.fit(layout, start, iterations=20)
+    fit = context.fit(layout, start, iterations=20)
     assert fit.converged
-    check(bench.refinement.with_layout(layout), fit.x)
+    check(context.two_band.with_layout(layout), fit.x)
 
-    alone = bench.refinement.with_layout(layout)
+    alone = context.two_band.with_layout(layout)
     refined = refine(alone, prior, bounds, start)
     assert refined.converged
     check(alone, refined.x)

@@ -120,11 +120,11 @@ def test_stairs_lead_to_the_present_model(measurements: MeasurementSet) -> None:
     analysis = Session.of(measurements).analysis
     for names in (("a",), ("a", "b"), ("a", "b", "c")):
         analysis = replace(analysis, effects=names).with_diagnosis(diagnosis())
-    assert [len(stair.effects) for stair in analysis.stairs] == [1, 2, 3]
+    assert [len(stair.effects) for stair in analysis.model_steps] == [1, 2, 3]
     removed = replace(analysis, effects=("a", "c")).with_diagnosis(diagnosis())
-    assert [stair.effects for stair in removed.stairs] == [("a",), ("a", "c")]
+    assert [stair.effects for stair in removed.model_steps] == [("a",), ("a", "c")]
     again = removed.with_diagnosis(diagnosis())
-    assert [stair.effects for stair in again.stairs] == [("a",), ("a", "c")]
+    assert [stair.effects for stair in again.model_steps] == [("a",), ("a", "c")]
     other = again.with_role("g2", "ignore").with_diagnosis(diagnosis())
-    assert [stair.effects for stair in other.stairs] == [("a", "c")]
-    assert other.without_result().stairs == () and other.without_result().diagnosis is None
+    assert [stair.effects for stair in other.model_steps] == [("a", "c")]
+    assert other.without_result().model_steps == () and other.without_result().diagnosis is None

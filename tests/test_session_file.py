@@ -48,7 +48,7 @@ def test_everything_comes_back(session: Session, measurements: MeasurementSet, t
         assert np.array_equal(series.residual, after.residuals[name].residual)
     assert again.analysis.diagnosis is not None and again.analysis.diagnosis.to_json() == DIAGNOSIS.to_json()
     assert again.past[-1].analysis.diagnosis_up_to_date and again.past[-1].analysis.up_to_date
-    assert again.analysis.stairs[0].step.groups == DIAGNOSIS.steps[0].groups
+    assert again.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
     assert again.analysis.path == opened.measurements.path == measurements.path
     assert not (folder / "measurements.toml").exists() and not opened.changed
 

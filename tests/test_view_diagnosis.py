@@ -1,4 +1,4 @@
-"""A diagnosis in words, cards, stairs and maps."""
+"""A diagnosis in words, cards, model_steps and maps."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, Finding, Place, Step, Tie
+from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.curves import DIRECTED
 from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.diagnosis.where import UNITS, ResidualMap
 from flexviz.effects import EFFECTS
-from flexviz.session import Analysis, Stair
+from flexviz.session import Analysis, ModelStep
 from flexviz.view.effect_card import card_html, picture
 from flexviz.view.evidence import evidence_plot
 from flexviz.view.next_step import next_step, steps_done
@@ -52,7 +52,14 @@ STEP = Step(
 )
 LOW = replace(STEP, rms=(0.2, 0.1), groups=(("g1", (0.2, 0.1), False), ("g4", (0.2, 0.1), True)))
 DIAGNOSIS = Diagnosis(
-    "set", "missing", (FINDING,), (Place("joint2", "velocity", 0.31, (-1.0, 1.0)),), (STEP,), (), (), 3.0
+    "set",
+    "missing",
+    (FINDING,),
+    (ResidualLocation("joint2", "velocity", 0.31, (-1.0, 1.0)),),
+    (STEP,),
+    (),
+    (),
+    3.0,
 )
 
 
@@ -124,14 +131,14 @@ def test_evidence_follows_the_group() -> None:
 
 
 def test_stairs_fall_and_say_what_was_added() -> None:
-    stairs = (Stair((), STEP), Stair(("coulomb_friction:joint2",), LOW))
-    both, one = staircase_plots(stairs, 1, "joint2")
+    model_steps = (ModelStep((), STEP), ModelStep(("coulomb_friction:joint2",), LOW))
+    both, one = staircase_plots(model_steps, 1, "joint2")
     labels = [line.label for line in both.lines]
     assert labels == ["g1", "g4 (validation)", "noise floor"]
     assert both.lines[0].values[0] == pytest.approx(np.sqrt(2.5)) and both.lines[0].values[-1] < 0.2
     assert list(both.x) == [-0.5, 0.5, 0.5, 1.5] and one.lines[0].values[0] == 1.0
-    assert "+ Coulomb friction on joint2" in staircase_html(stairs)
-    without = tuple(Stair(s.effects, replace(s.step, groups=(), noise_floor=())) for s in stairs)
+    assert "+ Coulomb friction on joint2" in staircase_html(model_steps)
+    without = tuple(ModelStep(s.effects, replace(s.step, groups=(), noise_floor=())) for s in model_steps)
     assert [line.label for line in staircase_plots(without, 0, "joint1")[0].lines] == ["fit", "validation"]
     assert staircase_plots((), 0, "joint1")[0].note == EMPTY and staircase_html(()) == ""
 

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis.crossval import explained, make_folds, mean_and_error
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.freeform import NOTE, freeform
 from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
 from flexviz.diagnosis.where import UNITS, maps, places
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
-from flexviz.equation.sensitivity import NoiseWay
+from flexviz.equation.sensitivity import NoisePath
 from flexviz.identification import identify
-from flexviz.identification.refinement import residual_noise
+from flexviz.identification.two_band import residual_noise
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.resources import sessions_dir
@@ -48,12 +48,12 @@ def motion() -> Array:
     return np.concatenate(parts)
 
 
-def fitted(measurements: MeasurementSet, effects: list[str]) -> tuple[Workbench, Fit]:
+def fitted(measurements: MeasurementSet, effects: list[str]) -> tuple[FitContext, Fit]:
     wanted = choose_effects((*measurements.effects, *effects), measurements.joints)
     layout = Layout(measurements.joints, wanted)
-    bench = Workbench(measurements, layout)
+    context = FitContext(measurements, layout)
     start = layout.vector(identify(measurements, effects=effects).model)
-    return bench, bench.fit(layout, start, iterations=12)
+    return context, context.fit(layout, start, iterations=12)
 
 
 def with_hidden(
@@ -100,12 +100,12 @@ def demo() -> MeasurementSet:
 
 
 @pytest.fixture(scope="module")
-def clean(demo) -> tuple[Workbench, Fit]:
+def clean(demo) -> tuple[FitContext, Fit]:
     return fitted(demo, EVERYTHING)
 
 
 @pytest.fixture(scope="module")
-def patched(demo) -> tuple[Workbench, Fit]:
+def patched(demo) -> tuple[FitContext, Fit]:
     return fitted(with_hidden(demo, 1, patch), EVERYTHING)
 
 
@@ -184,15 +184,15 @@ def test_error_of_a_binned_mean_knows_the_autocorrelation(pole):
 
 
 def test_density_of_the_floor_holds_all_of_the_noise(clean):
-    bench, fit = clean
-    part = joint_residuals(bench, fit)[0]
-    refinement = part.refinement
+    context, fit = clean
+    part = joint_residuals(context, fit)[0]
+    two_band = part.two_band
     hertz = np.linspace(0, 30, 3000)
-    step = refinement.blocks[0].segment.step
-    transfer = refinement.wide.signals.observer.transfer
-    density = noise_density(part.ways, refinement.noise, transfer, step, hertz)
+    step = two_band.blocks[0].segment.step
+    transfer = two_band.wide.signals.observer.transfer
+    density = noise_density(part.paths, two_band.noise, transfer, step, hertz)
     link = fit.point.narrow.link
-    whole = residual_noise(refinement.wide.signals, fit.layout, fit.x, link, refinement.noise)
+    whole = residual_noise(two_band.wide.signals, fit.layout, fit.x, link, two_band.noise)
     np.testing.assert_allclose(np.trapezoid(density, hertz, axis=0), whole, rtol=2e-3)
 
 
@@ -206,11 +206,11 @@ def test_a_complete_model_is_at_the_floor(clean):
 def test_whiteness_of_noise(clean):
     """Spectra of noise at its floor give evenly spread p-values, those of another colour small ones."""
     rng = np.random.default_rng(4)
-    bench, fit = clean
-    parts = joint_residuals(bench, fit)
+    context, fit = clean
+    parts = joint_residuals(context, fit)
     part = parts[0]
-    block = part.refinement.blocks[0]
-    observer = part.refinement.wide.signals.observer
+    block = part.two_band.blocks[0]
+    observer = part.two_band.wide.signals.observer
     values: dict[float, list[float]] = {1.0: [], 0.6: []}
     sigma = 2e-5
     for bandwidth in values:
@@ -221,7 +221,7 @@ def test_whiteness_of_noise(clean):
             step = block.segment.step * block.stride
             hertz, power = periodogram(noise, step)
             inside = (hertz > 0.2) & (hertz < 18)
-            way = NoiseWay(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), (2,), (0.0,))
+            way = NoisePath(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), (2,), (0.0,))
             scale = np.full(1, sigma), np.zeros(1)
             floor = noise_density([way], scale, observer.transfer, block.segment.step, hertz)
             ratio = power[inside] / floor[inside]
@@ -275,11 +275,11 @@ def test_a_vibration_has_a_frequency(demo):
 
 def test_a_contact_has_a_time_and_a_group(demo):
     name = demo.fit_groups[1].name
-    bench, fit = fitted(with_hidden(demo, 1, contact, only=name), EVERYTHING)
-    first = places(bench, fit)[0]
+    context, fit = fitted(with_hidden(demo, 1, contact, only=name), EVERYTHING)
+    first = places(context, fit)[0]
     assert (first.joint, first.variable) == ("joint2", "time")
     assert first.range[0] < 5.9 < first.range[1] and first.range[1] - first.range[0] < 5.0
-    by_time = next(m for m in maps(bench, fit) if (m.joint, m.variable) == ("joint2", "time"))
+    by_time = next(m for m in maps(context, fit) if (m.joint, m.variable) == ("joint2", "time"))
     assert max(by_time.explained_by_group, key=lambda g: by_time.explained_by_group[g]) == name
 
 
@@ -303,8 +303,8 @@ def test_maps_have_every_variable_and_one_group_alone(clean):
 
 
 def test_free_form_draws_the_hidden_law(patched):
-    bench, fit = patched
-    curve = freeform(bench, fit, places(bench, fit)[0])
+    context, fit = patched
+    curve = freeform(context, fit, places(context, fit)[0])
     assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOTE
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
@@ -317,18 +317,18 @@ def test_free_form_draws_the_hidden_law(patched):
 
 
 def test_free_form_of_noise_is_nothing(clean):
-    bench, fit = clean
-    place = next(p for p in places(bench, fit) if p.variable == "position")
-    curve = freeform(bench, fit, place)
+    context, fit = clean
+    place = next(p for p in places(context, fit) if p.variable == "position")
+    curve = freeform(context, fit, place)
     seen = np.isfinite(curve.value)
     assert abs(curve.explained) < 0.1
     assert np.mean(np.abs(curve.value[seen]) < 3 * curve.std[seen]) > 0.9
 
 
 def test_free_form_of_a_frequency_takes_another_variable(patched):
-    bench, fit = patched
-    place = next(p for p in places(bench, fit) if (p.joint, p.variable) == ("joint2", "frequency"))
-    assert freeform(bench, fit, place).variable == "position"
+    context, fit = patched
+    place = next(p for p in places(context, fit) if (p.joint, p.variable) == ("joint2", "frequency"))
+    assert freeform(context, fit, place).variable == "position"
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")

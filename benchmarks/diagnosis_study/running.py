@@ -91,7 +91,7 @@ def say(text: str) -> None:
 
 def _diagnosed(work: Path, name: str) -> Json:
     """The diagnosis of a case. Nothing but the measurement set is known here."""
-    from benchmarks.diagnosis_study.knowing import errors
+    from benchmarks.diagnosis_study.oracle import errors
     from flexviz.diagnosis import diagnose
     from flexviz.measurements import read_set
 
@@ -120,7 +120,7 @@ def _spent(began: float, began_cpu: float) -> Json:
 
 def _known(work: Path, name: str) -> Json:
     """The fit that knows the truth; the truth file learns whether its case can be decided."""
-    from benchmarks.diagnosis_study.knowing import errors, know
+    from benchmarks.diagnosis_study.oracle import errors, know
     from flexviz.measurements import read_set
 
     path = truth_file(work, name)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.effect_pages.svg import Line, picture
-from flexviz.effects import EFFECTS, Effect, Place
+from flexviz.effects import EFFECTS, Effect, EffectTarget
 from flexviz.effects.trial import Array, Made, Signal
 
-PLACE = Place(joint=0, group="g1", payload="p1")
+PLACE = EffectTarget(joint=0, group="g1", payload="p1")
 CYCLE = np.linspace(0.0, 2 * np.pi, 1601)  # [s] one turn of a motion at 1 rad/s
 
 

@@ -190,7 +190,7 @@ class Application:
             step.refresh()
         if after.identification is not before.identification:
             self.show.show_model()
-        if after.diagnosis is not before.diagnosis or after.stairs != before.stairs:
+        if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
             self.show.show_diagnosis()
         # last: who reads the new error, or sees Stop go out, finds plots and tables that go with it
         self.dock.refresh()

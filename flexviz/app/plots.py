@@ -56,10 +56,10 @@ class PlotPanel:
     def show_compare(self) -> None:
         """The staircase of errors."""
         app = self._app
-        stairs = app.session.analysis.stairs
+        model_steps = app.session.analysis.model_steps
         joint = app.show.joint
-        self._compare.show(staircase_plots(stairs, joint, app.measurements.joints[joint]))
-        self._steps.content = staircase_html(stairs)
+        self._compare.show(staircase_plots(model_steps, joint, app.measurements.joints[joint]))
+        self._steps.content = staircase_html(model_steps)
 
     def move(self, time: float) -> None:
         """Move the playheads [s]."""

@@ -158,7 +158,7 @@ class Recordings:
             recording.observer(make_observer(result.observer_name, result.bandwidth))  # type: ignore[arg-type]
             recording.identified(result, model_label(analysis.fitted[4] if analysis.fitted else ()))
         if diagnosis is not None and diagnosis is not looked and analysis.diagnosis_up_to_date:
-            recording.diagnosed(diagnosis, tuple(stair.step for stair in analysis.stairs))
+            recording.diagnosed(diagnosis, tuple(stair.step for stair in analysis.model_steps))
 
     # -- other threads -------------------------------------------------------------------------------
 

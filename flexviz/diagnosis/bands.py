@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flexviz.diagnosis.fitting import JUDGING
+from flexviz.diagnosis.fit_context import JUDGING
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import Transfer, noise_ways
+from flexviz.equation.sensitivity import Transfer, noise_paths
 from flexviz.equation.signals import Signals, equation_stride
 from flexviz.errors import InputError
-from flexviz.identification.prior import Prior
-from flexviz.identification.refine import (
+from flexviz.identification.instrumental_variables import (
     CONSISTENT,
     TOLERANCE,
     compensated_score,
@@ -24,9 +23,10 @@ from flexviz.identification.refine import (
     shared_part,
     weighted_point,
 )
-from flexviz.identification.refinement import Refinement
+from flexviz.identification.prior import Prior
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
-from flexviz.identification.uncertainty import colour_matrix, covariance
+from flexviz.identification.two_band import TwoBandData
+from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase, Observer
@@ -48,19 +48,19 @@ class Band:
         bandwidth: [rad/s].
         signals: of a single observer, or of the wide one of two.
         equation: of a single observer, or of the narrow one of two.
-        refinement: the two; None for a single observer.
+        two_band: the two; None for a single observer.
         own_error: shape (N, n), what this bandwidth alone adds to the residual [Nm].
     """
 
     bandwidth: float
     signals: Signals
     equation: Equation
-    refinement: Refinement | None
+    two_band: TwoBandData | None
     own_error: Array | float = 0.0
 
     def residual(self, x: Array) -> Array:
         """The residual at x, shape (N, n)."""
-        equation = self.equation if self.refinement is None else self.refinement.wide
+        equation = self.equation if self.two_band is None else self.two_band.wide
         equation.prepare(x)
         return equation.residual(x) - self.own_error
 
@@ -94,10 +94,10 @@ def refined_bands(
     found: dict[float, Band] = {}  # coarse records hold no wide band: there some factors mean the same one
     for factor in factors:
         weighing = replace(JUDGING, hertz=JUDGING.hertz * factor, ridge=0.0)
-        refinement = weighing.refinement(measurements, groups, layout)
-        signals = refinement.wide.signals
+        two_band = weighing.two_band(measurements, groups, layout)
+        signals = two_band.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
-        found.setdefault(bandwidth, Band(bandwidth, signals, refinement.narrow, refinement))
+        found.setdefault(bandwidth, Band(bandwidth, signals, two_band.narrow, two_band))
     return list(found.values())
 
 
@@ -192,34 +192,34 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
     be the reason of the residual. With that the last fits are made, at every bandwidth with the same.
     """
     window = seconds >= 0
-    refinement = band.refinement
-    assert refinement is not None
-    layout, blocks = refinement.layout, refinement.blocks
+    two_band = band.two_band
+    assert two_band is not None
+    layout, blocks = two_band.layout, two_band.blocks
     x = bounds.clip(begin.x)
-    refinement.tolerance = begin.tolerance
-    metrics, shared = None, []
+    two_band.tolerance = begin.tolerance
+    weightings, shared = None, []
     iteration = 0
     while True:
-        residual, narrow = evaluated(refinement, x)
+        residual, narrow = evaluated(two_band, x)
         residual = residual - band.own_error
-        if metrics is None:
-            whiteners = refinement.whiteners(x, narrow.link)
-            metrics = refinement.metrics(x, narrow, whiteners)
-            shared = refinement.instrument_bias(x, narrow.link, whiteners)
-        point = weighted_point(refinement, residual, narrow, metrics, shared)
+        if weightings is None:
+            whiteners = two_band.whiteners(x, narrow.link)
+            weightings = two_band.weightings(x, narrow, whiteners)
+            shared = two_band.instrument_bias(x, narrow.link, whiteners)
+        point = weighted_point(two_band, residual, narrow, weightings, shared)
         r, z = point.r * window[:, None], point.z * window[:, None, None]
         chi = np.sum(r**2, axis=0) / max(np.count_nonzero(point.used & window), 1)
-        if not last and (refinement.tolerance.any() or float(chi.mean()) > CONSISTENT):
-            if not refinement.tolerance.any():
-                refinement.tolerance = TOLERANCE**2 * np.mean(point.narrow.torque[0] ** 2, axis=0)
-            refinement.tolerance = refinement.tolerance * np.maximum(chi, 0.5)
-            metrics = None
+        if not last and (two_band.tolerance.any() or float(chi.mean()) > CONSISTENT):
+            if not two_band.tolerance.any():
+                two_band.tolerance = TOLERANCE**2 * np.mean(point.narrow.torque[0] ** 2, axis=0)
+            two_band.tolerance = two_band.tolerance * np.maximum(chi, 0.5)
+            weightings = None
         gradient, prior_hessian = prior.gradient_and_hessian(x)
         flat = z.reshape(-1, layout.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
         step, at_bound = bounded_step(
-            gradient + compensated_score(refinement, point, window), hessian, x, bounds
+            gradient + compensated_score(two_band, point, window), hessian, x, bounds
         )
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         if length < NEGLIGIBLE or iteration == STEPS[last]:
@@ -227,18 +227,18 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
         x = feasible_step(prior, bounds, x, step)
         iteration += 1
     if not last:
-        return replace(begin, x=x, tolerance=refinement.tolerance)
-    if refinement.tolerance.any():
-        colour = colour_matrix(r, z, [b.rows for b in blocks])
+        return replace(begin, x=x, tolerance=two_band.tolerance)
+    if two_band.tolerance.any():
+        colour = score_covariance(r, z, [b.rows for b in blocks])
     else:
-        colour = refinement.score_covariance(x, z, point.metrics) * max(float(chi.mean()), 1.0)
+        colour = two_band.noise_score_covariance(x, z, point.weightings) * max(float(chi.mean()), 1.0)
     cov = _covariance(information, colour, prior_hessian, ~at_bound)
     each = np.einsum("tjp,tj->tp", z, r)
     counted = point.used & window
-    for block, mean in zip(blocks, shared_part(refinement, point, counted), strict=True):
+    for block, mean in zip(blocks, shared_part(two_band, point, counted), strict=True):
         each[block.rows] -= counted[block.rows, None] * mean
     influence = _influence(each, hessian, ~at_bound, seconds)
-    return Fitted(x, *cov, at_bound, refinement.tolerance, influence)
+    return Fitted(x, *cov, at_bound, two_band.tolerance, influence)
 
 
 def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
@@ -262,7 +262,7 @@ def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: 
     r, free = solution.evaluation.residual * solution.weights, ~solution.at_bound
     information = flat.T @ flat
     prior_hessian = prior.gradient_and_hessian(solution.x)[1]
-    cov = _covariance(information, colour_matrix(r, z, rows), prior_hessian, free)
+    cov = _covariance(information, score_covariance(r, z, rows), prior_hessian, free)
     each = np.einsum("tjp,tj->tp", z, r)
     influence = _influence(each, information + prior_hessian, free, seconds)
     return Fitted(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
@@ -340,12 +340,12 @@ def difference(one: Band, other: Band) -> Transfer:
 
 def slow_noise(band: Band, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation that white measurement noise leaves in the slow residual, shape (n,) [Nm]."""
-    ways = noise_ways(band.equation.layout, x, band.equation.link_terms(x))
+    paths = noise_paths(band.equation.layout, x, band.equation.link_terms(x))
     noise = segments_noise([b.segment for b in band.signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
     total = 0.0
     for block in band.signals.blocks:
-        here = [way.rows(block.rows) for way in ways]
+        here = [path.rows(block.rows) for path in paths]
         density = noise_density(
             here, noise, lambda w, k: transfer(w, k) * low.transfer(w, 0), block.segment.step, hertz
         )

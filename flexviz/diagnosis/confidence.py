@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.judging import excess, removed
 
 WEIGHTS = (1.294, 0.598, 0.0, 0.546, -2.372)  # of one and of the features

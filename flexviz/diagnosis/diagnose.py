@@ -12,8 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.explaining import explain, fit_covariance
-from flexviz.diagnosis.fair_share import Named
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.final_refit import final_refit
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.freeform import freeform
 from flexviz.diagnosis.guard import guard
 from flexviz.diagnosis.judging import BEYOND, excess, verdict
@@ -21,7 +22,6 @@ from flexviz.diagnosis.model_error import STEPS, ModelErrorSearch
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
-from flexviz.diagnosis.sharpening import sharpened
 from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
@@ -49,7 +49,7 @@ class Progress:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class SearchStep:
     """One step of the chain: what was added to which fit, how all that was tried did, and where it ended."""
 
     before: Fit
@@ -99,11 +99,11 @@ class _Diagnosing:
         self.measurements, self.start = measurements, start
         self.progress, self.should_stop = progress, should_stop
         self.layout = layout_of(measurements)
-        self.bench = Workbench(measurements, self.layout)
-        self.search = Search(self.bench, self.say)
+        self.context = FitContext(measurements, self.layout)
+        self.search = Search(self.context, self.say)
         self.band = ErrorBand(measurements)
         self.share, self.stopped = 0.0, False
-        self.chain: list[Link] = []
+        self.chain: list[SearchStep] = []
         self.tolerance: Array | None = None  # of a model error, where there was one
         self.first: list[Tried] = []  # what was tried for the model the set starts with
 
@@ -123,7 +123,7 @@ class _Diagnosing:
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         began = time.perf_counter()
         base = self.fitted()
-        final, self.reference = base, self.bench.bare(base)
+        final, self.reference = base, self.context.bare(base)
         try:
             base, final = self.rounds(base, apply)
             if verdict(final, self.reference) == "unknown":
@@ -139,7 +139,7 @@ class _Diagnosing:
         else:
             first = identify(self.measurements, should_stop=self.should_stop)
             x = self.layout.vector(first.model)
-        return self.bench.fit(self.layout, x, iterations=FIRST)
+        return self.context.fit(self.layout, x, iterations=FIRST)
 
     def rounds(self, base: Fit, apply: bool) -> tuple[Fit, Fit]:
         """Effects that explain the residual down to the noise, or nearly: the first fit and the last one."""
@@ -160,9 +160,9 @@ class _Diagnosing:
                     last = self.chain[-1]
                     self.chain[-1] = replace(last, chosen=replace(last.chosen, fit=again))
                 else:
-                    base, self.reference = again, self.bench.bare(again)
+                    base, self.reference = again, self.context.bare(again)
                 continue
-            link = Link(fit, best, objectives(tried), scores.shortened())
+            link = SearchStep(fit, best, objectives(tried), scores.shortened())
             self.chain.append(link)
             fit = best.fit
             if not apply:
@@ -183,10 +183,10 @@ class _Diagnosing:
         self.chain = []
         for link in kept[:-1]:
             again = self.search.refit(before, link.chosen.scored, FIRST)
-            self.chain.append(Link(before, again, link.objectives, link.scores))
+            self.chain.append(SearchStep(before, again, link.objectives, link.scores))
             before = again.fit
         last = kept[-1]
-        self.chain.append(Link(before, replace(last.chosen, fit=simpler), last.objectives, last.scores))
+        self.chain.append(SearchStep(before, replace(last.chosen, fit=simpler), last.objectives, last.scores))
         return simpler
 
     def beyond(self, base: Fit, final: Fit, apply: bool) -> Fit:
@@ -203,7 +203,7 @@ class _Diagnosing:
         self.tolerance = beyond.tolerance if steps else None
         for added in steps:
             self.chain.append(
-                Link(
+                SearchStep(
                     added.before,
                     added.tried,
                     objectives([added.tried]),
@@ -213,10 +213,10 @@ class _Diagnosing:
             )
         return steps[-1].after if steps else final
 
-    def named(self, link: Link) -> bool:
-        """Whether an effect takes a fair share of what a free curve on its joint would."""
+    def named(self, link: SearchStep) -> bool:
+        """Whether an effect takes a share of what a free curve on its joint would."""
         effect = link.chosen.effect
-        return effect.joint is None or Named(self.search, link.before, link.scores)(effect)
+        return effect.joint is None or FreeCurveTest(self.search, link.before, link.scores)(effect)
 
     # -- the answer -------------------------------------------------------------------------------------
 
@@ -225,35 +225,35 @@ class _Diagnosing:
         errors = [self.band.errors(fit) for fit in fits]
         beside = final  # in units of the model error, where there was one
         if self.tolerance is not None:  # judged in units of the noise all the same
-            final = self.bench.fit(final.layout, final.x, iterations=0)
+            final = self.context.fit(final.layout, final.x, iterations=0)
         found = []
         for a, old, new in zip(self.chain, errors, errors[1:], strict=False):
             ended = final if a.settled is None else beside
             three = (self.band, old, new)
-            found.append(explain(self.bench, a.before, a.chosen, a.objectives, a.scores, ended, three))
+            found.append(explain(self.context, a.before, a.chosen, a.objectives, a.scores, ended, three))
         if not apply and found:  # only looked at: the model stays what it is
             final, last = base, "missing"
         else:
             last = verdict(final, self.reference)
-        if last == "nothing-missing" and (closer := self.sharpened(final)) is not None:
+        if last == "nothing-missing" and (closer := self.final_refit(final)) is not None:
             final, cov, share = closer
             fits[-1], errors[-1] = final, self.band.errors(final)
         else:
-            cov, share = fit_covariance(self.bench, final)
+            cov, share = fit_covariance(self.context, final)
         added = [None, *found] if apply else [None]
         steps = [
             self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
             for k, (finding, fit, error) in enumerate(zip(added, fits, errors, strict=False))
         ]
-        prior, _ = self.bench.assumptions(final.layout)
+        prior, _ = self.context.assumptions(final.layout)
         estimates = parameter_estimates(
             final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
         )
-        where, maps = where_it_fails(self.bench, final)
+        where, maps = where_it_fails(self.context, final)
         reached = last != "unknown"
         curve = watch = None
         if not self.stopped:
-            curve = None if reached else freeform(self.bench, final, where[0])
+            curve = None if reached else freeform(self.context, final, where[0])
             if guarded or (guarded is None and not reached):
                 self.progressed("looking at what moves with the bandwidth")
                 watch = guard(self.measurements, final.layout, final.x)
@@ -274,16 +274,16 @@ class _Diagnosing:
             watch,
         )
 
-    def sharpened(self, final: Fit) -> tuple[Fit, Array, Array] | None:
+    def final_refit(self, final: Fit) -> tuple[Fit, Array, Array] | None:
         """The last model with its best values, their covariance and the prior's share of it."""
         try:
             self.say("sharpening the values")
-            closer = sharpened(self.measurements, final, self.search.check)
+            closer = final_refit(self.measurements, final, self.search.check)
         except Interrupted:
             return None
         if closer is None:
             return None
-        fit = self.bench.fit(final.layout, closer.x, iterations=0, near=final)
+        fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
         return fit, closer.covariance, closer.prior_share
 
     def step(self, added: Finding | None, fit: Fit, errors: Errors, verdict_now: str) -> Step:
@@ -306,7 +306,7 @@ class _Diagnosing:
             key = (t.effect.effect, base.layout.joint_name(t.effect), t.effect.group, t.effect.payload)
             if key in taken or base.objective - t.fit.objective <= 0:
                 continue
-            other = explain(self.bench, base, t, did, None, t.fit)
+            other = explain(self.context, base, t, did, None, t.fit)
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.fit_context import Fit
 from flexviz.equation import Equation, build_signals
-from flexviz.identification.refinement import residual_noise
+from flexviz.identification.two_band import residual_noise
 from flexviz.measurements import MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.errors import ErrorBand, Errors
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.judging import score_of
 from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
 from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.identification.scoring import Scored
-from flexviz.identification.uncertainty import colour_matrix, covariance
+from flexviz.identification.uncertainty import covariance, score_covariance
 
 Array = NDArray[np.float64]
 
@@ -28,22 +28,22 @@ MOVED_SHARE = 0.01  # and this share of its value
 MENTIONED = 6  # parameters
 
 
-def fit_covariance(bench: Workbench, fit: Fit) -> tuple[Array, Array]:
+def fit_covariance(context: FitContext, fit: Fit) -> tuple[Array, Array]:
     """Covariance (P, P) of a fit and the prior's share of each variance (P,)."""
-    prior, _ = bench.assumptions(fit.layout)
+    prior, _ = context.assumptions(fit.layout)
     flat = fit.point.z.reshape(-1, fit.layout.size)
-    rows = [b.rows for b in bench.refinement.blocks]
-    colour = colour_matrix(fit.point.r, fit.point.z, rows)
+    rows = [b.rows for b in context.two_band.blocks]
+    colour = score_covariance(fit.point.r, fit.point.z, rows)
     return covariance(flat.T @ flat, colour, prior.gradient_and_hessian(fit.x)[1])
 
 
-def standard_errors(bench: Workbench, fit: Fit) -> Array:
+def standard_errors(context: FitContext, fit: Fit) -> Array:
     """Of every parameter, shape (P,)."""
-    return np.sqrt(np.maximum(np.diag(fit_covariance(bench, fit)[0]), 0.0))
+    return np.sqrt(np.maximum(np.diag(fit_covariance(context, fit)[0]), 0.0))
 
 
 def explain(
-    bench: Workbench,
+    context: FitContext,
     before: Fit,
     best: Tried,
     objectives: Mapping[ChosenEffect, float],
@@ -54,7 +54,7 @@ def explain(
     """A candidate as a finding.
 
     Args:
-        bench: the data.
+        context: the data.
         before: the model without it.
         best: with it, refitted.
         objectives: of all candidates that were refitted.
@@ -63,10 +63,10 @@ def explain(
         errors: the band of errors and the errors before and after; None for one that is only mentioned.
     """
     effect, fit = best.effect, best.fit
-    std = standard_errors(bench, fit)
+    std = standard_errors(context, fit)
     where = dict(fit.layout.effect_slices())[effect]
     specs = EFFECTS[effect.effect].parameters
-    tied = () if scores is None else ties(bench, before, best, objectives, scores)
+    tied = () if scores is None else ties(context, before, best, objectives, scores)
     same = {(t.effect, t.joint) for t in tied}
     rivals = [
         objective
@@ -95,7 +95,7 @@ def explain(
 
 
 def ties(
-    bench: Workbench, before: Fit, best: Tried, objectives: Mapping[ChosenEffect, float], scores: Scores
+    context: FitContext, before: Fit, best: Tried, objectives: Mapping[ChosenEffect, float], scores: Scores
 ) -> tuple[Tie, ...]:
     """What the data cannot tell from the best candidate."""
     gain = before.objective - best.fit.objective
@@ -114,7 +114,7 @@ def ties(
                     s.effect.effect,
                     before.layout.joint_name(s.effect),
                     correlation,
-                    breaking(bench, before, best.effect, mine, other),
+                    breaking(context, before, best.effect, mine, other),
                 )
             )
     return tuple(out)

@@ -17,9 +17,9 @@ from scipy.interpolate import BSpline
 from flexviz._scipy import fft
 from flexviz.diagnosis.crossval import Folds, judged, make_folds, remainder_spectrum
 from flexviz.diagnosis.curves import DIRECTED, STIFFNESSES, columns, in_directions
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import Absorption, Samples, absorption, joint_residuals, samples
-from flexviz.diagnosis.result import Place
+from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.where import CLEARLY, DIRECTIONS, UNITS, joint_maps
 
 Array = NDArray[np.float64]
@@ -87,17 +87,17 @@ class _Splines:
         return np.kron(np.eye(self.sides), bend.T @ bend).astype(np.float64)
 
 
-def freeform(bench: Workbench, fit: Fit, place: Place) -> FreeForm:
+def freeform(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeForm:
     """The curve of a joint's residual against the variable of a place.
 
     Where the place is a group or a frequency, against which no torque can be drawn, the joint's best other
     variable is taken; for position, one curve a direction where that explains clearly more.
     """
-    parts = joint_residuals(bench, fit)
-    data = samples(bench, fit, parts)
+    parts = joint_residuals(context, fit)
+    data = samples(context, fit, parts)
     joint = fit.layout.joints.index(place.joint)
     variable, sides = _variable(data, joint, place.variable)
-    taken = absorption(bench, fit, parts)
+    taken = absorption(context, fit, parts)
     values = data.variable(variable, joint)
     splines = _splines(values[data.shown], sides)
     residual = data.residual[:, joint]

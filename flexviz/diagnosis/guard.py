@@ -35,14 +35,14 @@ from flexviz.diagnosis.bands import (
     unfitted,
     without_own_error,
 )
-from flexviz.diagnosis.fitting import loosened
+from flexviz.diagnosis.fit_context import loosened
 from flexviz.equation import Layout
 from flexviz.identification.base_parameters import base_parameters
 from flexviz.identification.prior import Prior
-from flexviz.identification.refinement import WIDE_HERTZ
 from flexviz.identification.result import ParameterEstimate
 from flexviz.identification.start import start_values
 from flexviz.identification.summary import combinations, parameter_estimates
+from flexviz.identification.two_band import WIDE_HERTZ
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import FlatZeroPhase, Observer
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.fit_context import Fit
 from flexviz.effects import EFFECTS, ChosenEffect
 
 GAIN = 100.0  # fall of the objective that an effect has to bring

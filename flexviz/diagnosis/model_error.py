@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.fair_share import Named
-from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.judging import credible
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
-from flexviz.identification.refine import Point
+from flexviz.identification.instrumental_variables import Point
 
 Array = NDArray[np.float64]
 
@@ -66,9 +66,9 @@ class ModelErrorSearch:
 
     def __init__(self, search: Search, longest: int = STEPS) -> None:
         self.search, self.longest = search, longest
-        signals = search.bench.refinement.narrow.signals
+        signals = search.context.two_band.narrow.signals
         self.tolerance = FIRST**2 * np.mean(signals.tau[0] ** 2, axis=0)
-        self.bench = search.bench
+        self.context = search.context
 
     def settled(self, layout: Layout, x: Array) -> Fit:
         """A fit under a model error of its own size, from x or from where a plain fit leads.
@@ -77,14 +77,14 @@ class ModelErrorSearch:
         soft joint for friction); from there the way back may be closed.
         """
         check = self.search.check
-        bench = self.search.bench.with_tolerance(self.tolerance)
-        rough = bench.roughly(layout, x, check)
-        starts = [bench.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
+        context = self.search.context.with_tolerance(self.tolerance)
+        rough = context.roughly(layout, x, check)
+        starts = [context.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
         x = min(starts, key=lambda f: f.objective).x
         fit = None
         for _ in range(ROUNDS):
-            self.bench = self.search.bench.with_tolerance(self.tolerance)
-            fit = self.bench.fit(layout, x, iterations=ITERATIONS, check=self.search.check)
+            self.context = self.search.context.with_tolerance(self.tolerance)
+            fit = self.context.fit(layout, x, iterations=ITERATIONS, check=self.search.check)
             x = fit.x
             if np.all(np.abs(np.log(fit.chi)) < 0.25):
                 break
@@ -97,10 +97,10 @@ class ModelErrorSearch:
         fit = self.settled(start.layout, start.x)
         steps: list[Added] = []
         for _ in range(self.longest):
-            search = Search(self.bench, self.search.say)
+            search = Search(self.context, self.search.say)
             scores = search.scores(fit, episodes=False)  # an episode cannot be confirmed on other groups
-            plain = self.search.bench.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
-            named = Named(self.search, plain, self.search.scores(plain, episodes=False))
+            plain = self.search.context.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
+            named = FreeCurveTest(self.search, plain, self.search.scores(plain, episodes=False))
             added = self.next(search, fit, scores, named)
             if added is None:
                 break
@@ -108,7 +108,7 @@ class ModelErrorSearch:
             steps.append(replace(added, after=fit))
         return steps
 
-    def next(self, search: Search, fit: Fit, scores: Scores, named: Named) -> Added | None:
+    def next(self, search: Search, fit: Fit, scores: Scores, named: FreeCurveTest) -> Added | None:
         """The first candidate, best scores first, that held-out groups confirm."""
         left = [s for s in scores.ranked if s.gain > LEAST_SCORE and named(s.effect)][:REFUSED]
         while left:
@@ -117,7 +117,7 @@ class ModelErrorSearch:
             for scored in batch:
                 search.say(f"trying {EFFECTS[scored.effect.effect].title.lower()} beside a model error")
                 layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-                refit = self.bench.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
+                refit = self.context.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
                 tried.append(Tried(scored, refit))
             for t in sorted(tried, key=lambda t: t.fit.objective):
                 better = self.improvement(fit, t.fit, t.effect.joint)
@@ -132,7 +132,7 @@ class ModelErrorSearch:
         scatter, as long as the likelihood of all together rises.
         """
         a, b = before.held_out or before.point, after.held_out or after.point
-        blocks = (self.bench.validation or self.bench.refinement).blocks
+        blocks = (self.context.validation or self.context.two_band).blocks
         step = float(blocks[0].segment.step * blocks[0].stride)
         length = max(1, round(STRETCH / step))
         old, new = _stretches(a, length), _stretches(b, length)

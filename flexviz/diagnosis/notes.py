@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.errors import Errors
-from flexviz.diagnosis.fitting import Fit
+from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.guard import Guard
 
@@ -43,7 +43,7 @@ def notes(
     rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
-    pulses = any(metric.basis is not None for metric in final.point.metrics)
+    pulses = any(weighting.basis is not None for weighting in final.point.weightings)
     if verdict == "nothing-missing" and pulses and largest[j] > SPIKES * floor[j]:
         out.append(
             f"the error of {joints[j]} ({largest[j]:.3g} Nm) is that of the moments in which joints turn "

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.crossval import Ints
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation.residual import Chain
-from flexviz.equation.sensitivity import NoiseWay, Transfer, noise_ways
-from flexviz.equation.undecided import pulses
-from flexviz.identification.refine import CONSISTENT, Point
-from flexviz.identification.refinement import Refinement
+from flexviz.equation.reversal_nuisance import pulses
+from flexviz.equation.sensitivity import NoisePath, Transfer, noise_paths
+from flexviz.identification.instrumental_variables import CONSISTENT, Point
 from flexviz.identification.solver import bounded_step
+from flexviz.identification.two_band import TwoBandData
 from flexviz.identification.whitening import Whitener, noise_kernel, whitener
 from flexviz.observers import FlatZeroPhase
 
@@ -31,23 +31,23 @@ class JointResiduals:
     """The residual of the fit groups or of the validation groups at a fit.
 
     Attributes:
-        refinement: its signals.
+        two_band: its signals.
         point: the fit's residual and instruments there.
         residual: shape (N, n) [Nm], in the wide band, without what is not known of the laws' reversals.
         slow: shape (N, n) [Nm], that, low-passed after it was formed; zero where not shown. A residual formed
             from signals filtered as narrowly would also hold what the filter does to their products.
         shown: shape (N,), samples of `slow` that are not next to an end of the stretch.
         white: shape (N, n), every joint whitened by itself; zero where not used.
-        ways: of the noise into the residual.
+        paths: of the noise into the residual.
     """
 
-    refinement: Refinement
+    two_band: TwoBandData
     point: Point
     residual: Array
     slow: Array
     shown: NDArray[np.bool_]
     white: Array
-    ways: list[NoiseWay]
+    paths: list[NoisePath]
 
     @property
     def used(self) -> NDArray[np.bool_]:
@@ -59,28 +59,28 @@ class JointResiduals:
 
         `step` is that of the raw samples [s].
         """
-        here = [way.rows(rows) for way in self.ways]
-        observer = self.refinement.wide.signals.observer
-        wide = noise_density(here, self.refinement.noise, observer.transfer, step, hertz)
+        here = [path.rows(rows) for path in self.paths]
+        observer = self.two_band.wide.signals.observer
+        wide = noise_density(here, self.two_band.noise, observer.transfer, step, hertz)
         return wide, wide * np.abs(SLOW.transfer(2 * np.pi * hertz, 0))[:, None] ** 2
 
 
-def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
+def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
     """Of the fit groups, and of the validation groups where there are some."""
     out = []
-    for source, point in ((bench.refinement, fit.point), (bench.validation, fit.held_out)):
+    for source, point in ((context.two_band, fit.point), (context.validation, fit.held_out)):
         if source is None or point is None:
             continue
-        refinement = source.with_layout(fit.layout)
-        refinement.wide.prepare(fit.x)
-        residual = refinement.wide.residual(fit.x)
-        ways = noise_ways(fit.layout, fit.x, point.narrow.link)
-        whiteners = joint_whiteners(refinement, ways)
+        two_band = source.with_layout(fit.layout)
+        two_band.wide.prepare(fit.x)
+        residual = two_band.wide.residual(fit.x)
+        paths = noise_paths(fit.layout, fit.x, point.narrow.link)
+        whiteners = joint_whiteners(two_band, paths)
         chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.narrow.link)
-        unknown = {p.block: p.columns for p in pulses(refinement.wide, fit.x, chain)}
+        unknown = {p.block: p.columns for p in pulses(two_band.wide, fit.x, chain)}
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
         shown = np.zeros(len(residual), bool)
-        for index, block in enumerate(refinement.blocks):
+        for index, block in enumerate(two_band.blocks):
             rows = block.rows
             for j, whitener_j in enumerate(whiteners[index]):
                 free = unknown[index][:, j] if index in unknown else None
@@ -94,7 +94,7 @@ def joint_residuals(bench: Workbench, fit: Fit) -> list[JointResiduals]:
             slow[kept[inner]] = SLOW.derivatives(residual[kept], step, 1)[0, inner]
             shown[kept[inner]] = True
         white[~point.used] = 0.0
-        out.append(JointResiduals(refinement, point, residual, slow, shown, white, ways))
+        out.append(JointResiduals(two_band, point, residual, slow, shown, white, paths))
     return out
 
 
@@ -110,8 +110,8 @@ def settled_reversals(
         pulses: shape (N, M), ∂r for pulses of one standard deviation each; None without any.
 
     Returns:
-        the residual less the most probable pulses, and its whitened form P W r (as `Metric`), shape (N,)
-        each.
+        the residual less the most probable pulses, and its whitened form P W r (as `NoiseWeighting`),
+        shape (N,) each.
     """
     white = whitener.apply(residual[:, None])[:, 0] * used
     if pulses is None:
@@ -127,29 +127,29 @@ def settled_reversals(
     return residual - pulses @ (turn @ (along / (chi + squares))), white
 
 
-def joint_whiteners(refinement: Refinement, ways: list[NoiseWay]) -> list[list[Whitener]]:
+def joint_whiteners(two_band: TwoBandData, paths: list[NoisePath]) -> list[list[Whitener]]:
     """For every block one whitener a joint, of that joint's residual alone.
 
-    The fit's metric also predicts one joint's noise from the others', which is right for estimating; but with
-    it a torque that is missing on one joint shows on every joint that comes after it. A model error that the
-    fit allowed for is no part of it: what it stands for is what is looked for.
+    The fit's weighting also predicts one joint's noise from the others', which is right for estimating; but
+    with it a torque that is missing on one joint shows on every joint that comes after it. A model error that
+    the fit allowed for is no part of it: what it stands for is what is looked for.
     """
     kernels: dict[tuple[float, float], list[Array]] = {}
     out: list[list[Whitener]] = []
-    for block in refinement.blocks:
+    for block in two_band.blocks:
         raw = block.segment.step
         key = (raw * block.stride, raw)
         if key not in kernels:
-            observer = refinement.wide.signals.observer
-            kernels[key] = [noise_kernel(observer, *key, way, refinement.order) for way in ways]
+            observer = two_band.wide.signals.observer
+            kernels[key] = [noise_kernel(observer, *key, path, two_band.order) for path in paths]
         parts = [
-            _own_covariance(way.matrices[:, block.rows], kernel, way.variance(refinement.noise))
-            for way, kernel in zip(ways, kernels[key], strict=True)
+            _own_covariance(path.matrices[:, block.rows], kernel, path.variance(two_band.noise))
+            for path, kernel in zip(paths, kernels[key], strict=True)
         ]
         cov = np.sum(parts, axis=0)
         cov[0] *= 1 + 1e-9
-        joints = range(refinement.layout.n)
-        out.append([whitener(cov[:, :, j, None, None], refinement.every) for j in joints])
+        joints = range(two_band.layout.n)
+        out.append([whitener(cov[:, :, j, None, None], two_band.every) for j in joints])
     return out
 
 
@@ -165,7 +165,7 @@ def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array
 
 
 def noise_density(
-    ways: Sequence[NoiseWay],
+    paths: Sequence[NoisePath],
     noise: tuple[Array, Array],
     transfer: Transfer,
     step: float,
@@ -178,7 +178,7 @@ def noise_density(
     that their mean products weigh each frequency.
 
     Args:
-        ways: of the noise into the residual.
+        paths: of the noise into the residual.
         noise: standard deviations of θ and τ a raw sample, shape (n,) each.
         transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
         step: of the raw samples [s].
@@ -189,17 +189,17 @@ def noise_density(
     """
     omega: Array = 2 * np.pi * hertz
     total = np.zeros((len(hertz), len(noise[0])))
-    for way in ways:
-        products = np.einsum("jtim,ktim,m->jki", way.matrices, way.matrices, way.variance(noise))
-        products /= way.matrices.shape[1]
-        gain = np.array(way.gains(transfer, omega))
+    for path in paths:
+        products = np.einsum("jtim,ktim,m->jki", path.matrices, path.matrices, path.variance(noise))
+        products /= path.matrices.shape[1]
+        gain = np.array(path.gains(transfer, omega))
         total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
     return 2 * step * total
 
 
 @dataclass(frozen=True)
 class Samples:
-    """The slow residual of all groups of a bench, with what it is held against.
+    """The slow residual of all groups of a context, with what it is held against.
 
     Attributes:
         joints: names.
@@ -234,12 +234,12 @@ class Samples:
         return self.theta[("position", "velocity", "acceleration").index(name), :, joint]
 
 
-def samples(bench: Workbench, fit: Fit, parts: list[JointResiduals], group: str | None = None) -> Samples:
+def samples(context: FitContext, fit: Fit, parts: list[JointResiduals], group: str | None = None) -> Samples:
     """Fit and validation groups, one after the other; only one group's are shown where it is named."""
-    names = tuple(g.name for g in bench.measurements.groups)
+    names = tuple(g.name for g in context.measurements.groups)
     index, stretches, steps, at = [], [], [], 0
     for part in parts:
-        signals = part.refinement.narrow.signals
+        signals = part.two_band.narrow.signals
         own, step = np.zeros(signals.count, int), np.zeros(signals.count)
         for block in signals.blocks:
             own[block.rows] = names.index(signals.groups[block.group].name)
@@ -254,10 +254,10 @@ def samples(bench: Workbench, fit: Fit, parts: list[JointResiduals], group: str 
         shown = shown & (of_group == names.index(group))
     return Samples(
         fit.layout.joints, names, of_group, tuple(stretches), shown,
-        np.concatenate([p.refinement.narrow.signals.time for p in parts]),
+        np.concatenate([p.two_band.narrow.signals.time for p in parts]),
         np.concatenate(steps),
-        np.concatenate(absorbed(bench, fit, parts)) * shown[:, None],
-        np.concatenate([p.refinement.narrow.signals.theta[:3] for p in parts], axis=1),
+        np.concatenate(absorbed(context, fit, parts)) * shown[:, None],
+        np.concatenate([p.two_band.narrow.signals.theta[:3] for p in parts], axis=1),
         np.concatenate([p.point.narrow.torque[0] for p in parts]),
     )  # fmt: skip
 
@@ -283,9 +283,9 @@ class Absorption:
     jacobians: tuple[Array, ...]
 
 
-def absorption(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> Absorption:
+def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Absorption:
     """From the fit groups' slow residual."""
-    prior, bounds = bench.assumptions(fit.layout)
+    prior, bounds = context.assumptions(fit.layout)
     gradient, prior_hessian = prior.gradient_and_hessian(fit.x)
     shown = parts[0].shown
     jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]
@@ -304,9 +304,9 @@ def absorption(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> Absor
     return Absorption(weight, hessian, step, tuple(p.point.narrow.jacobian for p in parts))
 
 
-def absorbed(bench: Workbench, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
+def absorbed(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
     """The slow residuals, less what the model's parameters can still take off them, shape (N, n) each."""
-    found = absorption(bench, fit, parts)
+    found = absorption(context, fit, parts)
     if not found.step.any():
         return [p.slow for p in parts]
     return [

@@ -124,7 +124,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Place:
+class ResidualLocation:
     """Where the residual lives: a joint and a variable that explains a share of it out of sample."""
 
     joint: str
@@ -179,7 +179,7 @@ class Diagnosis:
     set_name: str
     verdict: str
     findings: tuple[Finding, ...]
-    where: tuple[Place, ...]
+    where: tuple[ResidualLocation, ...]
     steps: tuple[Step, ...]
     effects: tuple[dict[str, Any], ...]
     parameters: tuple[ParameterEstimate, ...]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.judging import (
     GAIN,
     WORTH,
@@ -34,9 +34,9 @@ CLOSE = 0.03  # of the best score: what scores less is not refitted once the bes
 EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there is
 REACHED = 0.15  # excess at which the noise is reached
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
-HOPE = 3.0  # times its score is the most that a refit is expected to gain
+OPTIMISM = 3.0  # times its score is the most that a refit is expected to gain
 DAMPING = "joint_damping"
-HOPE_DAMPING = 20.0  # the same: it changes the noise's way, too, which the score does not see
+OPTIMISM_DAMPING = 20.0  # the same: it changes the noise's way, too, which the score does not see
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
 BACKLASH = "backlash"
 SHARES = (0.1, 0.3, 0.7)  # of the rms deflection, where a backlash starts
@@ -79,13 +79,13 @@ class Search:
     """Rounds of the search on one workbench.
 
     Args:
-        bench: the data.
+        context: the data.
         say: called with what is being tried; may raise to stop.
     """
 
-    def __init__(self, bench: Workbench, say: Callable[[str], None]) -> None:
-        self.bench, self.say = bench, say
-        self.raw_step = max(s.step for g in bench.fit_groups for s in g.segments)
+    def __init__(self, context: FitContext, say: Callable[[str], None]) -> None:
+        self.context, self.say = context, say
+        self.raw_step = max(s.step for g in context.fit_groups for s in g.segments)
 
     def check(self) -> None:
         self.say("")
@@ -93,15 +93,15 @@ class Search:
     def scores(self, fit: Fit, episodes: bool = True) -> Scores:
         """Every candidate's score at a fit."""
         layout, point = fit.layout, fit.point
-        narrow = self.bench.refinement.with_layout(layout).narrow
+        narrow = self.context.two_band.with_layout(layout).narrow
         narrow.prepare(fit.x)
-        prior, _ = self.bench.assumptions(layout)
+        prior, _ = self.context.assumptions(layout)
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
         projection = Projection(point.r.ravel(), flat, hessian)
         weigh = self.weigh(fit)
-        wanted = candidates(layout, self.bench.fit_groups)
-        scored = score(narrow, self.bench.chain(fit), wanted, weigh, projection)
+        wanted = candidates(layout, self.context.fit_groups)
+        scored = score(narrow, self.context.chain(fit), wanted, weigh, projection)
         if episodes:
             have = set(layout.effects)
             for joint in range(layout.n):
@@ -112,10 +112,10 @@ class Search:
 
     def weigh(self, fit: Fit) -> Weigh:
         """Columns of a stretch weighted as the fit's residual."""
-        point, blocks = fit.point, self.bench.refinement.blocks
+        point, blocks = fit.point, self.context.two_band.blocks
 
         def weigh(columns: Array, block: int) -> Array:
-            out = point.metrics[block].apply(columns)
+            out = point.weightings[block].apply(columns)
             out[~point.used[blocks[block].rows]] = 0.0
             return out.reshape(-1, columns.shape[2])
 
@@ -123,7 +123,7 @@ class Search:
 
     def refits(self, fit: Fit, scores: Scores, gained: float) -> list[Tried]:
         """The leading candidates refitted, best first; `gained` was gained before by others."""
-        chosen = [s for s in self.leading(scores) if hope(s) > needed_gain(s.effect, gained)]
+        chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
         first = self.leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains(fit, first.fit):
             tried = [first, *self.rivals(fit, first, chosen[1:])]
@@ -153,8 +153,8 @@ class Search:
     def afresh(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
         """One candidate, from where the data of a plain fit lead: the model may stand far off."""
         layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        x = self.bench.roughly(layout, x, self.check)
-        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check))
+        x = self.context.roughly(layout, x, self.check)
+        return Tried(scored, self.context.fit(layout, x, iterations=iterations, check=self.check))
 
     def attempts(self, fit: Fit, chosen: list[Scored]) -> list[Tried]:
         """A few steps of every candidate, from where the model stands and, where that is far off, afresh."""
@@ -175,7 +175,7 @@ class Search:
         ranked = {s.effect: s for s in scores.ranked}
         out = []
         for j in np.argsort(-fit.chi)[:WORST]:
-            for effect in candidates(fit.layout, self.bench.fit_groups):
+            for effect in candidates(fit.layout, self.context.fit_groups):
                 law = EFFECTS[effect.effect]
                 if law.where != "joint" or law.flexible or effect.joint != j:
                     continue
@@ -188,7 +188,7 @@ class Search:
                     s, c = torque[:, j], fit.x[fit.layout.compliance][j]
                     lever = float(np.mean(np.abs(s)) / np.mean(s**2))
                     sizes = [share * c * float(np.sqrt(np.mean(s**2))) for share in SHARES]
-                    sizes.append((c - self.bench.rough_compliance[j]) / lever)
+                    sizes.append((c - self.context.rough_compliance[j]) / lever)
                     for size in (v for v in sizes if v > 0):
                         taken = size * lever
                         start = x.copy()
@@ -196,7 +196,7 @@ class Search:
                         start[layout.compliance.start + j] = max(c - taken, 0.2 * c)
                         begin.append(start)
                 fits = [
-                    self.bench.fit(layout, b, iterations=SHORT, check=self.check, near=fit) for b in begin
+                    self.context.fit(layout, b, iterations=SHORT, check=self.check, near=fit) for b in begin
                 ]
                 out.append(Tried(scored, min(fits, key=lambda f: f.objective)))
         return out
@@ -219,7 +219,7 @@ class Search:
         """One candidate, refitted from where the model stands."""
         self.say(f"trying {EFFECTS[scored.effect.effect].title.lower()}")
         layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        return Tried(scored, self.bench.fit(layout, x, iterations=iterations, check=self.check, near=fit))
+        return Tried(scored, self.context.fit(layout, x, iterations=iterations, check=self.check, near=fit))
 
     def rivals(self, fit: Fit, leader: Tried, others: list[Scored]) -> list[Tried]:
         """The others, where the leader explains all: can one of them do the same from the same start?"""
@@ -230,9 +230,9 @@ class Search:
                 continue
             self.say(f"comparing with {EFFECTS[s.effect.effect].title.lower()}")
             layout, x = with_effect(fit.layout, _shared(leader.fit, fit), s.effect, s.values)
-            here = self.bench.fit(layout, x, iterations=SHORT, check=self.check, near=leader.fit)
+            here = self.context.fit(layout, x, iterations=SHORT, check=self.check, near=leader.fit)
             if not here.converged and here.objective < leader.fit.objective + RIVAL * max(gain, GAIN):
-                here = self.bench.fit(layout, here.x, iterations=FULL, check=self.check, near=here)
+                here = self.context.fit(layout, here.x, iterations=FULL, check=self.check, near=here)
             out.append(Tried(s, here))
         return out
 
@@ -247,7 +247,7 @@ class Search:
             tried.sort(key=lambda t: t.fit.objective)
             for k, t in enumerate(tried[:keep]):
                 if not t.fit.converged:
-                    more = self.bench.fit(
+                    more = self.context.fit(
                         t.fit.layout, t.fit.x, iterations=iterations, check=self.check, near=t.fit
                     )
                     tried[k] = replace(t, fit=more)
@@ -285,7 +285,7 @@ class Search:
             return None
         self.say("looking whether the effect was needed")
         start = _shared(best.fit, fit)
-        again = self.bench.fit(fit.layout, start, iterations=FULL, check=self.check, near=best.fit)
+        again = self.context.fit(fit.layout, start, iterations=FULL, check=self.check, near=best.fit)
         return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None
 
     def finished(self, tried: Tried) -> Tried:
@@ -293,7 +293,7 @@ class Search:
         if tried.fit.converged:
             return tried
         layout, x = tried.fit.layout, tried.fit.x
-        more = self.bench.fit(layout, x, iterations=LAST, check=self.check, near=tried.fit)
+        more = self.context.fit(layout, x, iterations=LAST, check=self.check, near=tried.fit)
         return replace(tried, fit=more) if more.objective < tried.fit.objective else tried
 
     def simplified(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> tuple[Fit, list[ChosenEffect]]:
@@ -303,16 +303,16 @@ class Search:
             if effect not in best.layout.effects:
                 continue
             layout, x = without_effect(best.layout, best.x, effect)
-            alone = self.bench.fit(layout, x, iterations=LONGER, check=self.check, near=best)
+            alone = self.context.fit(layout, x, iterations=LONGER, check=self.check, near=best)
             if alone.objective < best.objective + GAIN:
                 best = alone
                 dropped.append(effect)
         return best, dropped
 
 
-def hope(scored: Scored) -> float:
+def optimistic_gain(scored: Scored) -> float:
     """The most that a refit is expected to gain."""
-    return (HOPE_DAMPING if scored.effect.effect == DAMPING else HOPE) * scored.gain
+    return (OPTIMISM_DAMPING if scored.effect.effect == DAMPING else OPTIMISM) * scored.gain
 
 
 def _shared(leader: Fit, before: Fit) -> Array:

@@ -10,7 +10,7 @@ from scipy.special import gammaincc
 
 from flexviz._scipy import fft
 from flexviz.diagnosis.crossval import carrying
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import JointResiduals, joint_residuals
 
 Array = NDArray[np.float64]
@@ -59,21 +59,21 @@ class Spectrum:
     p_value: float
 
 
-def spectra(bench: Workbench, fit: Fit, parts: list[JointResiduals] | None = None) -> tuple[Spectrum, ...]:
-    """Every joint's residual against the noise floor, over all groups of the bench."""
-    parts = joint_residuals(bench, fit) if parts is None else parts
+def spectra(context: FitContext, fit: Fit, parts: list[JointResiduals] | None = None) -> tuple[Spectrum, ...]:
+    """Every joint's residual against the noise floor, over all groups of the context."""
+    parts = joint_residuals(context, fit) if parts is None else parts
     n = fit.layout.n
     used = max(sum(int(np.count_nonzero(p.used)) for p in parts), 1)
     shown = max(sum(int(np.count_nonzero(p.shown)) for p in parts), 1)
     chi = np.sum([np.sum(p.white**2, axis=0) for p in parts], axis=0) / used
-    observer = parts[0].refinement.wide.signals.observer
+    observer = parts[0].two_band.wide.signals.observer
     edges = np.linspace(0.0, PASSED * float(np.max(observer.bandwidth)) / (2 * np.pi), BANDS + 1)
     density, floor, lines = np.zeros((BANDS, n)), np.zeros((BANDS, n)), np.zeros(BANDS)
     ratios: list[tuple[Array, Array]] = []
     slow_floor, slow_size, scatter = np.zeros(n), np.zeros(n), np.zeros(n)
     for part in parts:
         slow_size += np.sum(part.slow**2, axis=0) / shown
-        for block in part.refinement.blocks:
+        for block in part.two_band.blocks:
             rows = block.rows
             kept = part.residual[rows][part.used[rows]]
             hertz, power = periodogram(kept, block.segment.step * block.stride)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.effects import ChosenEffect
 
 Array = NDArray[np.float64]
@@ -14,11 +14,11 @@ CLEAR = 1.5  # times the average density, or no kind of motion is better than an
 FEWEST = 0.02  # of the samples
 
 
-def breaking(bench: Workbench, fit: Fit, effect: ChosenEffect, mine: Array, other: Array) -> str:
+def breaking(context: FitContext, fit: Fit, effect: ChosenEffect, mine: Array, other: Array) -> str:
     """A sentence naming the motion or payload in which two signatures differ most; "" where none stands out.
 
     Args:
-        bench: the data.
+        context: the data.
         fit: at which the signatures were made.
         effect: whose joint is looked at.
         mine, other: shape (N·n,), unit signatures.
@@ -29,7 +29,7 @@ def breaking(bench: Workbench, fit: Fit, effect: ChosenEffect, mine: Array, othe
     used = fit.point.used
     if density[used].sum() <= 1e-12:
         return "The two look the same in every motion of this set; a motion of another kind would be needed."
-    signals = bench.refinement.narrow.signals
+    signals = context.two_band.narrow.signals
     joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
     name = fit.layout.joints[joint]
     velocity, load = signals.theta[1, :, joint], np.abs(signals.tau[0, :, joint])

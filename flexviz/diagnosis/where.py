@@ -21,9 +21,9 @@ from flexviz.diagnosis.crossval import (
     mean_and_error,
 )
 from flexviz.diagnosis.curves import DIRECTED, explained_by_law
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
-from flexviz.diagnosis.result import Place
+from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
 from flexviz.equation import layout_of
 from flexviz.measurements import MeasurementSet
@@ -87,11 +87,11 @@ class ResidualMap:
     range: tuple[float, float]
 
 
-def maps(bench: Workbench, fit: Fit, group: str | None = None) -> tuple[ResidualMap, ...]:
+def maps(context: FitContext, fit: Fit, group: str | None = None) -> tuple[ResidualMap, ...]:
     """Every joint's residual against every variable; of all groups, or of one."""
-    parts = joint_residuals(bench, fit)
-    data = samples(bench, fit, parts, group)
-    found = spectra(bench, fit, parts)
+    parts = joint_residuals(context, fit)
+    data = samples(context, fit, parts, group)
+    found = spectra(context, fit, parts)
     return tuple(
         one for j in range(fit.layout.n) for one in (*joint_maps(data, j), frequency_map(data, j, found[j]))
     )
@@ -264,19 +264,21 @@ def maps_of(
 ) -> tuple[ResidualMap, ...]:
     """The maps of a model as it is: the set's own effects and these beside them, nothing fitted."""
     layout = layout_of(measurements, effects)
-    bench = Workbench(measurements, layout)
+    context = FitContext(measurements, layout)
     check()
-    return where_it_fails(bench, bench.fit(layout, layout.vector(model), iterations=0), check)[1]
+    return where_it_fails(context, context.fit(layout, layout.vector(model), iterations=0), check)[1]
 
 
-def places(bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None) -> tuple[Place, ...]:
+def places(
+    context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
+) -> tuple[ResidualLocation, ...]:
     """Joint × variable, the joint with the largest excess first, within it what explains most."""
-    return where_it_fails(bench, fit, check)[0]
+    return where_it_fails(context, fit, check)[0]
 
 
 def where_it_fails(
-    bench: Workbench, fit: Fit, check: Callable[[], None] = lambda: None
-) -> tuple[tuple[Place, ...], tuple[ResidualMap, ...]]:
+    context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
+) -> tuple[tuple[ResidualLocation, ...], tuple[ResidualMap, ...]]:
     """The places and the maps they come from; first the joint whose residual is large and follows something.
 
     What a neighbour's missing law throws on a joint may be larger there, and lies along nothing.
@@ -284,10 +286,10 @@ def where_it_fails(
     "position" is also what a torque lives along that depends on position and on the direction of motion,
     where this explains clearly more than position or velocity alone.
     """
-    parts = joint_residuals(bench, fit)
-    data = samples(bench, fit, parts)
-    found = spectra(bench, fit, parts)
-    places: list[tuple[float, list[Place]]] = []
+    parts = joint_residuals(context, fit)
+    data = samples(context, fit, parts)
+    found = spectra(context, fit, parts)
+    places: list[tuple[float, list[ResidualLocation]]] = []
     all_maps: list[ResidualMap] = []
     for j in sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square):
         check()
@@ -301,6 +303,6 @@ def where_it_fails(
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
         surely = max(m.explained - m.explained_std for m in ranked)  # noise lies along something by chance
         weight = found[j].chi_square * max(surely, LITTLE)
-        places.append((weight, [Place(m.joint, m.variable, m.explained, m.range) for m in ranked]))
+        places.append((weight, [ResidualLocation(m.joint, m.variable, m.explained, m.range) for m in ranked]))
     places.sort(key=lambda joint: -joint[0])
     return tuple(place for _, joint in places for place in joint), tuple(all_maps)

@@ -85,7 +85,7 @@ class JointMotion:
 
 
 @dataclass(frozen=True)
-class Place:
+class EffectTarget:
     """Where an effect sits.
 
     Attributes:
@@ -268,11 +268,11 @@ class Effect(ABC):
         return True
 
     @abstractmethod
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         """u and ∂u/∂p at the parameters `values`, shape (P,)."""
 
     @abstractmethod
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         """Small versions of it to score, over a grid of whatever is nonlinear."""
 
     def simulation(self, values: Array) -> Callable[[Instant], float] | None:
@@ -328,7 +328,7 @@ class LawEffect(Effect):
     def depth(self) -> int:
         return 1 if self.entry == "residual" else 3
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joint = _joint(place)
         parts = []
         for motion in context.motions(joint):
@@ -337,12 +337,12 @@ class LawEffect(Effect):
         out = context.filtered(parts, joint, self.depth)[..., None]
         return Terms(self.entry, (joint,), out[0], out[1:])
 
-    def guess(self, context: Context, place: Place, values: Array, label: str = "") -> Guess:
+    def guess(self, context: Context, place: EffectTarget, values: Array, label: str = "") -> Guess:
         """The slopes at `values` as columns; their coefficients are added to `values`."""
         terms = self.terms(context, place, values)
         return Guess(terms.entry, terms.joints, terms.slopes, lambda c: values + c, label)
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         names = [p.name for p in self.parameters]
         free = [k for k, name in enumerate(names) if name not in self.grid]
         out = []
@@ -375,6 +375,6 @@ class LinearEffect(LawEffect):
         return values @ columns, columns
 
 
-def _joint(place: Place) -> int:
+def _joint(place: EffectTarget) -> int:
     assert place.joint is not None, "this effect belongs to a joint"
     return place.joint

@@ -9,12 +9,12 @@ import numpy as np
 from flexviz.effects.base import (
     Array,
     Context,
+    EffectTarget,
     Guess,
     JointMotion,
     LawEffect,
     LinearEffect,
     ParameterSpec,
-    Place,
     smooth_sign,
 )
 
@@ -161,7 +161,7 @@ class FrictionDrift(LawEffect):
         fade = motion.motor_viscous * motion.velocity * np.exp(-motion.time / constant)
         return rise * fade, np.stack((fade, rise * fade * motion.time / constant**2))
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         out = []
         longest = max(float(m.time[-1]) for m in context.motions(place.joint))  # type: ignore[arg-type]
         for share in (0.08, 0.15, 0.3, 0.6, 1.5):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.base import Array, Context, Guess, JointMotion, LawEffect, ParameterSpec, Place
+from flexviz.effects.base import Array, Context, EffectTarget, Guess, JointMotion, LawEffect, ParameterSpec
 
 BEGINNING = 3**-0.5  # standard deviation of h at the beginning of a record, anywhere within ±1
 
@@ -52,7 +52,7 @@ class PreslidingHysteresis(LawEffect):
         fade = np.exp(-max(values[0], 1e-6) / coulomb * path)
         return (BEGINNING * coulomb * fade)[None]
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         out = []
         for angle in (0.005, 0.012, 0.025, 0.05, 0.1, 0.2):
             parts = [dahl(m.position, 1 / angle)[0][None] for m in context.motions(place.joint)]  # type: ignore[arg-type]

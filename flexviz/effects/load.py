@@ -8,11 +8,11 @@ from flexviz.effects.base import (
     Array,
     Context,
     Effect,
+    EffectTarget,
     Guess,
     JointMotion,
     LawEffect,
     ParameterSpec,
-    Place,
     Terms,
 )
 
@@ -39,13 +39,13 @@ class CableSpring(Effect):
     )
     state = True
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         assert place.joint is not None
         q = context.link_state(place.joint)[:1, :, None]
         slopes = np.stack((q - values[1], np.full_like(q, -values[0])))
         return Terms("residual", (place.joint,), values[0] * (q - values[1]), slopes)
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         assert place.joint is not None
         q = context.link_state(place.joint)[:1, :, None]
 
@@ -76,12 +76,12 @@ class PayloadError(Effect):
     scope = "payload"
     state = True
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         assert place.payload is not None
         column = context.payload_torque(place.payload)[None]
         return Terms("residual", tuple(range(context.joints())), values[0] * column, column[None])
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(1))
         return [Guess("residual", terms.joints, terms.slopes, lambda c: c)]
 
@@ -107,7 +107,7 @@ class BaseTilt(Effect):
     scope = "set"
     state = True
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         directions, slopes = tilted_gravity(*values)
         unit = np.stack([context.gravity_torque(axis) for axis in range(3)])  # torque per unit acceleration
         level = np.array([0.0, 0.0, -GRAVITY])
@@ -116,7 +116,7 @@ class BaseTilt(Effect):
             "residual", tuple(range(context.joints())), value, np.tensordot(slopes, unit, axes=1)[:, None]
         )
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(2))
         return [Guess("residual", terms.joints, terms.slopes, lambda c: np.clip(c, -0.5, 0.5))]
 
@@ -157,7 +157,7 @@ class ExternalContact(LawEffect):
     def possible(self, values: Array) -> bool:
         return bool(values[1] <= values[2])
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         assert place.joint is not None and place.group is not None
         terms = super().terms(context, place, values)
         inside = context.in_group(place.group)[:, None]
@@ -176,5 +176,5 @@ class ExternalContact(LawEffect):
         box = begun - ended
         return -torque * box, np.stack((-box, torque * begins, -torque * ends))
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         return []  # searched in closed form over all intervals

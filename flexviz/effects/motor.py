@@ -8,12 +8,12 @@ from flexviz.effects.base import (
     Array,
     Context,
     Effect,
+    EffectTarget,
     Guess,
     JointMotion,
     LawEffect,
     LinearEffect,
     ParameterSpec,
-    Place,
     Terms,
 )
 
@@ -58,7 +58,7 @@ class Ripple(LawEffect):
         sine, cosine = np.sin(angle), np.cos(angle)
         return amplitude * sine, np.stack((sine, amplitude * motion.position * cosine, amplitude * cosine))
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         joint = place.joint
         assert joint is not None
         columns = context.once(("waves", joint, self.orders), lambda: self.waves(context, joint))
@@ -118,13 +118,13 @@ class MotorCoupling(Effect):
     parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
     linear = True
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joint = place.joint
         assert joint is not None
         other = joint + 1 if joint + 1 < context.joints() else joint - 1
         column = context.theta(other)[2:5, :, None]
         return Terms("torque", (joint,), values[0] * column, column[None])
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(1))
         return [Guess("torque", terms.joints, terms.slopes, lambda c: c)]

@@ -17,11 +17,11 @@ import numpy as np
 from flexviz.effects.base import (
     Array,
     Effect,
+    EffectTarget,
     Instant,
     LawEffect,
     LinearEffect,
     ParameterSpec,
-    Place,
     Terms,
     Where,
 )
@@ -31,7 +31,7 @@ from flexviz.errors import InputError, choose_from, one_line
 SNAKE_CASE = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 TEXTS = ("title", "explanation", "equation", "signature", "confirm", "reference")
 SCOPES = ("joint", "set", "payload")
-PLACE = Place(joint=0, group="g1", payload="p1")
+PLACE = EffectTarget(joint=0, group="g1", payload="p1")
 TRIAL = Made(
     np.linspace(0.0, 6.0, 3001),
     motor=Signal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4),

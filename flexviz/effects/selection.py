@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from flexviz.effects.base import Effect, Place
+from flexviz.effects.base import Effect, EffectTarget
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue
 
@@ -31,8 +31,8 @@ class ChosenEffect:
     payload: str | None = None
 
     @property
-    def place(self) -> Place:
-        return Place(self.joint, self.group, self.payload)
+    def place(self) -> EffectTarget:
+        return EffectTarget(self.joint, self.group, self.payload)
 
     def value(self, joints: Sequence[str], parameters: dict[str, float] | None = None) -> EffectValue:
         """The same with the joint by name and, where given, with values."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.base import Array, Context, Effect, Entry, Guess, ParameterSpec, Place, Terms
+from flexviz.effects.base import Array, Context, Effect, EffectTarget, Entry, Guess, ParameterSpec, Terms
 
 
 class TorqueGain(Effect):
@@ -31,12 +31,12 @@ class TorqueGain(Effect):
     def entry(self) -> Entry:
         return "torque"
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         assert place.joint is not None
         column = -context.tau(place.joint)[:3, :, None]
         return Terms("torque", (place.joint,), values[0] * column, column[None])
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(1))
         return [Guess("torque", terms.joints, terms.slopes, lambda c: c)]
 
@@ -64,12 +64,12 @@ class TorqueDelay(Effect):
     def entry(self) -> Entry:
         return "torque"
 
-    def terms(self, context: Context, place: Place, values: Array) -> Terms:
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joints = tuple(range(context.joints())) if place.joint is None else (place.joint,)
         now = np.stack([context.tau(j)[:3] for j in joints], axis=2)
         late = np.stack([context.delayed_tau(j, float(values[0])) for j in joints], axis=2)
         return Terms("torque", joints, now - late[:3], late[1:4][None])
 
-    def guesses(self, context: Context, place: Place) -> list[Guess]:
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(1))
         return [Guess("torque", terms.joints, terms.slopes, lambda c: c)]

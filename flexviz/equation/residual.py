@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect, Terms
-from flexviz.equation.beginning import Remembered, remembered
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext, viscous_scale
+from flexviz.equation.initial_state import Remembered, remembered
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals

@@ -19,7 +19,7 @@ DEPTH = (5, 3)  # derivatives of each that the equation uses
 
 
 @dataclass(frozen=True)
-class NoiseWay:
+class NoisePath:
     """The way of one kind of sensors' white noise through the equation.
 
     Attributes:
@@ -38,7 +38,7 @@ class NoiseWay:
     lags: tuple[float, ...]
     alone: bool = False
 
-    def rows(self, rows: slice) -> NoiseWay:
+    def rows(self, rows: slice) -> NoisePath:
         """The same for some of the samples."""
         return replace(self, matrices=self.matrices[:, rows])
 
@@ -87,8 +87,8 @@ def time_constants(layout: Layout, x: Array) -> Array:
     return out
 
 
-def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
-    """All ways of the sensors' noise into the residual.
+def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
+    """All paths of the sensors' noise into the residual.
 
     A damped joint, K δ + D δ̇ = s, passes the noise of s on to its deflection through a low-pass with the time
     constant D/K: at the frequencies that two derivatives of it raise, hardly anything of it arrives.
@@ -106,15 +106,15 @@ def noise_ways(layout: Layout, x: Array, link: LinkTerms) -> list[NoiseWay]:
         mine, through = (part[sensor][..., joints] for part in (direct, elastic))
         delay = (float(lag[joints[0]]),) * len(orders)
         if lag[joints[0]] == 0.0:
-            out.append(NoiseWay(sensor, joints, mine + through, orders, delay))
+            out.append(NoisePath(sensor, joints, mine + through, orders, delay))
         else:
             both, none = np.concatenate((mine, through)), (0.0,) * len(orders)
-            out.append(NoiseWay(sensor, joints, both, orders * 2, none + delay))
+            out.append(NoisePath(sensor, joints, both, orders * 2, none + delay))
     return out
 
 
-def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoiseWay]]:
-    """The ways of the sensors' noise into ∂r/∂c_j and ∂r/∂D_j, of joint j's sensors into its own columns.
+def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoisePath]]:
+    """The paths of the sensors' noise into ∂r/∂c_j and ∂r/∂D_j, of joint j's sensors into its own columns.
 
     c_j and D_j move r by what goes through joint j's elasticity: no other joint's sensors matter. That is
     c/(1 + iωDc) times what its torque is multiplied by. The column of c_j is that of the spring alone, as the
@@ -136,13 +136,13 @@ def instrument_ways(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDA
     out = []
     for sensor, joints in _kinds(lag):
         orders, none = tuple(range(DEPTH[sensor])), (0.0,) * DEPTH[sensor]
-        spring = NoiseWay(sensor, joints, elastic[sensor][..., joints], orders, none)
+        spring = NoisePath(sensor, joints, elastic[sensor][..., joints], orders, none)
         out.append((layout.compliance.start + joints, spring))
         for j in sorted(set(joints) & set(damping)):
             one, compliance = np.array([j]), x[layout.compliance][j]
             matrices = -(compliance**2) * elastic[sensor][..., one]
             higher, delay = tuple(k + 1 for k in orders), (float(lag[j]),) * len(orders)
-            out.append((np.array([damping[j]]), NoiseWay(sensor, one, matrices, higher, delay, True)))
+            out.append((np.array([damping[j]]), NoisePath(sensor, one, matrices, higher, delay, True)))
     return out
 
 

@@ -13,15 +13,15 @@ from threadpoolctl import threadpool_limits
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError, choose_from
 from flexviz.identification.base_parameters import base_parameters
-from flexviz.identification.refine import Refined
-from flexviz.identification.refine import refine as refine_fit
-from flexviz.identification.refinement import Refinement, residual_noise
+from flexviz.identification.initial_guess import needs_search, searched_start
+from flexviz.identification.instrumental_variables import Refined
+from flexviz.identification.instrumental_variables import refine as refine_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
-from flexviz.identification.searched import needs_search, searched_start
 from flexviz.identification.solver import Iteration, Solution, Stopped, gauss_newton
 from flexviz.identification.start import Start, start_values
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
-from flexviz.identification.uncertainty import colour_matrix, covariance
+from flexviz.identification.two_band import TwoBandData, residual_noise
+from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, Observer, make_observer
@@ -84,7 +84,7 @@ def identify(
         observer: one of `OBSERVERS`.
         bandwidth: [rad/s], one number or one a joint. None: the zero-phase Butterworth's is chosen by the
             data (least residual), the others have a fixed default.
-        refine: run the refinement stage, which removes the observer's bias.
+        refine: run the two_band stage, which removes the observer's bias.
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
         max_iterations: of each solver run.
@@ -141,7 +141,7 @@ def _identify(
             message = (
                 f"refined; whitened residual {result.chi_square:.3g} per sample (1 = measurement noise alone)"
                 if result.converged
-                else "the refinement did not converge; the values are where it stopped"
+                else "the two_band did not converge; the values are where it stopped"
             )
         except Stopped:
             pass
@@ -283,7 +283,7 @@ def _plain_covariance(equation: Equation, start: Start, solution: Solution) -> t
     cov, share = np.zeros_like(information), np.ones(layout.size)
     free = ~solution.at_bound
     index = np.ix_(free, free)
-    colour = colour_matrix(residual, jacobian[:, :, free], rows)
+    colour = score_covariance(residual, jacobian[:, :, free], rows)
     cov[index], share[free] = covariance(information[index], colour, prior[index])
     return cov, share
 
@@ -296,7 +296,7 @@ def _refine(
     x: Array,
     report: _Reporter,
 ) -> Refined:
-    return refine_fit(Refinement(measurements, groups, layout), start.prior, start.bounds, x, report=report)
+    return refine_fit(TwoBandData(measurements, groups, layout), start.prior, start.bounds, x, report=report)
 
 
 def _residuals(

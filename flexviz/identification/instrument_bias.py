@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation.sensitivity import NoiseWay
+from flexviz.equation.sensitivity import NoisePath
 from flexviz.identification.whitening import Whitener
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def lookback(whitener: Whitener) -> Lookback:
     return Lookback(at, [scale, *(-scale @ matrix[at] for matrix in whitener.predictor)])
 
 
-def shared_noise(w: Lookback, instrument: NoiseWay, residual: NoiseWay, kernel: Array) -> Array:
+def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel: Array) -> Array:
     """Mean over a stretch of (W z_j)ᵀ W r from white noise of unit variance in the sensors of joints j.
 
     What is not known of reversals is left out: it concerns few samples. So is a stretch no longer than W's
@@ -54,7 +54,7 @@ def shared_noise(w: Lookback, instrument: NoiseWay, residual: NoiseWay, kernel: 
         w: W of the stretch.
         instrument: way of the m sensors' noise into z, each into its own column, at the stretch's samples.
         residual: of at least the same sensors into r.
-        kernel: shape (2p + 1, D, E), covariance of what the ways' filters make of the noise
+        kernel: shape (2p + 1, D, E), covariance of what the paths' filters make of the noise
             (`shared_kernel`) at lags −p … p, p the samples that W looks back.
 
     Returns:

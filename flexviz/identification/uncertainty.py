@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 SMOOTHING = 24  # spectral bins are averaged over a 1/24 of the band
 
 
-def colour_matrix(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
+def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
     """Jᵀ T J with T from the residual's smoothed cross spectra.
 
     Args:

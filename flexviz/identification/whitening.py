@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import fft
-from flexviz.equation.sensitivity import NoiseWay
+from flexviz.equation.sensitivity import NoisePath
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
@@ -55,7 +55,7 @@ class Whitener:
 
 
 def noise_kernel(
-    observer: Observer, joint_step: float, raw_step: float, count: int | NoiseWay, lags: int
+    observer: Observer, joint_step: float, raw_step: float, count: int | NoisePath, lags: int
 ) -> Array:
     """Covariance of the derivatives of filtered white noise of unit variance a raw sample.
 
@@ -71,7 +71,7 @@ def noise_kernel(
     """
     length = _length(observer, joint_step, lags)
     omega = _frequencies(length, joint_step)
-    if isinstance(count, NoiseWay):
+    if isinstance(count, NoisePath):
         gain = count.gains(observer.transfer, omega)
     else:
         gain = [observer.transfer(omega, k) for k in range(count)]
@@ -82,16 +82,16 @@ def shared_kernel(
     observers: tuple[Observer, Observer],
     joint_step: float,
     raw_step: float,
-    ways: tuple[NoiseWay, NoiseWay],
+    paths: tuple[NoisePath, NoisePath],
     lags: int,
 ) -> Array:
-    """Covariance of what two observers and ways make of the same white noise of unit variance a raw sample.
+    """Covariance of what two observers and paths make of the same white noise of unit variance a raw sample.
 
     Args:
         observers: x and y pass these.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
-        ways: of x, with D derivatives, and of y, with E.
+        paths: of x, with D derivatives, and of y, with E.
         lags: −lags … lags.
 
     Returns:
@@ -99,7 +99,7 @@ def shared_kernel(
     """
     length = max(_length(observer, joint_step, lags) for observer in observers)
     omega = _frequencies(length, joint_step)
-    one, other = (way.gains(o.transfer, omega) for way, o in zip(ways, observers, strict=True))
+    one, other = (path.gains(o.transfer, omega) for path, o in zip(paths, observers, strict=True))
     out = _correlation(one, other, length, raw_step / joint_step)
     return np.concatenate((out[len(out) - lags :], out[: lags + 1]))
 
@@ -151,40 +151,40 @@ def lagged_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Arr
     return out
 
 
-def ways_covariance(
-    ways: Sequence[NoiseWay], kernels: Sequence[Array], noise: tuple[Array, Array], rows: slice
+def paths_covariance(
+    paths: Sequence[NoisePath], kernels: Sequence[Array], noise: tuple[Array, Array], rows: slice
 ) -> Array:
     """Cov(r_t, r_{t−k}) for k = 0 … p from all of the noise, shape (p + 1, N, n, n).
 
     Args:
-        ways: through the equation.
+        paths: through the equation.
         kernels: of each, shape (p + 1, D, D).
         noise: standard deviations of θ and τ a raw sample, shape (n,) each.
         rows: the N samples.
     """
     parts = [
-        lagged_covariance(way.matrices[:, rows], kernel, way.variance(noise))
-        for way, kernel in zip(ways, kernels, strict=True)
+        lagged_covariance(path.matrices[:, rows], kernel, path.variance(noise))
+        for path, kernel in zip(paths, kernels, strict=True)
     ]
     return np.sum(parts, axis=0)
 
 
-def score_covariance(
+def noise_score_covariance(
     weights: Array,
-    way: NoiseWay,
+    path: NoisePath,
     variance: Array,
     observer: Observer,
     joint_step: float,
     raw_step: float,
 ) -> Array:
-    """Covariance of Σ_t weights_tᵀ r_t when r is white noise on one of its ways through the equation.
+    """Covariance of Σ_t weights_tᵀ r_t when r is white noise on one of its paths through the equation.
 
     The predictor's few samples cannot resolve how little noise there is at the lowest frequencies, where the
     robot moves, so that the whitened residual is not quite white there; this is exact.
 
     Args:
         weights: shape (N, n, P).
-        way: at the N samples.
+        path: at the N samples.
         variance: shape (m,), of the raw samples of its m sensors.
         observer: whose transfer functions the noise passes.
         joint_step: step of the equation's samples [s].
@@ -202,7 +202,7 @@ def score_covariance(
     scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
     size = weights.shape[2]
     total = np.zeros((len(omega), len(variance), size), complex)
-    for matrix, gain in zip(way.matrices, way.gains(observer.transfer, omega), strict=True):
+    for matrix, gain in zip(path.matrices, path.gains(observer.transfer, omega), strict=True):
         passed = fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
         total += np.conj(gain)[:, None, None] * passed
     flat = (total * scale[:, :, None]).reshape(-1, size)

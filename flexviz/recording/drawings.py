@@ -12,7 +12,7 @@ from flexviz.recording.charts import send_charts, send_map
 from flexviz.recording.columns import send_line
 from flexviz.recording.paths import TIME, diagnosis_path, path
 from flexviz.recording.stream import Stream
-from flexviz.session import Stair
+from flexviz.session import ModelStep
 from flexviz.view.colours import MODEL, RESIDUAL
 from flexviz.view.staircase import staircase_plots
 from flexviz.view.verdict import effect_text_name, finding_name
@@ -45,9 +45,9 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
 def send_staircase(recording: Stream, where: str, steps: Sequence[Step]) -> None:
     """The error of every group after each added effect."""
     names = treads(steps)
-    stairs = [Stair((), step) for step in steps]
+    model_steps = [ModelStep((), step) for step in steps]
     ticks = [(float(place), name) for place, name in enumerate(names)]
-    send_charts(recording, f"{where}/staircase", staircase_plots(stairs, 0, "")[:1], ticks=ticks)
+    send_charts(recording, f"{where}/staircase", staircase_plots(model_steps, 0, "")[:1], ticks=ticks)
 
 
 def treads(steps: Sequence[Step]) -> list[str]:

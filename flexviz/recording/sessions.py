@@ -37,7 +37,7 @@ def record_session(
                 recorder.result(result, f"with {effects}" if effects else "as it is")
             if diagnosis is not None and id(diagnosis) not in verdicts:
                 verdicts.append(id(diagnosis))
-                recorder.diagnosis(diagnosis, [stair.step for stair in step.analysis.stairs])
+                recorder.diagnosis(diagnosis, [stair.step for stair in step.analysis.model_steps])
             file.step(step.label, 0.4)
         for note in session.notes:
             recorder.note(note.text)

@@ -10,7 +10,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import MeasurementSet
 from flexviz.measurements.fingerprint import Fingerprint, fingerprint
-from flexviz.session import Analysis, Session, Stair
+from flexviz.session import Analysis, ModelStep, Session
 from flexviz.view.verdict import effect_text_name
 
 
@@ -25,7 +25,7 @@ class Round:
     added: the effects that were added to come here, as text.
     """
 
-    stair: Stair
+    stair: ModelStep
     diagnosis: Diagnosis | None
     added: tuple[str, ...]
 
@@ -109,11 +109,11 @@ def gather(
 
 
 def _rounds(session: Session, analysis: Analysis) -> tuple[Round, ...]:
-    """The stairs that lead to the present model, each with the diagnosis it came from."""
+    """The model_steps that lead to the present model, each with the diagnosis it came from."""
     known = [step.analysis.diagnosis for step in session.steps if step.analysis.diagnosis is not None]
     rounds: list[Round] = []
     before: set[str] = set()
-    for stair in analysis.stairs:
+    for stair in analysis.model_steps:
         source = next((d for d in known if d.steps and d.steps[0] is stair.step), None)
         added = tuple(text for text in stair.effects if text not in before)
         rounds.append(Round(stair, source, added if rounds else ()))

@@ -123,12 +123,12 @@ def _stroke(curve: Curve) -> str:
     return f'fill="none" stroke="{curve.colour}" stroke-width="{curve.width:g}" stroke-linejoin="round"{dash}'
 
 
-Place = tuple[int, float, Curve | Band]  # row, x, what
+LegendEntry = tuple[int, float, Curve | Band]  # row, x, what
 
 
-def _legend_places(chart: Chart) -> tuple[list[Place], int]:
+def _legend_places(chart: Chart) -> tuple[list[LegendEntry], int]:
     """Where the legend's entries stand: as many a row as there is room for; and how many rows."""
-    places: list[Place] = []
+    places: list[LegendEntry] = []
     row, x = 0, float(LEFT)
     for entry in (*chart.curves, *chart.bands):
         if not entry.label:
@@ -141,7 +141,7 @@ def _legend_places(chart: Chart) -> tuple[list[Place], int]:
     return places, row + 1 if places else 0
 
 
-def _legend(places: Sequence[Place]) -> list[str]:
+def _legend(places: Sequence[LegendEntry]) -> list[str]:
     out = []
     for row, x, entry in places:
         y = TOP + LEGEND_ROW * row + 4

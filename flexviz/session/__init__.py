@@ -3,7 +3,7 @@
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SESSION_FILE, save_session, zipped
-from flexviz.session.state import HISTORY, ROLES, Analysis, Note, Role, Session, Stair, Step, with_roles
+from flexviz.session.state import HISTORY, ROLES, Analysis, ModelStep, Note, Role, Session, Step, with_roles
 
 __all__ = [
     "HISTORY",
@@ -11,11 +11,11 @@ __all__ = [
     "SESSION_FILE",
     "Analysis",
     "Autosave",
+    "ModelStep",
     "Note",
     "OpenedSession",
     "Role",
     "Session",
-    "Stair",
     "Step",
     "Unsaved",
     "find_unsaved",

@@ -17,23 +17,25 @@ import numpy as np
 
 from flexviz.diagnosis.freeform import FreeForm
 from flexviz.diagnosis.guard import Guard, ParameterCurve
-from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, Place, Tie
+from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, ResidualLocation, Tie
 from flexviz.diagnosis.result import Step as DiagnosisStep
 from flexviz.diagnosis.where import ResidualMap
 from flexviz.errors import InputError
 from flexviz.identification import Identification, Iteration, ParameterEstimate, ResidualSummary
 from flexviz.identification.result import Combination, ResidualSeries
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.session.state import Analysis, Note, Stair, Step
+from flexviz.session.state import Analysis, ModelStep, Note, Step
 
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
         Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeForm,
-        Guard, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, Place, ResidualMap,
-        ResidualSeries, ResidualSummary, Stair, Step, Tie,
+        Guard, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, ResidualLocation,
+        ResidualMap, ResidualSeries, ResidualSummary, ModelStep, Step, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
+RENAMED = {"Stair": "ModelStep", "Place": "ResidualLocation"}  # classes as older versions wrote them
+RENAMED_FIELDS = {"stairs": "model_steps"}
 NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
 DEEPEST = 40  # of nested values
@@ -147,11 +149,13 @@ class Unpacker:
         raise InputError(f"an entry of an unknown kind {mark!r}")
 
     def _object(self, value: dict[str, Any], depth: int) -> Any:
-        kind = KINDS.get(value["="]) if isinstance(value["="], str) else None
+        name = value["="]
+        kind = KINDS.get(RENAMED.get(name, name)) if isinstance(name, str) else None
         if kind is None:
             raise InputError(f"{value['=']!r} does not belong into a session")
         known = {field.name: field for field in fields(kind) if field.init}
-        given = {name: self.unpack(v, depth + 1) for name, v in value.items() if name in known}
+        entries = ((RENAMED_FIELDS.get(key, key), v) for key, v in value.items())
+        given = {key: self.unpack(v, depth + 1) for key, v in entries if key in known}
         missing = [
             name
             for name, field in known.items()

@@ -29,7 +29,7 @@ HISTORY = 100  # states one can go back
 
 
 @dataclass(frozen=True, eq=False)
-class Stair:
+class ModelStep:
     """The errors of one model on the way: the effects added to the set's own, and what a diagnosis says."""
 
     effects: tuple[str, ...]
@@ -53,7 +53,7 @@ class Analysis:
     fitted: the settings (`settings`) the result belongs to, or None.
     diagnosis: the last diagnosis, or None.
     diagnosed: the settings (`diagnosis_settings`) it belongs to, or None.
-    stairs: the models on the way to the present one, the fewest effects first.
+    model_steps: the models on the way to the present one, the fewest effects first.
     """
 
     path: Path
@@ -66,7 +66,7 @@ class Analysis:
     fitted: tuple[Any, ...] | None = None
     diagnosis: Diagnosis | None = None
     diagnosed: tuple[Any, ...] | None = None
-    stairs: tuple[Stair, ...] = ()
+    model_steps: tuple[ModelStep, ...] = ()
 
     @property
     def settings(self) -> tuple[Any, ...]:
@@ -118,17 +118,21 @@ class Analysis:
     def with_diagnosis(self, diagnosis: Diagnosis) -> Analysis:
         """The same with a diagnosis of the present settings; its first model is a stair.
 
-        Of the stairs before it those stay that lead here: the same use of the groups, fewer effects.
+        Of the model_steps before it those stay that lead here: the same use of the groups, fewer effects.
         """
-        stairs = list(self.stairs if self.diagnosed is None or self.diagnosed[1] == self.roles else ())
-        stairs = [stair for stair in stairs if set(stair.effects) < set(self.effects)]
+        model_steps = list(
+            self.model_steps if self.diagnosed is None or self.diagnosed[1] == self.roles else ()
+        )
+        model_steps = [stair for stair in model_steps if set(stair.effects) < set(self.effects)]
         if diagnosis.steps:
-            stairs.append(Stair(self.effects, diagnosis.steps[0]))
-        return replace(self, diagnosis=diagnosis, diagnosed=self.diagnosis_settings, stairs=tuple(stairs))
+            model_steps.append(ModelStep(self.effects, diagnosis.steps[0]))
+        return replace(
+            self, diagnosis=diagnosis, diagnosed=self.diagnosis_settings, model_steps=tuple(model_steps)
+        )
 
     def without_result(self) -> Analysis:
         """The settings alone, light enough to be sent to another process."""
-        return replace(self, identification=None, fitted=None, diagnosis=None, diagnosed=None, stairs=())
+        return replace(self, identification=None, fitted=None, diagnosis=None, diagnosed=None, model_steps=())
 
     @staticmethod
     def start(measurements: MeasurementSet) -> Analysis:

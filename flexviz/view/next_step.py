@@ -36,7 +36,7 @@ def next_step(analysis: Analysis, current: str, running: bool) -> Next:
     if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
         where = "press" if current == "Diagnose" else "step Diagnose, then"
         return Next("Diagnose", "add", f"Next: {where} <b>Add and refit</b> and watch the error fall.")
-    if len(analysis.stairs) > 1:
+    if len(analysis.model_steps) > 1:
         return Next("", "", "Done: the tab <b>Compare</b> shows how the error fell.")
     return Next("", "", "Done: the tab <b>Where it fails</b> shows what is left.")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.session import Stair
+from flexviz.session import ModelStep
 from flexviz.view.colours import REFERENCE, SERIES
 from flexviz.view.plots import Line, Plot, no_plot
 from flexviz.view.status import total_rms
@@ -54,11 +54,11 @@ def curves(steps: Sequence[Step], joint: int | None) -> dict[str, tuple[list[flo
     return found
 
 
-def staircase_plots(stairs: Sequence[Stair], joint: int, name: str) -> tuple[Plot, ...]:
+def staircase_plots(model_steps: Sequence[ModelStep], joint: int, name: str) -> tuple[Plot, ...]:
     """All joints together, and the selected joint."""
-    if not stairs:
+    if not model_steps:
         return no_plot("all", EMPTY), no_plot("joint", "")
-    steps = [stair.step for stair in stairs]
+    steps = [stair.step for stair in model_steps]
     plots = [_plot("all", "Error after each added effect, all joints [Nm]", steps, None)]
     if len(steps[0].rms) > 1:
         plots.append(_plot("joint", f"The same of {name} [Nm]", steps, joint))
@@ -99,13 +99,13 @@ def stepped(values: Sequence[float] | Array) -> Array:
     return np.repeat(np.asarray(values, dtype=float), 2)
 
 
-def staircase_html(stairs: Sequence[Stair]) -> str:
+def staircase_html(model_steps: Sequence[ModelStep]) -> str:
     """The steps in words and numbers."""
-    if not stairs:
+    if not model_steps:
         return ""
     rows = []
     before: set[str] = set()
-    for count, stair in enumerate(stairs):
+    for count, stair in enumerate(model_steps):
         added = [effect_text_name(name) for name in stair.effects if name not in before]
         before |= set(stair.effects)
         what = ", ".join(added) if added else "the model as it is"

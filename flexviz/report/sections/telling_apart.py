@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.diagnosis import Finding, Place
+from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS
 from flexviz.report.blocks import Block, Items, Section, table, text
 from flexviz.report.gathering import Subject
@@ -86,9 +86,9 @@ def effect_name(text_: str) -> str:
     return text_.partition(":")[0]
 
 
-def _places(where: tuple[Place, ...]) -> list[Place]:
+def _places(where: tuple[ResidualLocation, ...]) -> list[ResidualLocation]:
     """The leading variable of each joint, of the joints where it is worth following."""
-    first: dict[str, Place] = {}
+    first: dict[str, ResidualLocation] = {}
     for place in where:
         if place.explained >= MIN_SHARE and place.variable in FOLLOW:
             best = first.get(place.joint)
@@ -97,7 +97,7 @@ def _places(where: tuple[Place, ...]) -> list[Place]:
     return list(first.values())[:NAMED]
 
 
-def _follow(place: Place) -> str:
+def _follow(place: ResidualLocation) -> str:
     motion = FOLLOW[place.variable].format(joint=place.joint)
     along = ALONG.get(place.variable, place.variable)
     return f"To see what follows {along} of {place.joint}: {motion}."

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Metric:
+class NoiseWeighting:
     """W: y → samples of unit variance, for one stretch.
 
     Attributes:
@@ -31,14 +31,14 @@ class Metric:
     basis: Array | None = None
     size: Array | None = None
 
-    def with_unknown(self, columns: Array) -> Metric:
+    def with_unknown(self, columns: Array) -> NoiseWeighting:
         """The same with unknown columns, shape (N, n, M), each of unit variance."""
         flat = self.whitener.apply(columns).reshape(-1, columns.shape[2])
         # by the small Gram matrix: directions far below one unit change nothing
         squares, turn = np.linalg.eigh(flat.T @ flat)
         kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
         size = np.sqrt(squares[kept])
-        return Metric(self.whitener, flat @ turn[:, kept] / size, size)
+        return NoiseWeighting(self.whitener, flat @ turn[:, kept] / size, size)
 
     def apply(self, y: Array) -> Array:
         """P W y for y of shape (N, n) or (N, n, P): the same shape."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.judging import NAMED
 from flexviz.diagnosis.search import Scores, Search
 from flexviz.effects import ChosenEffect, JointMotion
@@ -40,8 +40,8 @@ class FreeCurve:
     gain: float
 
 
-class Named:
-    """Whether effects take a fair share of what free curves on their joints would, in units of the noise.
+class FreeCurveTest:
+    """Whether effects take a share of what free curves on their joints would, in units of the noise.
 
     Args:
         search: without a model error.
@@ -64,16 +64,18 @@ class Named:
         if joint not in self._free:
             weigh = self.search.weigh(self.fit)
             projection = self.scores.projection
-            self._free[joint] = free_curve(self.search.bench, self.fit, joint, weigh, projection).gain
+            self._free[joint] = free_curve(self.search.context, self.fit, joint, weigh, projection).gain
         return self._free[joint]
 
 
-def free_curve(bench: Workbench, fit: Fit, joint: int, weigh: Weigh, projection: Projection) -> FreeCurve:
+def free_curve(
+    fit_context: FitContext, fit: Fit, joint: int, weigh: Weigh, projection: Projection
+) -> FreeCurve:
     """The best free curve of a torque on the motor of a joint, beside what the model can do."""
-    equation = bench.refinement.with_layout(fit.layout).narrow
+    equation = fit_context.two_band.with_layout(fit.layout).narrow
     equation.prepare(fit.x)
     motions = equation.context.motions(joint)
-    chain = bench.chain(fit)
+    chain = fit_context.chain(fit)
     best = FreeCurve("", 0.0)
     for variable in VARIABLES:
         parts = _columns(motions, variable)

@@ -1,4 +1,4 @@
-"""The data of the refinement: the equation's signals in two bands, and the noise's way through it."""
+"""The data of the two_band: the equation's signals in two bands, and the noise's way through it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
 from flexviz.equation.chain import Chain
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import instrument_ways, noise_ways, time_constants
+from flexviz.equation.reversal_nuisance import pulses
+from flexviz.equation.sensitivity import instrument_paths, noise_paths, time_constants
 from flexviz.equation.signals import Signals
-from flexviz.equation.undecided import pulses
 from flexviz.identification.instrument_bias import lookback, shared_noise
-from flexviz.identification.metric import Metric
+from flexviz.identification.noise_weighting import NoiseWeighting
 from flexviz.identification.whitening import (
     Whitener,
     lagged_covariance,
     noise_kernel,
-    score_covariance,
+    noise_score_covariance,
+    paths_covariance,
     shared_kernel,
-    ways_covariance,
     whitener,
 )
 from flexviz.measurements import Group, MeasurementSet
@@ -41,7 +41,7 @@ LONG_ORDER = 14
 FEW = 60  # samples that tell the size of the noise
 
 
-class Refinement:
+class TwoBandData:
     """Signals in two bands, and the noise's way through the equation."""
 
     def __init__(
@@ -79,7 +79,7 @@ class Refinement:
             Equation(self.robot, signals, layout, self._shared) for signals in self._signals
         )
 
-    def with_layout(self, layout: Layout) -> Refinement:
+    def with_layout(self, layout: Layout) -> TwoBandData:
         """The same data for a model with other effects; the signals are shared."""
         other = copy(self)
         other._set(layout)
@@ -87,7 +87,7 @@ class Refinement:
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
-        ways = noise_ways(self.layout, x, link)
+        paths = noise_paths(self.layout, x, link)
         kernels: dict[tuple[float, float], list[Array]] = {}
         out = []
         for block in self.blocks:
@@ -95,8 +95,8 @@ class Refinement:
             key = (raw * block.stride, raw)
             if key not in kernels:
                 observer = self.wide.signals.observer
-                kernels[key] = [noise_kernel(observer, *key, way, self.order) for way in ways]
-            cov = ways_covariance(ways, kernels[key], self.noise, block.rows)
+                kernels[key] = [noise_kernel(observer, *key, path, self.order) for path in paths]
+            cov = paths_covariance(paths, kernels[key], self.noise, block.rows)
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
             cov[0] += np.diag(1e-9 * size + self.tolerance)
             out.append(whitener(cov, self.every, self.ridge))
@@ -104,12 +104,12 @@ class Refinement:
 
     def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
         """Mean of (W z)ᵀ W r a sample from the noise that both contain, shape (P,), one a block."""
-        ways = {(w.sensor, j): w for w in noise_ways(self.layout, x, link) for j in w.joints}
+        paths = {(w.sensor, j): w for w in noise_paths(self.layout, x, link) for j in w.joints}
         observers = self.narrow.signals.observer, self.wide.signals.observer
         out = [np.zeros(self.layout.size) for _ in self.blocks]
         seen = [lookback(w) for w in whiteners]
-        for parameters, into_z in instrument_ways(self.layout, x, link):
-            into_r = ways[into_z.sensor, into_z.joints[0]]
+        for parameters, into_z in instrument_paths(self.layout, x, link):
+            into_r = paths[into_z.sensor, into_z.joints[0]]
             variance = into_z.variance(self.noise)
             kernels: dict[tuple[float, float, int], Array] = {}
             for mean, block, w in zip(out, self.blocks, seen, strict=True):
@@ -127,15 +127,15 @@ class Refinement:
         part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
         variance = np.zeros(self.layout.n)
-        for way in noise_ways(self.layout, x, part):
-            key = ("kernel", way.orders, way.lags)
+        for path in noise_paths(self.layout, x, part):
+            key = ("kernel", path.orders, path.lags)
             kernel = self._shared.get(key)
             if kernel is None:
-                kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, way, 0)[0]
-                if not any(way.lags):  # the others change with the parameters
+                kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, path, 0)[0]
+                if not any(path.lags):  # the others change with the parameters
                     self._shared[key] = kernel
             variance += np.einsum(
-                "dtim,de,etim,m->i", way.matrices, kernel, way.matrices, way.variance(self.noise)
+                "dtim,de,etim,m->i", path.matrices, kernel, path.matrices, path.variance(self.noise)
             )
         return variance / len(part.mass) + self.tolerance
 
@@ -145,34 +145,34 @@ class Refinement:
         level = np.log(self.noise_level(x, link))
         return np.concatenate((level, band * time_constants(self.layout, x)))
 
-    def metrics(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[Metric]:
-        """One metric a block: the whitener, and what is not known of the effects' reversals at x."""
-        out = [Metric(w) for w in whiteners]
+    def weightings(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
+        """One weighting a block: the whitener, and what is not known of the effects' reversals at x."""
+        out = [NoiseWeighting(w) for w in whiteners]
         chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], narrow.link)
         for unknown in pulses(self.wide, x, chain):
             out[unknown.block] = out[unknown.block].with_unknown(unknown.columns)
         return out
 
-    def score_covariance(self, x: Array, z: Array, metrics: list[Metric]) -> Array:
+    def noise_score_covariance(self, x: Array, z: Array, weightings: list[NoiseWeighting]) -> Array:
         """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
 
         Args:
             x: shape (P,).
             z: shape (N, n, P), whitened instruments; zero where samples are not used.
-            metrics: one a block.
+            weightings: one a block.
         """
-        ways = noise_ways(self.layout, x, self.narrow.link_terms(x))
+        paths = noise_paths(self.layout, x, self.narrow.link_terms(x))
         total = np.zeros((self.layout.size, self.layout.size))
-        for block, metric in zip(self.blocks, metrics, strict=True):
+        for block, weighting in zip(self.blocks, weightings, strict=True):
             rows, raw = block.rows, block.segment.step
-            weights = metric.transposed(z[rows])
+            weights = weighting.transposed(z[rows])
             steps = (raw * block.stride, raw)
-            for way in ways:
-                variance, here = way.variance(self.noise), way.rows(rows)
-                total += score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
+            for path in paths:
+                variance, here = path.variance(self.noise), path.rows(rows)
+                total += noise_score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
             scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
             total += scaled.T @ scaled
-            unknown = metric.unknown_share(z[rows])
+            unknown = weighting.unknown_share(z[rows])
             total += unknown @ unknown.T
         return total
 
@@ -182,10 +182,10 @@ def residual_noise(
 ) -> Array:
     """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
     total = np.zeros(layout.n)
-    for way in noise_ways(layout, x, link):
+    for path in noise_paths(layout, x, link):
         for block in signals.blocks:
             raw = block.segment.step
-            kernel = noise_kernel(signals.observer, raw, raw, way, 0)
-            cov = lagged_covariance(way.matrices[:, block.rows], kernel, way.variance(noise))
+            kernel = noise_kernel(signals.observer, raw, raw, path, 0)
+            cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
             total += np.einsum("tii->i", cov[0])
     return total / signals.count

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from flexviz.equation import Equation, Layout, Signals, build_signals
 from flexviz.equation.residual import Chain
-from flexviz.identification.prior import Prior
-from flexviz.identification.refine import (
+from flexviz.identification.instrumental_variables import (
     Point,
     compensated_score,
     evaluated,
     feasible_step,
     weighted_point,
 )
-from flexviz.identification.refinement import WIDE_HERTZ, Refinement
+from flexviz.identification.prior import Prior
 from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
 from flexviz.identification.start import Start, other_effects, start_values
+from flexviz.identification.two_band import WIDE_HERTZ, TwoBandData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import ButterworthZeroPhase
 
@@ -57,12 +57,12 @@ class Weighing:
     every: int
     ridge: float
 
-    def refinement(self, measurements: MeasurementSet, groups: list[Group], layout: Layout) -> Refinement:
+    def two_band(self, measurements: MeasurementSet, groups: list[Group], layout: Layout) -> TwoBandData:
         """The data weighted so."""
-        refinement = Refinement(measurements, groups, layout, self.hertz)
-        refinement.order, refinement.every = self.orders.get(layout.n, self.long_order), self.every
-        refinement.ridge = self.ridge
-        return refinement
+        two_band = TwoBandData(measurements, groups, layout, self.hertz)
+        two_band.order, two_band.every = self.orders.get(layout.n, self.long_order), self.every
+        two_band.ridge = self.ridge
+        return two_band
 
 
 JUDGING = Weighing(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)  # enough to tell models apart
@@ -96,7 +96,7 @@ class Fit:
     noise_at: tuple[Array, Array]
 
 
-class Workbench:
+class FitContext:
     """The data of one diagnosis, shared by every model that is tried."""
 
     def __init__(self, measurements: MeasurementSet, layout: Layout, weighing: Weighing = JUDGING) -> None:
@@ -104,10 +104,10 @@ class Workbench:
         fit = [g for g in measurements.groups if not g.validation]
         held_out = [g for g in measurements.groups if g.validation]
         self.fit_groups, self.held_out_groups = fit, held_out
-        self.refinement = weighing.refinement(measurements, fit, layout)
-        self.validation = weighing.refinement(measurements, held_out, layout) if held_out else None
+        self.two_band = weighing.two_band(measurements, fit, layout)
+        self.validation = weighing.two_band(measurements, held_out, layout) if held_out else None
         bare = Layout(layout.joints)
-        self._start = start_values(measurements, self.refinement.with_layout(bare).narrow)
+        self._start = start_values(measurements, self.two_band.with_layout(bare).narrow)
         self._plain: tuple[Signals, Start] | None = None
         self._plain_shared: dict[object, Any] = {}
 
@@ -116,11 +116,11 @@ class Workbench:
         """1/K of the set's rough stiffness, or of a guess, shape (n,)."""
         return self._start.x[self._start.prior.layout.compliance]
 
-    def with_tolerance(self, tolerance: Array) -> Workbench:
+    def with_tolerance(self, tolerance: Array) -> FitContext:
         """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""
         other = copy(self)
-        other.refinement = copy(self.refinement)
-        other.refinement.tolerance = tolerance
+        other.two_band = copy(self.two_band)
+        other.two_band.tolerance = tolerance
         if self.validation is not None:
             other.validation = copy(self.validation)
             other.validation.tolerance = tolerance
@@ -132,7 +132,7 @@ class Workbench:
         A joint that hardly deflects, such as a light wrist, says nothing of its stiffness, and a soft joint
         imitates much, a gap above all.
         """
-        start = other_effects(self._start, layout, self.refinement.narrow.signals)
+        start = other_effects(self._start, layout, self.two_band.narrow.signals)
         prior = start.prior
         if self.measurements.initial_stiffness is not None:
             spread = prior.spread.copy()
@@ -246,16 +246,18 @@ def _noise_objective(point: Point) -> float:
 
 
 def _objective(point: Point) -> float:
-    return _noise_objective(point) + sum(m.log_determinant for m in point.metrics)
+    return _noise_objective(point) + sum(m.log_determinant for m in point.weightings)
 
 
 class _Descent:
     """Gauss–Newton steps of one model."""
 
-    def __init__(self, bench: Workbench, layout: Layout, near: Fit | None, check: Callable[[], None]) -> None:
+    def __init__(
+        self, context: FitContext, layout: Layout, near: Fit | None, check: Callable[[], None]
+    ) -> None:
         self.layout, self.check = layout, check
-        self.refinement = bench.refinement.with_layout(layout)
-        self.prior, self.bounds = bench.assumptions(layout)
+        self.two_band = context.two_band.with_layout(layout)
+        self.prior, self.bounds = context.assumptions(layout)
         self.whitened = _Whitened(layout, near)
 
     def run(
@@ -276,7 +278,7 @@ class _Descent:
         step, halvings = np.zeros(size), 0
         for iteration in range(iterations + 1):
             self.check()
-            point = self.whitened.point(self.refinement, x)
+            point = self.whitened.point(self.two_band, x)
             objective = _objective(point)
             if damped and best is not None and objective > best[0] and halvings < HALVINGS:
                 halvings += 1
@@ -289,7 +291,7 @@ class _Descent:
             gradient, prior_hessian = prior.gradient_and_hessian(x)
             flat = point.z.reshape(-1, size)
             hessian = flat.T @ flat + prior_hessian
-            step, _ = bounded_step(gradient + compensated_score(self.refinement, point), hessian, x, bounds)
+            step, _ = bounded_step(gradient + compensated_score(self.two_band, point), hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             converged = length < NEGLIGIBLE and iteration >= 1
             if converged or iteration == iterations:
@@ -312,9 +314,9 @@ class _Whitened:
             self._whiteners, self.noise_at = point.whiteners, near.noise_at[held_out]
         self._metrics, self._effects_at = None, np.zeros(0)
 
-    def point(self, refinement: Refinement, x: Array) -> Point:
-        residual, narrow = evaluated(refinement, x)
-        noise = refinement.noise_shape(x, narrow.link)
+    def point(self, two_band: TwoBandData, x: Array) -> Point:
+        residual, narrow = evaluated(two_band, x)
+        noise = two_band.noise_shape(x, narrow.link)
         if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > NOISE_MOVED:
             self._whiteners, self._metrics, self.noise_at = None, None, noise
         effects = x[self._layout.effect_start :]
@@ -323,9 +325,9 @@ class _Whitened:
             if np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * EFFECT_MOVED:
                 self._metrics = None
         if self._whiteners is None:
-            self._whiteners, self._shared = refinement.whiteners(x, narrow.link), []
+            self._whiteners, self._shared = two_band.whiteners(x, narrow.link), []
         if not self._shared and not self._held_out:  # nothing is fitted to what is held out
-            self._shared = refinement.instrument_bias(x, narrow.link, self._whiteners)
+            self._shared = two_band.instrument_bias(x, narrow.link, self._whiteners)
         if self._metrics is None:
-            self._metrics, self._effects_at = refinement.metrics(x, narrow, self._whiteners), effects.copy()
-        return weighted_point(refinement, residual, narrow, self._metrics, self._shared)
+            self._metrics, self._effects_at = two_band.weightings(x, narrow, self._whiteners), effects.copy()
+        return weighted_point(two_band, residual, narrow, self._metrics, self._shared)

@@ -1,4 +1,4 @@
-"""The refinement stage: removes what filtering and noise do to the plain fit.
+"""The two_band stage: removes what filtering and noise do to the plain fit.
 
 Two bands. The residual r comes from a wide filter that is exactly flat where the robot moves, so that
 products of filtered signals are right; it is full of noise, but that noise's covariance is known
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Evaluation
-from flexviz.identification.metric import Metric
+from flexviz.identification.noise_weighting import NoiseWeighting
 from flexviz.identification.prior import Prior
-from flexviz.identification.refinement import Refinement
 from flexviz.identification.solver import Bounds, bounded_step
-from flexviz.identification.uncertainty import colour_matrix, covariance
+from flexviz.identification.two_band import TwoBandData
+from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.identification.whitening import Whitener
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ NEGLIGIBLE = 0.02  # [standard deviations] a step that ends the iteration
 
 @dataclass(frozen=True)
 class Refined:
-    """Result of the refinement.
+    """Result of the two_band.
 
     Attributes:
         x: shape (P,).
@@ -55,7 +55,7 @@ class Refined:
 
 
 def refine(
-    refinement: Refinement,
+    two_band: TwoBandData,
     prior: Prior,
     bounds: Bounds,
     x: Array,
@@ -69,18 +69,18 @@ def refine(
     model error is then added to the noise, as large as it takes to explain the residual, so that nothing is
     weighted by a noise that does not matter.
     """
-    first = _solve(refinement, prior, bounds, x, max_iterations, report)
+    first = _solve(two_band, prior, bounds, x, max_iterations, report)
     if first.chi_square <= CONSISTENT:
         return first
-    torque = refinement.narrow.evaluate(x).torque[0]
-    refinement.tolerance = TOLERANCE**2 * np.mean(torque**2, axis=0)
+    torque = two_band.narrow.evaluate(x).torque[0]
+    two_band.tolerance = TOLERANCE**2 * np.mean(torque**2, axis=0)
     refined = first
     for _ in range(8):
-        refined = _solve(refinement, prior, bounds, x, max_iterations, report)
+        refined = _solve(two_band, prior, bounds, x, max_iterations, report)
         x = refined.x
         if np.all(refined.chi_squares < 1.5):
             break
-        refinement.tolerance = refinement.tolerance * np.maximum(refined.chi_squares, 0.5)
+        two_band.tolerance = two_band.tolerance * np.maximum(refined.chi_squares, 0.5)
     return refined
 
 
@@ -92,7 +92,7 @@ class Point:
         r: shape (N, n); unusable samples are zero.
         z: shape (N, n, P), likewise.
         used: shape (N,).
-        metrics, whiteners: one a block.
+        weightings, whiteners: one a block.
         narrow: the narrow band's equation.
         shared: shape (P,) a block, mean of zᵀ r a sample from the noise that both contain.
     """
@@ -100,84 +100,84 @@ class Point:
     r: Array
     z: Array
     used: NDArray[np.bool_]
-    metrics: list[Metric]
+    weightings: list[NoiseWeighting]
     whiteners: list[Whitener]
     narrow: Evaluation
     shared: list[Array]
 
 
 def whitened_point(
-    refinement: Refinement,
+    two_band: TwoBandData,
     x: Array,
     whiteners: list[Whitener] | None = None,
 ) -> Point:
     """Residual and instruments at x; the noise's way is followed anew where no whiteners are given.
 
     Args:
-        refinement: the data and the model.
+        two_band: the data and the model.
         x: shape (P,).
         whiteners: of another point, near enough.
     """
-    residual, narrow = evaluated(refinement, x)
+    residual, narrow = evaluated(two_band, x)
     if whiteners is None:
-        whiteners = refinement.whiteners(x, narrow.link)
-    shared = refinement.instrument_bias(x, narrow.link, whiteners)
-    return weighted_point(refinement, residual, narrow, refinement.metrics(x, narrow, whiteners), shared)
+        whiteners = two_band.whiteners(x, narrow.link)
+    shared = two_band.instrument_bias(x, narrow.link, whiteners)
+    return weighted_point(two_band, residual, narrow, two_band.weightings(x, narrow, whiteners), shared)
 
 
-def evaluated(refinement: Refinement, x: Array) -> tuple[Array, Evaluation]:
+def evaluated(two_band: TwoBandData, x: Array) -> tuple[Array, Evaluation]:
     """The wide band's residual (N, n) and the narrow band's equation at x."""
-    for equation in (refinement.wide, refinement.narrow):
+    for equation in (two_band.wide, two_band.narrow):
         equation.prepare(x)
-    return refinement.wide.residual(x), refinement.narrow.evaluate(x)
+    return two_band.wide.residual(x), two_band.narrow.evaluate(x)
 
 
 def weighted_point(
-    refinement: Refinement,
+    two_band: TwoBandData,
     residual: Array,
     narrow: Evaluation,
-    metrics: list[Metric],
+    weightings: list[NoiseWeighting],
     shared: list[Array],
 ) -> Point:
     """What `evaluated` gives, in units of the noise."""
-    blocks = refinement.blocks
-    pairs = list(zip(metrics, blocks, strict=True))
+    blocks = two_band.blocks
+    pairs = list(zip(weightings, blocks, strict=True))
     r = np.concatenate([m.apply(residual[b.rows]) for m, b in pairs])
     z = np.concatenate([m.apply(narrow.jacobian[b.rows]) for m, b in pairs])
     used = np.concatenate([settled(r[b.rows]) for b in blocks])
     r[~used] = 0.0
     z[~used] = 0.0
-    return Point(r, z, used, metrics, [m.whitener for m in metrics], narrow, shared)
+    return Point(r, z, used, weightings, [m.whitener for m in weightings], narrow, shared)
 
 
-def compensated_score(refinement: Refinement, point: Point, window: NDArray[np.bool_] | None = None) -> Array:
+def compensated_score(two_band: TwoBandData, point: Point, window: NDArray[np.bool_] | None = None) -> Array:
     """Zᵀ W r − b, shape (P,): zero on average where the model is right.
 
     Args:
-        refinement: the data and the model.
+        two_band: the data and the model.
         point: there.
         window: shape (N,), the samples that count; all of them where None.
     """
     used = point.used if window is None else point.used & window
     r = point.r if window is None else point.r * window[:, None]
     score: Array = point.z.reshape(-1, point.z.shape[2]).T @ r.ravel()
-    for block, mean in zip(refinement.blocks, shared_part(refinement, point, used), strict=True):
+    for block, mean in zip(two_band.blocks, shared_part(two_band, point, used), strict=True):
         score -= np.count_nonzero(used[block.rows]) * mean
     return score
 
 
-def shared_part(refinement: Refinement, point: Point, used: NDArray[np.bool_]) -> list[Array]:
+def shared_part(two_band: TwoBandData, point: Point, used: NDArray[np.bool_]) -> list[Array]:
     """b a sample, shape (P,) a block.
 
     A joint whose residual is below its noise has less of it than was estimated (torque chatter, for one, is
     not noise): less is taken off then.
 
     Args:
-        refinement: the data and the model.
+        two_band: the data and the model.
         point: there.
         used: shape (N,), the samples that count.
     """
-    layout = refinement.layout
+    layout = two_band.layout
     chi = np.sum(point.r[used] ** 2, axis=0) / max(np.count_nonzero(used), 1)
     share = np.zeros(layout.size)
     share[layout.compliance] = np.minimum(chi, 1.0)
@@ -210,25 +210,25 @@ def settled(r: Array) -> NDArray[np.bool_]:
 
 
 def _solve(
-    refinement: Refinement,
+    two_band: TwoBandData,
     prior: Prior,
     bounds: Bounds,
     x: Array,
     max_iterations: int,
     report: Callable[[Array, float, float], None],
 ) -> Refined:
-    lay, blocks = refinement.layout, refinement.blocks
+    lay, blocks = two_band.layout, two_band.blocks
     whiteners: list[Whitener] | None = None
     iteration = 0
     while True:
         # the noise's way through the equation is followed anew once the parameters are nearly right
-        point = whitened_point(refinement, x, whiteners if iteration >= 2 else None)
+        point = whitened_point(two_band, x, whiteners if iteration >= 2 else None)
         whiteners = point.whiteners
         gradient, prior_hessian = prior.gradient_and_hessian(x)
         flat = point.z.reshape(-1, lay.size)
         information = flat.T @ flat
         hessian = information + prior_hessian
-        step, at_bound = bounded_step(gradient + compensated_score(refinement, point), hessian, x, bounds)
+        step, at_bound = bounded_step(gradient + compensated_score(two_band, point), hessian, x, bounds)
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         report(x, 0.5 * float((point.r**2).sum()), length)
         converged = length < NEGLIGIBLE and iteration >= 2
@@ -240,9 +240,9 @@ def _solve(
     chi_square = float(np.mean(chi_squares))
     free = ~at_bound
     colour = (
-        refinement.score_covariance(x, point.z, point.metrics) * max(chi_square, 1.0)
+        two_band.noise_score_covariance(x, point.z, point.weightings) * max(chi_square, 1.0)
         if chi_square < 1.2
-        else colour_matrix(point.r, point.z, [b.rows for b in blocks])
+        else score_covariance(point.r, point.z, [b.rows for b in blocks])
     )
     cov, share = np.zeros_like(information), np.ones(lay.size)
     index = np.ix_(free, free)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.explaining import fit_covariance
-from flexviz.diagnosis.fitting import JUDGING, Fit, Workbench
+from flexviz.diagnosis.fit_context import JUDGING, Fit, FitContext
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ WORSE = 1.5  # times the mean square of the whitened residual, from which on tra
 
 
 @dataclass(frozen=True, eq=False)
-class Sharpened:
+class FinalRefit:
     """Values and their uncertainty.
 
     Attributes:
@@ -40,7 +40,7 @@ class Sharpened:
     prior_share: Array
 
 
-def sharpened(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> Sharpened | None:
+def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:
     """The same model fitted with the closer weighting.
 
     None for robots with more joints than `SHARP` has orders for, and where it explains the data less well.
@@ -52,8 +52,8 @@ def sharpened(measurements: MeasurementSet, fit: Fit, check: Callable[[], None])
     """
     if fit.layout.n not in SHARP.orders:
         return None
-    bench = Workbench(measurements, fit.layout, SHARP)
-    closer = bench.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
+    context = FitContext(measurements, fit.layout, SHARP)
+    closer = context.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
     if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
         return None
-    return Sharpened(closer.x, *fit_covariance(bench, closer))
+    return FinalRefit(closer.x, *fit_covariance(context, closer))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fitting import Fit, Workbench
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.identification import identify
@@ -33,7 +33,7 @@ class Knowing:
 
     Attributes
     ----------
-    gain: how much χ² (and the metric's determinant) falls from the best base model to the fit that knows the
+    gain: fall of χ² (and the weighting's determinant) from the best base model to the fit that knows the
         truth; of a law that the library does not have, to the base model's fit of the twin, which is the same
         set without that law; of a clean set, to the noise floor itself.
     gains: the same for each hidden effect when the fit knows all others.
@@ -84,10 +84,10 @@ def know(measurements: MeasurementSet, truth: dict[str, Any], twin: MeasurementS
     """
     joints, true = measurements.joints, true_model(truth)
     base = Layout(joints, choose_effects(measurements.effects, joints))
-    bench = Workbench(measurements, base)
+    context = FitContext(measurements, base)
     hidden = [chosen(e, joints) for e in true.effects[len(truth["base_effects"]) :]]
     plain = identify(measurements)
-    without = bench.fit(base, base.vector(plain.model), iterations=QUICK)
+    without = context.fit(base, base.vector(plain.model), iterations=QUICK)
     if not hidden:
         chi, model = tuple(map(float, without.chi)), base.model(without.x)
         best = _fitted_to(twin, base) if twin is not None else without
@@ -107,17 +107,17 @@ def know(measurements: MeasurementSet, truth: dict[str, Any], twin: MeasurementS
             without.converged and best.converged,
         )
     layout = with_hidden(base, hidden)
-    full = bench.fit(layout, layout.vector(true), iterations=QUICK)
+    full = context.fit(layout, layout.vector(true), iterations=QUICK)
     if not full.converged:
-        full = _better(full, bench.fit(layout, full.x, iterations=LONG))
-    without = _careful(bench, base, true, without, full)
+        full = _better(full, context.fit(layout, full.x, iterations=LONG))
+    without = _careful(context, base, true, without, full)
     gains = []
     for k in range(len(hidden)):
         part = without
         if len(hidden) > 1:
             less = with_hidden(base, hidden[:k] + hidden[k + 1 :])
-            part = bench.fit(less, less.vector(layout.model(full.x)), iterations=QUICK)
-            part = _careful(bench, less, true, part, full)
+            part = context.fit(less, less.vector(layout.model(full.x)), iterations=QUICK)
+            part = _careful(context, less, true, part, full)
         gains.append(_chi_square(part) - _chi_square(full))
     return Knowing(
         _chi_square(without) - _chi_square(full),
@@ -134,7 +134,7 @@ def know(measurements: MeasurementSet, truth: dict[str, Any], twin: MeasurementS
 def _fitted_to(measurements: MeasurementSet, layout: Layout) -> Fit:
     """The base model fitted to a set that lacks nothing."""
     start = layout.vector(identify(measurements).model)
-    return Workbench(measurements, layout).fit(layout, start, iterations=LONG)
+    return FitContext(measurements, layout).fit(layout, start, iterations=LONG)
 
 
 def chosen(effect: EffectValue, joints: Sequence[str]) -> ChosenEffect:
@@ -162,12 +162,12 @@ def errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[float, .
     return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
 
 
-def _careful(bench: Workbench, layout: Layout, true: FlexibleModel, fit: Fit, full: Fit) -> Fit:
+def _careful(context: FitContext, layout: Layout, true: FlexibleModel, fit: Fit, full: Fit) -> Fit:
     """A fit without something, followed to its end and begun from the truth, too, where that may matter."""
     if _chi_square(fit) - _chi_square(full) > CLEAR:
         return fit
     for start in (fit.x, layout.vector(true)):
-        fit = _better(fit, bench.fit(layout, start, iterations=LONG))
+        fit = _better(fit, context.fit(layout, start, iterations=LONG))
     return fit
 
 
@@ -176,9 +176,9 @@ def _better(one: Fit, other: Fit) -> Fit:
 
 
 def _chi_square(fit: Fit) -> float:
-    """χ² over fit and validation groups, with the determinant of the metrics."""
+    """χ² over fit and validation groups, with the determinant of the weightings."""
     points = [p for p in (fit.point, fit.held_out) if p is not None]
-    return _misfit(fit) + sum(m.log_determinant for p in points for m in p.metrics)
+    return _misfit(fit) + sum(m.log_determinant for p in points for m in p.weightings)
 
 
 def _misfit(fit: Fit) -> float:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis.explaining import standard_errors
-from flexviz.diagnosis.fitting import Fit, Workbench
-from flexviz.diagnosis.sharpening import sharpened
+from flexviz.diagnosis.final_refit import final_refit
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
@@ -24,20 +24,20 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
     return read_set(write_plan(PLAN, simulate_plan(PLAN), tmp_path_factory.mktemp("sharp") / "set"))
 
 
-def fitted(measurements: MeasurementSet, effects: tuple[str, ...]) -> tuple[Workbench, Fit]:
+def fitted(measurements: MeasurementSet, effects: tuple[str, ...]) -> tuple[FitContext, Fit]:
     """A model with these effects, fitted as the diagnosis judges it."""
     layout = layout_of(measurements, effects)
-    bench = Workbench(measurements, layout)
+    context = FitContext(measurements, layout)
     start = layout.vector(identify(measurements, effects=effects).model)
-    return bench, bench.fit(layout, start, iterations=20)
+    return context, context.fit(layout, start, iterations=20)
 
 
 def test_values_are_the_truth_within_smaller_intervals(made: MeasurementSet) -> None:
-    bench, fit = fitted(made, ("coulomb_friction:joint2", "stribeck_friction:joint2"))
-    closer = sharpened(made, fit, lambda: None)
+    context, fit = fitted(made, ("coulomb_friction:joint2", "stribeck_friction:joint2"))
+    closer = final_refit(made, fit, lambda: None)
     assert closer is not None
     std = np.sqrt(np.diag(closer.covariance))
-    wide = standard_errors(bench, fit)
+    wide = standard_errors(context, fit)
     known = closer.prior_share < 0.01  # by the data
     assert known.sum() >= 10
     assert np.exp(np.mean(np.log(std[known] / wide[known]))) < 0.95
@@ -49,7 +49,7 @@ def test_values_are_the_truth_within_smaller_intervals(made: MeasurementSet) -> 
 def test_what_does_not_explain_all_keeps_its_values(made: MeasurementSet) -> None:
     _, fit = fitted(made, ("coulomb_friction:joint2",))
     assert fit.chi.max() > 1.5  # something is missing
-    closer = sharpened(made, fit, lambda: None)
+    closer = final_refit(made, fit, lambda: None)
     assert closer is None
 
 
@@ -59,4 +59,4 @@ def test_it_can_be_stopped(made: MeasurementSet) -> None:
 
     _, fit = fitted(made, ("coulomb_friction:joint2",))
     with pytest.raises(KeyboardInterrupt):
-        sharpened(made, fit, stop)
+        final_refit(made, fit, stop)
