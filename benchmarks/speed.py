@@ -23,8 +23,8 @@ from threadpoolctl import threadpool_limits
 
 from flexviz._pinocchio import pin
 from flexviz.equation import Equation, Evaluation, Layout, build_signals
-from flexviz.identification.solver import gauss_newton
-from flexviz.identification.start import Start, start_values
+from flexviz.estimation.least_squares import gauss_newton
+from flexviz.estimation.start import Start, start_values
 from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.observers import CausalEso, make_observer
 from flexviz.resources import sessions_dir
@@ -99,7 +99,7 @@ def gauss_newton_fixed(
     equation: Equation, start: Start, weights: np.ndarray, watch: Callable[[np.ndarray, float], None]
 ) -> None:
     """The solver's own loop with fixed weights, so that both methods see the same cost."""
-    from flexviz.identification import solver
+    from flexviz.estimation import least_squares as solver
 
     x = start.x
     now = equation.evaluate(x)

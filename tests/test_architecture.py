@@ -23,6 +23,7 @@ LAYERS = (
     ("measurements", "noise"),
     ("observers", "effects"),
     ("equation",),
+    ("estimation",),
     ("identification",),
     ("diagnosis",),
     ("simulation", "session", "importing"),
@@ -111,7 +112,7 @@ def test_simulator_is_independent_of_the_identification() -> None:
         for path in SOURCES
         if unit(path) == "simulation"
         for name, line in imports(path)
-        if name.startswith(("flexviz.equation", "flexviz.identification"))
+        if name.startswith(("flexviz.equation", "flexviz.estimation", "flexviz.identification"))
     ]
     assert not wrong, "a simulator built on the identification's equation would only confirm it"
 

@@ -20,10 +20,10 @@ from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
+from flexviz.estimation.projection import Projection
+from flexviz.estimation.scoring import Scored, explained
+from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
-from flexviz.identification.projection import Projection
-from flexviz.identification.scoring import Scored, explained
-from flexviz.identification.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir

@@ -7,10 +7,10 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.identification.instrumental_variables import feasible_step
-from flexviz.identification.prior import Prior, physically_consistent
-from flexviz.identification.scoring import allowed
-from flexviz.identification.solver import Bounds
+from flexviz.estimation.instrumental_variables import feasible_step
+from flexviz.estimation.least_squares import Bounds
+from flexviz.estimation.prior import Prior, physically_consistent
+from flexviz.estimation.scoring import allowed
 from flexviz.robot import Robot
 
 DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are never negative

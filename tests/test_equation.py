@@ -8,10 +8,10 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import noise_paths, signal_sensitivity
 from flexviz.errors import InputError
-from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
-from flexviz.identification.whitening import noise_kernel, paths_covariance
+from flexviz.estimation.noise_paths import noise_paths, signal_sensitivity
+from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
+from flexviz.estimation.whitening import noise_kernel, paths_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.observers import FlatZeroPhase
 from flexviz.robot import PayloadBody, Robot

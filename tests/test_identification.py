@@ -8,12 +8,12 @@ import pytest
 
 from flexviz.equation import Layout
 from flexviz.errors import InputError
+from flexviz.estimation.base_parameters import base_parameters
+from flexviz.estimation.covariance import covariance, score_covariance
+from flexviz.estimation.instrumental_variables import settled
+from flexviz.estimation.least_squares import Bounds, bounded_step
+from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
-from flexviz.identification.base_parameters import base_parameters
-from flexviz.identification.instrumental_variables import settled
-from flexviz.identification.solver import Bounds, bounded_step
-from flexviz.identification.uncertainty import covariance, score_covariance
-from flexviz.identification.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.noise import white_noise
 from flexviz.observers import FlatZeroPhase

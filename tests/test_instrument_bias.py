@@ -14,12 +14,12 @@ from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
 from flexviz.equation.link import LinkTerms
-from flexviz.equation.sensitivity import THETA, NoisePath, instrument_paths, noise_paths
-from flexviz.identification import instrument_bias
-from flexviz.identification.instrument_bias import lookback, shared_noise
-from flexviz.identification.instrumental_variables import compensated_score, refine, whitened_point
-from flexviz.identification.two_band import TwoBandData
-from flexviz.identification.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
+from flexviz.estimation import instrument_bias
+from flexviz.estimation.instrument_bias import lookback, shared_noise
+from flexviz.estimation.instrumental_variables import compensated_score, refine, whitened_point
+from flexviz.estimation.noise_paths import THETA, NoisePath, instrument_paths, noise_paths
+from flexviz.estimation.two_band import TwoBandData
+from flexviz.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.observers import FlatZeroPhase

@@ -18,9 +18,9 @@ from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
 from flexviz.diagnosis.where import UNITS, maps, places
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
-from flexviz.equation.sensitivity import NoisePath
+from flexviz.estimation.noise_paths import NoisePath
+from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
-from flexviz.identification.two_band import residual_noise
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.resources import sessions_dir

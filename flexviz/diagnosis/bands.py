@@ -10,23 +10,26 @@ from scipy.interpolate import CubicSpline
 
 from flexviz.diagnosis.fit_context import JUDGING
 from flexviz.diagnosis.residuals import noise_density
-from flexviz.equation import Equation, Layout, build_signals
-from flexviz.equation.sensitivity import Transfer, noise_paths
-from flexviz.equation.signals import Signals, equation_stride
+from flexviz.equation import Equation, Layout, Signals, build_signals, equation_stride
 from flexviz.errors import InputError
-from flexviz.identification.instrumental_variables import (
+from flexviz.estimation import (
     CONSISTENT,
     TOLERANCE,
+    Bounds,
+    Prior,
+    Transfer,
+    TwoBandData,
+    bounded_step,
     compensated_score,
+    covariance,
     evaluated,
     feasible_step,
+    gauss_newton,
+    noise_paths,
+    score_covariance,
     shared_part,
     weighted_point,
 )
-from flexviz.identification.prior import Prior
-from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
-from flexviz.identification.two_band import TwoBandData
-from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase, Observer

@@ -25,8 +25,7 @@ from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
-from flexviz.identification import identify
-from flexviz.identification.summary import parameter_estimates
+from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.equation import Equation, build_signals
-from flexviz.identification.two_band import residual_noise
+from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase

@@ -15,8 +15,7 @@ from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
 from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.identification.scoring import Scored
-from flexviz.identification.uncertainty import covariance, score_covariance
+from flexviz.estimation import Scored, covariance, score_covariance
 
 Array = NDArray[np.float64]
 

@@ -10,19 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Equation, Layout, Signals, build_signals
-from flexviz.equation.residual import Chain
-from flexviz.identification.instrumental_variables import (
+from flexviz.equation import Chain, Equation, Layout, Signals, build_signals
+from flexviz.estimation import (
+    WIDE_HERTZ,
+    Bounds,
     Point,
+    Prior,
+    Start,
+    TwoBandData,
+    bounded_step,
     compensated_score,
     evaluated,
     feasible_step,
+    gauss_newton,
+    other_effects,
+    start_values,
     weighted_point,
 )
-from flexviz.identification.prior import Prior
-from flexviz.identification.solver import Bounds, bounded_step, gauss_newton
-from flexviz.identification.start import Start, other_effects, start_values
-from flexviz.identification.two_band import WIDE_HERTZ, TwoBandData
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import ButterworthZeroPhase
 

@@ -19,8 +19,7 @@ from flexviz.diagnosis.judging import NAMED
 from flexviz.diagnosis.search import Scores, Search
 from flexviz.effects import ChosenEffect, JointMotion
 from flexviz.effects.base import smooth_sign
-from flexviz.identification.projection import Projection, Weigh
-from flexviz.identification.scoring import explained
+from flexviz.estimation import Projection, Weigh, explained
 
 Array = NDArray[np.float64]
 

@@ -37,12 +37,8 @@ from flexviz.diagnosis.bands import (
 )
 from flexviz.diagnosis.fit_context import loosened
 from flexviz.equation import Layout
-from flexviz.identification.base_parameters import base_parameters
-from flexviz.identification.prior import Prior
-from flexviz.identification.result import ParameterEstimate
-from flexviz.identification.start import start_values
-from flexviz.identification.summary import combinations, parameter_estimates
-from flexviz.identification.two_band import WIDE_HERTZ
+from flexviz.estimation import WIDE_HERTZ, Prior, base_parameters, start_values
+from flexviz.identification import ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import FlatZeroPhase, Observer
 

@@ -20,7 +20,7 @@ from flexviz.diagnosis.judging import credible
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
-from flexviz.identification.instrumental_variables import Point
+from flexviz.estimation import Point
 
 Array = NDArray[np.float64]
 

@@ -10,13 +10,19 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.crossval import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.equation.residual import Chain
-from flexviz.equation.reversal_nuisance import pulses
-from flexviz.equation.sensitivity import NoisePath, Transfer, noise_paths
-from flexviz.identification.instrumental_variables import CONSISTENT, Point
-from flexviz.identification.solver import bounded_step
-from flexviz.identification.two_band import TwoBandData
-from flexviz.identification.whitening import Whitener, noise_kernel, whitener
+from flexviz.equation import Chain, pulses
+from flexviz.estimation import (
+    CONSISTENT,
+    NoisePath,
+    Point,
+    Transfer,
+    TwoBandData,
+    Whitener,
+    bounded_step,
+    noise_kernel,
+    noise_paths,
+    whitener,
+)
 from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]

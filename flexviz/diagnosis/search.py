@@ -21,9 +21,7 @@ from flexviz.diagnosis.judging import (
     structured,
 )
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.identification.interval import best_intervals
-from flexviz.identification.projection import Projection, Weigh
-from flexviz.identification.scoring import Scored, score
+from flexviz.estimation import Projection, Scored, Weigh, best_intervals, score
 
 Array = NDArray[np.float64]
 

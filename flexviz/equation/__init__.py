@@ -1,7 +1,24 @@
 """The identification equation: signals in, residual and Jacobian out."""
 
-from flexviz.equation.layout import INERTIAL_NAMES, Layout, layout_of
+from flexviz.equation.chain import Chain
+from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
+from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.residual import Equation, Evaluation
-from flexviz.equation.signals import Signals, build_signals
+from flexviz.equation.reversal_nuisance import pulses
+from flexviz.equation.signals import Signals, build_signals, equation_stride
 
-__all__ = ["INERTIAL_NAMES", "Equation", "Evaluation", "Layout", "Signals", "build_signals", "layout_of"]
+__all__ = [
+    "INERTIAL_NAMES",
+    "INERTIAL_UNITS",
+    "Chain",
+    "Equation",
+    "Evaluation",
+    "Layout",
+    "LinkDynamics",
+    "LinkTerms",
+    "Signals",
+    "build_signals",
+    "equation_stride",
+    "layout_of",
+    "pulses",
+]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
-from flexviz.identification.prior import pseudo_inertia
+from flexviz.estimation import pseudo_inertia
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from flexviz import __version__
 from flexviz.errors import InputError, choose_from
+from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.documents import Document, Parameter, model_of, plain
 from flexviz.exporting.laws import LeftOut, laws
-from flexviz.identification.prior import pseudo_inertia
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 

@@ -1,5 +1,6 @@
 """Identification: parameters with uncertainty from measurements."""
 
+from flexviz.estimation import Iteration
 from flexviz.identification.identify import identify
 from flexviz.identification.result import (
     Combination,
@@ -8,7 +9,7 @@ from flexviz.identification.result import (
     ResidualSeries,
     ResidualSummary,
 )
-from flexviz.identification.solver import Iteration
+from flexviz.identification.summary import combinations, parameter_estimates
 from flexviz.identification.sweep import SweepResult, sweep
 
 __all__ = [
@@ -19,6 +20,8 @@ __all__ = [
     "ResidualSeries",
     "ResidualSummary",
     "SweepResult",
+    "combinations",
     "identify",
+    "parameter_estimates",
     "sweep",
 ]

@@ -12,16 +12,24 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError, choose_from
-from flexviz.identification.base_parameters import base_parameters
+from flexviz.estimation import (
+    Iteration,
+    Refined,
+    Solution,
+    Start,
+    Stopped,
+    TwoBandData,
+    base_parameters,
+    covariance,
+    gauss_newton,
+    residual_noise,
+    score_covariance,
+    start_values,
+)
+from flexviz.estimation import refine as refine_fit
 from flexviz.identification.initial_guess import needs_search, searched_start
-from flexviz.identification.instrumental_variables import Refined
-from flexviz.identification.instrumental_variables import refine as refine_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
-from flexviz.identification.solver import Iteration, Solution, Stopped, gauss_newton
-from flexviz.identification.start import Start, start_values
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
-from flexviz.identification.two_band import TwoBandData, residual_noise
-from flexviz.identification.uncertainty import covariance, score_covariance
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, Observer, make_observer

@@ -11,13 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import Equation, Layout
-from flexviz.equation.chain import Chain
-from flexviz.identification.interval import best_intervals
-from flexviz.identification.projection import Projection
-from flexviz.identification.scoring import score
-from flexviz.identification.solver import gauss_newton
-from flexviz.identification.start import start_values
+from flexviz.equation import Chain, Equation, Layout
+from flexviz.estimation import Projection, best_intervals, gauss_newton, score, start_values
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.identification.solver import Iteration
+from flexviz.estimation import Iteration
 from flexviz.model import FlexibleModel
 
 Array = NDArray[np.float64]

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import INERTIAL_NAMES, Layout
-from flexviz.equation.layout import INERTIAL_UNITS
-from flexviz.identification.base_parameters import BaseParameters
-from flexviz.identification.prior import Prior
+from flexviz.equation import INERTIAL_NAMES, INERTIAL_UNITS, Layout
+from flexviz.estimation import BaseParameters, Prior
 from flexviz.identification.result import Combination, ParameterEstimate
 
 Array = NDArray[np.float64]

@@ -21,8 +21,14 @@ from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, Res
 from flexviz.diagnosis.result import Step as DiagnosisStep
 from flexviz.diagnosis.where import ResidualMap
 from flexviz.errors import InputError
-from flexviz.identification import Identification, Iteration, ParameterEstimate, ResidualSummary
-from flexviz.identification.result import Combination, ResidualSeries
+from flexviz.identification import (
+    Combination,
+    Identification,
+    Iteration,
+    ParameterEstimate,
+    ResidualSeries,
+    ResidualSummary,
+)
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.session.state import Analysis, ModelStep, Note, Step
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation.layout import Layout
-from flexviz.equation.link import LinkTerms
+from flexviz.equation import Layout, LinkTerms
 
 Array = NDArray[np.float64]
 Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative

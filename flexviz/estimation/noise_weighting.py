@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.identification.whitening import Whitener
+from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 

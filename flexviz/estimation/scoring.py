@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Equation
-from flexviz.equation.chain import Chain
-from flexviz.identification.projection import Projection, Weigh
+from flexviz.equation import Chain, Equation
+from flexviz.estimation.projection import Projection, Weigh
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Equation
-from flexviz.identification.projection import Projection, Weigh
-from flexviz.identification.scoring import Scored
+from flexviz.estimation.projection import Projection, Weigh
+from flexviz.estimation.scoring import Scored
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation.sensitivity import NoisePath
-from flexviz.identification.whitening import Whitener
+from flexviz.estimation.noise_paths import NoisePath
+from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Evaluation
-from flexviz.identification.noise_weighting import NoiseWeighting
-from flexviz.identification.prior import Prior
-from flexviz.identification.solver import Bounds, bounded_step
-from flexviz.identification.two_band import TwoBandData
-from flexviz.identification.uncertainty import covariance, score_covariance
-from flexviz.identification.whitening import Whitener
+from flexviz.estimation.covariance import covariance, score_covariance
+from flexviz.estimation.least_squares import Bounds, bounded_step
+from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.prior import Prior
+from flexviz.estimation.two_band import TwoBandData
+from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import fft
-from flexviz.equation.sensitivity import NoisePath
+from flexviz.estimation.noise_paths import NoisePath
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, Evaluation
-from flexviz.identification.prior import Prior
+from flexviz.estimation.prior import Prior
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Equation, Evaluation, Layout, build_signals
-from flexviz.equation.chain import Chain
-from flexviz.equation.link import LinkTerms
-from flexviz.equation.reversal_nuisance import pulses
-from flexviz.equation.sensitivity import instrument_paths, noise_paths, time_constants
-from flexviz.equation.signals import Signals
-from flexviz.identification.instrument_bias import lookback, shared_noise
-from flexviz.identification.noise_weighting import NoiseWeighting
-from flexviz.identification.whitening import (
+from flexviz.equation import Chain, Equation, Evaluation, Layout, LinkTerms, Signals, build_signals, pulses
+from flexviz.estimation.instrument_bias import lookback, shared_noise
+from flexviz.estimation.noise_paths import instrument_paths, noise_paths, time_constants
+from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.whitening import (
     Whitener,
     lagged_covariance,
     noise_kernel,

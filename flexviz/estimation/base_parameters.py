@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import INERTIAL_NAMES
-from flexviz.equation.link import LinkDynamics
+from flexviz.equation import INERTIAL_NAMES, LinkDynamics
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]

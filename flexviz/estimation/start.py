@@ -8,11 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import Equation, Layout
-from flexviz.equation.link import LinkDynamics
-from flexviz.equation.signals import Signals
-from flexviz.identification.prior import BASIS, Prior, physically_consistent, pseudo_inertia
-from flexviz.identification.solver import Bounds
+from flexviz.equation import Equation, Layout, LinkDynamics, Signals
+from flexviz.estimation.least_squares import Bounds
+from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
