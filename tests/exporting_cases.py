@@ -122,5 +122,5 @@ def seen(model: FlexibleModel, i: int, time: Array, q: Array, theta: Array, load
 def deflections(subject: Subject, load: Array) -> Array:
     """(N, n) deflection of the library's elastic law at the torque `load` (N, n)."""
     laws = subject.laws
-    columns = zip(load.T, laws.stiffness, laws.cubic, strict=True)
+    columns = zip(load.T, laws["stiffness"], laws["cubic"], strict=True)
     return np.stack([hardened(torque, float(k), float(k3)) for torque, k, k3 in columns], axis=1)

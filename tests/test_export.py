@@ -13,6 +13,7 @@ from ruamel.yaml import YAML
 
 from flexviz import export
 from flexviz.cli import main
+from flexviz.effects import EFFECT_NAMES
 from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, read_result, subject_of, write
 from flexviz.exporting.documents import model_of
@@ -24,8 +25,6 @@ from flexviz.session import Session, save_session
 from tests.exporting_cases import document, made_subject, plan, short_set
 from tests.small_set import write_small_set
 from tests.test_view_diagnosis import DIAGNOSIS, STEP
-
-EFFECTS = ("coulomb_friction", "payload_error", "base_tilt", "external_contact", "transmission_error:joint2")
 
 
 @pytest.fixture(scope="module")
@@ -90,8 +89,8 @@ def test_parameters_say_everything(small: MeasurementSet, found: Identification,
     assert offset["parameters"]["offset"]["unit"] == "Nm"
 
 
-def test_effects_of_every_kind_come_back(planar: MeasurementSet, tmp_path: Path) -> None:
-    model = plan("planar-2r", *EFFECTS).model
+def test_every_effect_comes_back(planar: MeasurementSet, tmp_path: Path) -> None:
+    model = plan("planar-2r", *EFFECT_NAMES).model
     done = write(made_subject(planar, model), tmp_path / "out", ["json", "yaml"])
     for name in ("json", "yaml"):
         assert same(model_of(read_result(done.files[name][0]), planar.joints, "x"), model)

@@ -48,6 +48,10 @@ MOTOR = (
     "friction_drift", "torque_ripple", "torque_offset", "torque_gain", "stiffness_hardening",
     "transmission_error", "base_tilt", "motor_coupling", "presliding_hysteresis",
 )  # fmt: skip
+CHECKED = {
+    *MOTOR, "payload_error", "link_coulomb_friction", "cable_spring", "backlash", "joint_damping",
+    "torque_delay",
+}  # fmt: skip
 
 
 @dataclass
@@ -251,7 +255,7 @@ def test_payload_is_carried_as_found(run: Run, planar: MeasurementSet, tmp_path:
     made = made_subject(planar, model, payload="p2")
     mass = sum(body.mass for body in planar.payloads["p2"])
     assert sum(body.mass for body in made.laws.bodies) == pytest.approx(1.3 * mass) and mass > 0
-    assert [item.effect for item in made.laws.left_out] == ["payload_error:p3"]
+    assert [line.split(": ")[0] for line in c_code(made)[1]] == ["payload_error:p3"]
     check(made, tmp_path, run)
 
 
@@ -300,16 +304,16 @@ def test_joint_damping_is_as_good_as_it_says(run: Run, planar: MeasurementSet, t
     made = made_subject(planar, plan("planar-2r", "joint_damping").model)
     time, q = motion(2)
     found = run(made, tmp_path, q, time, False)
-    load, k = library_link_torque(made, q), made.laws.stiffness
+    load, k = library_link_torque(made, q), made.laws["stiffness"]
     spectrum = np.fft.rfft(load, axis=0)
     omega = 2j * np.pi * np.arange(len(spectrum)) / time[1] / len(time)
-    bent = np.fft.irfft(spectrum / (k + made.laws.damping * omega[:, None]), len(load), axis=0)
-    lag = made.laws.damping / k
+    bent = np.fft.irfft(spectrum / (k + made.laws["damping"] * omega[:, None]), len(load), axis=0)
+    lag = made.laws["damping"] / k
     left = np.abs(lag**3 * differentiated(load, 3) / k).max()
     np.testing.assert_allclose(found.theta, q[0] + bent, atol=1.2 * left)
     theta = np.stack([q[0] + bent, q[1] + differentiated(bent, 1), q[2] + differentiated(bent, 2)])
     torque = library_motor_torque(made, time, q, theta, load)
-    neglected = np.abs(made.laws.motor_inertia * lag * differentiated(bent, 3)).max()
+    neglected = np.abs(made.laws["motor_inertia"] * lag * differentiated(bent, 3)).max()
     assert np.abs(found.tau - torque).max() < 1.3 * neglected < 0.02 * np.abs(torque).max()
 
 
@@ -333,7 +337,7 @@ def test_what_the_code_cannot_hold_is_said(planar: MeasurementSet) -> None:
         assert f"NOT CONTAINED: {missing[0][:40]}" in text and "Torque delay: evaluate" in text
 
 
-def test_effects_of_ones_own_are_named(planar: MeasurementSet) -> None:
+def test_user_defined_effects_are_named(planar: MeasurementSet) -> None:
     load_effects(Path(__file__).parent.parent / "docs" / "examples" / "own_effects.py")
     try:
         own = EffectValue("cubic_friction", "joint1", {"cubic": 0.8})
@@ -341,7 +345,7 @@ def test_effects_of_ones_own_are_named(planar: MeasurementSet) -> None:
         for export in FORMATS.values():
             files, missing = export(made)
             assert files and all(
-                line.startswith("cubic_friction:joint1: an effect of one's own") for line in missing
+                line.startswith("cubic_friction:joint1: a user-defined effect") for line in missing
             )
         assert "cubic_friction" in json_parameters(made)[0]["parameters.json"].decode()
     finally:

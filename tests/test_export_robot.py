@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from flexviz.errors import InputError
 from flexviz.exporting import Subject, write
 from flexviz.exporting.bodies import carriers
-from flexviz.exporting.mjcf import NO_PLACE, timestep
+from flexviz.exporting.coverage import EXPORTS, LeftOut
+from flexviz.exporting.mjcf import timestep
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue
@@ -28,6 +29,15 @@ mujoco = pytest.importorskip("mujoco")
 
 Array = NDArray[np.float64]
 PERCENT = 0.01
+# effects whose motion is the same in MuJoCo, and those with nearly the same
+EXACT = (
+    "quadratic_friction", "stiffness_hardening", "backlash:joint1", "joint_damping:joint2", "cable_spring",
+    "base_tilt", "torque_gain", "torque_offset", "payload_error:p2",
+)  # fmt: skip
+NEARLY = ("coulomb_friction", "link_coulomb_friction", "torque_delay")
+MJCF_CHECKED = {name.split(":")[0] for name in EXACT} | {*NEARLY, "presliding_hysteresis"}
+URDF_CHECKED = {"coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error"}
+NOT_IN_MJCF = [name for name, e in EXPORTS.items() if isinstance(e.mjcf, LeftOut) and e.code != e.mjcf]
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +74,15 @@ def bare(element: ElementTree.Element) -> list[Any]:
 @pytest.mark.parametrize("preset", ["planar-2r", "panda"])
 def test_urdf_read_again_gives_the_same(preset: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
     measurements = request.getfixturevalue(preset.split("-")[0])
-    model = plan(preset, "coulomb_friction", "link_coulomb_friction").model
+    hidden = "coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error:p2"
+    model = plan(preset, *hidden).model
     model = replace(model, inertial=1.07 * model.inertial)  # not the CAD values
-    made = made_subject(measurements, model)
+    made = made_subject(measurements, model, payload="p2")
+    inertial = model.inertial + 1.1 * measurements.robot.payload_parameters(measurements.payloads["p2"])
     done = write(made, tmp_path / "out", ["urdf"])
     (file,) = done.files["urdf"]
     again = Robot.load(file, measurements.joints)
-    np.testing.assert_allclose(again.cad_parameters, model.inertial, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(again.cad_parameters, inertial, rtol=1e-12, atol=1e-13)
     np.testing.assert_array_equal(again.upper_limit, measurements.robot.upper_limit)
     given = ElementTree.parse(measurements.robot.urdf_path).getroot()
     root = ElementTree.parse(file).getroot()
@@ -240,18 +252,12 @@ def test_identified_motion_in_mujoco(tmp_path: Path) -> None:
     assert worst(theirs, replace(ours, theta=ours.theta[:rows], q=ours.q[:rows])) < PERCENT
 
 
-EXACT = (
-    "quadratic_friction", "stiffness_hardening", "backlash:joint1", "joint_damping:joint2", "cable_spring",
-    "base_tilt", "torque_gain", "torque_offset",
-)  # fmt: skip
-
-
 def test_effects_with_a_place_move_alike(planar: MeasurementSet, tmp_path: Path) -> None:
     made = made_subject(planar, plan("planar-2r", *EXACT).model, payload="p2")
     assert compared(made, tmp_path / "out", "planar-2r", 1.0) < 1e-7
 
 
-@pytest.mark.parametrize("effect", ["coulomb_friction", "link_coulomb_friction", "torque_delay"])
+@pytest.mark.parametrize("effect", NEARLY)
 def test_effects_with_nearly_a_place(effect: str, planar: MeasurementSet, tmp_path: Path) -> None:
     made = made_subject(planar, plan("planar-2r", effect).model)
     assert write(made, tmp_path / "all", ["mjcf"]).left_out["mjcf"] == ()
@@ -299,17 +305,17 @@ def test_mjcf_read_again_gives_the_same(panda: MeasurementSet, tmp_path: Path) -
 
 
 def test_what_mjcf_has_no_place_for_is_said(planar: MeasurementSet, tmp_path: Path) -> None:
-    hidden = [*NO_PLACE, "coulomb_friction", "presliding_hysteresis", "external_contact"]
+    hidden = [*NOT_IN_MJCF, "coulomb_friction", "presliding_hysteresis", "external_contact"]
     model = plan("planar-2r", *hidden).model
     early = EffectValue("torque_delay", None, {"delay": -0.001})
     made = made_subject(planar, replace(model, effects=(*model.effects, early)))
     done = write(made, tmp_path / "out", ["mjcf"])
     named = {line.split(":")[0] for line in done.left_out["mjcf"]}
-    assert named == {*NO_PLACE, "presliding_hysteresis", "external_contact", "torque_delay"}
+    assert named == {*NOT_IN_MJCF, "presliding_hysteresis", "external_contact", "torque_delay"}
     text = done.files["mjcf"][0].read_text(encoding="utf-8")
     assert all(f"NOT CONTAINED: {name}" in text for name in named)
     compiled = mujoco.MjModel.from_xml_path(str(done.files["mjcf"][0]))
-    sliding = made.laws.motor_coulomb + [coulomb for _, _, coulomb in made.laws.presliding]
+    sliding = made.laws["motor_coulomb"] + [coulomb for _, _, coulomb in made.laws.rows["presliding"]]
     at = [compiled.joint(f"{j}_motor").dofadr[0] for j in planar.joints]
     np.testing.assert_array_equal(compiled.dof_frictionloss[at], sliding)
 

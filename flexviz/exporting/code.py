@@ -47,7 +47,7 @@ TREATED = {
 
 def c_code(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
     """Header and source by file name, and what they do not hold."""
-    found, missing = numbers(subject), left_out(subject)
+    found, missing = numbers(subject), left_out(subject, "c")
     name = subject.name
     arrays = [_c_array(key, *value) for key, value in found.arrays.items() if key != "TORQUE_DELAY"]
     rows = [_c_rows(key, *value) for key, value in found.rows.items()]
@@ -70,7 +70,7 @@ def c_code(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
 
 def python_code(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
     """The module by its file name, and what it does not hold."""
-    found, missing = numbers(subject), left_out(subject)
+    found, missing = numbers(subject), left_out(subject, "python")
     template = (_HERE / "template.py").read_text(encoding="utf-8")
     code = with_sections(template.split("# code:\n")[1], found.sections)
     about = "\n".join(_wrapped([*_about(subject, found), *_missing_lines(missing)])).replace("\\", "\\\\")
@@ -87,7 +87,7 @@ def python_code(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
 def _about(subject: Subject, found: Numbers) -> list[str]:
     lines = ["Inverse dynamics for feed-forward control.", *subject.heading, *EXPLAINED, ""]
     lines += [text for name, text in TREATED.items() if name in found.sections]
-    if subject.laws.delay.any():
+    if subject.laws["delay"].any():
         lines.append(TREATED["delay"])
     return [*lines, "SPDX-License-Identifier: Apache-2.0"]
 

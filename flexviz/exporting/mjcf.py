@@ -23,7 +23,6 @@ import numpy as np
 from flexviz._pinocchio import pin
 from flexviz.exporting.bodies import LinkInertia, placement
 from flexviz.exporting.kinematics import axis
-from flexviz.exporting.laws import LeftOut
 from flexviz.exporting.shapes import Shapes
 from flexviz.exporting.subject import Subject, left_out
 from flexviz.exporting.xml_text import comment_text, number_text
@@ -35,38 +34,22 @@ LARGEST_STEP = 0.001  # [s]
 SMALLEST_STEP = 1e-6  # [s]
 ROTOR = 1e-9  # [kg], and 1e-12 kg m²: MuJoCo wants some mass in everything that moves
 FRICTION = "0.004 1"  # solver's time constant [s] and damping ratio: nearly the jump that Coulomb friction is
-NO_PLACE = {
-    "stribeck_friction": "MJCF has no friction that falls with speed",
-    "load_dependent_friction": "MJCF has no friction that follows the load",
-    "friction_drift": "MJCF has no friction that fades with time; this is the warm robot",
-    "torque_ripple": "MJCF has no torque that follows a sine of the angle",
-    "transmission_error": "MJCF has no gear whose error follows a sine of the angle",
-    "motor_coupling": "MuJoCo's inertia matrix is symmetric, this coupling acts one way",
-}
-IN_PART = {
-    "presliding_hysteresis": "as frictionloss it slides as found; what it does before it slides is missing",
-}
 
 
 def mjcf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
     """The model and its meshes by file name, and what it does not hold."""
     subject.require_bodies()
     robot, laws = subject.robot, subject.laws
-    known = {item.effect for item in laws.left_out}
-    placeless = [
-        LeftOut(effect.text, (NO_PLACE | IN_PART)[effect.effect])
-        for effect in subject.model.effects
-        if effect.effect in NO_PLACE | IN_PART and effect.text not in known
-    ]
     step, vibration = timestep(subject)
-    early = [i for i in range(robot.n) if laws.delay[i] < 0.0]
-    for i in np.flatnonzero(laws.damping * laws.half_width):
-        damped = LeftOut(f"joint_damping:{robot.joints[i]}", "MuJoCo's acts within the play too")
-        placeless.append(damped)
-    for i in early:
-        late = f"torque_delay:{robot.joints[i]}"
-        placeless.append(LeftOut(late, "the torque acts before it is recorded: no simulator can do that"))
-    missing = left_out(subject, placeless)
+    more = [
+        f"joint_damping:{robot.joints[i]}: MuJoCo's acts within the play too"
+        for i in np.flatnonzero(laws["damping"] * laws["half_width"])
+    ]
+    more += [
+        f"torque_delay:{robot.joints[i]}: the torque acts before it is recorded: no simulator can do that"
+        for i in np.flatnonzero(laws["delay"] < 0.0)
+    ]
+    missing = [*left_out(subject, "mjcf"), *more]
     root = ElementTree.Element("mujoco", model=subject.name)
     _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
     option = _add(root, "option", timestep=repr(step), integrator="RK4", gravity=number_text(laws.gravity))
@@ -176,19 +159,19 @@ def _joints(
     linear, angular = axis(robot, int(robot.order[i]))
     kind = "hinge" if angular.any() else "slide"
     shared = {"type": kind, "axis": number_text(angular + linear)}
-    presliding = sum(coulomb for at, _, coulomb in laws.presliding if at == i)
-    dry = float(laws.motor_coulomb[i] + presliding)
-    damping = number_text([laws.motor_viscous[i], *([laws.quadratic[i]] if laws.quadratic[i] else [])])
-    armature = number_text(laws.motor_inertia[i])
-    friction = {"frictionloss": number_text(dry), "solreffriction": FRICTION} if dry else {}
-    _add(motor, "joint", name=motor_name, **shared, armature=armature, damping=damping, **friction)
-    more = {"damping": number_text(laws.link_viscous[i])}
-    if laws.link_coulomb[i]:
-        more |= {"frictionloss": number_text(laws.link_coulomb[i]), "solreffriction": FRICTION}
-    if laws.spring[i]:
+    dry = laws.sliding_friction(i)
+    damping = [laws["motor_viscous"][i], *([laws["quadratic"][i]] if laws["quadratic"][i] else [])]
+    found = {"armature": number_text(laws["motor_inertia"][i]), "damping": number_text(damping)}
+    if dry:
+        found |= {"frictionloss": number_text(dry), "solreffriction": FRICTION}
+    _add(motor, "joint", name=motor_name, **shared, **found)
+    more = {"damping": number_text(laws["link_viscous"][i])}
+    if laws["link_coulomb"][i]:
+        more |= {"frictionloss": number_text(laws["link_coulomb"][i]), "solreffriction": FRICTION}
+    if laws["spring"][i]:
         more |= {
-            "stiffness": number_text(laws.spring[i]),
-            "springref": number_text(laws.spring_torque[i] / laws.spring[i]),
+            "stiffness": number_text(laws["spring"][i]),
+            "springref": number_text(laws["spring_torque"][i] / laws["spring"][i]),
         }
     low, high = robot.lower_limit[i], robot.upper_limit[i]
     if low < high and (kind == "slide" or high - low < 100.0):  # wider: it turns without an end
@@ -200,9 +183,9 @@ def _tendons(subject: Subject, root: ElementTree.Element, names: dict[str, str])
     laws = subject.laws
     tendon = _add(root, "tendon")
     for i, joint in enumerate(subject.joints):
-        stiffness = [laws.stiffness[i], *([0.0, laws.cubic[i]] if laws.cubic[i] else [])]
-        slack = [-laws.half_width[i], laws.half_width[i]] if laws.half_width[i] else [0.0]
-        more = {"damping": number_text(laws.damping[i])} if laws.damping[i] else {}
+        stiffness = [laws["stiffness"][i], *([0.0, laws["cubic"][i]] if laws["cubic"][i] else [])]
+        slack = [-laws["half_width"][i], laws["half_width"][i]] if laws["half_width"][i] else [0.0]
+        more = {"damping": number_text(laws["damping"][i])} if laws["damping"][i] else {}
         fixed = _add(
             tendon, "fixed", name=f"{joint}_elastic", stiffness=number_text(stiffness),
             springlength=number_text(slack), **more,
@@ -216,16 +199,16 @@ def _actuators(subject: Subject, root: ElementTree.Element, names: dict[str, str
     actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
     for i, joint in enumerate(subject.joints):
         more = {}
-        if laws.delay[i] > 0.0:
+        if laws["delay"][i] > 0.0:
             more = {
-                "delay": number_text(laws.delay[i]),
-                "nsample": str(ceil(laws.delay[i] / step - 1e-9) + 1),
+                "delay": number_text(laws["delay"][i]),
+                "nsample": str(ceil(laws["delay"][i] / step - 1e-9) + 1),
             }
-        if laws.offset[i]:
-            more |= {"biastype": "affine", "biasprm": number_text((-laws.offset[i], 0.0, 0.0))}
+        if laws["offset"][i]:
+            more |= {"biastype": "affine", "biasprm": number_text((-laws["offset"][i], 0.0, 0.0))}
         _add(
             actuator, "general", name=joint, joint=names[joint], gaintype="fixed",
-            gainprm=number_text(1.0 + laws.gain_error[i]), **more,
+            gainprm=number_text(1.0 + laws["gain_error"][i]), **more,
         )  # fmt: skip
         for signal, place in (("theta", names[joint]), ("q", joint)):
             _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)

@@ -74,7 +74,7 @@ def parameters_document(subject: Subject) -> dict[str, Any]:
         "base_parameters": document.base_parameters,
         "effects": effect_entries(subject),
         "residual": document.residual,
-        "not_contained_in_code": left_out(subject),
+        "not_contained_in_code": left_out(subject, "c"),
     }
     return finite(found)
 

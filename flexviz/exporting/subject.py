@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from flexviz import __version__
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
+from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.exporting.documents import Document, Parameter, model_of, plain
-from flexviz.exporting.laws import LeftOut, laws
+from flexviz.exporting.laws import laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 
@@ -201,6 +202,13 @@ def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
         raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)
 
 
-def left_out(subject: Subject, more: Sequence[LeftOut] = ()) -> list[str]:
-    """The model's effects that a format does not hold, in words; `more` are those it has no place for."""
-    return [item.text for item in (*subject.laws.left_out, *more)]
+def left_out(subject: Subject, target: str) -> list[str]:
+    """What a format does not hold of the model's effects: `external_contact:joint1@g2: an event of ...`"""
+    lines = []
+    for effect in subject.model.effects:
+        found = entry_of(effect.effect, target) or UNREGISTERED
+        reason = found.because if isinstance(found, LeftOut) else found.missing
+        reason = not_of_robot(effect, subject.payload) or reason
+        if reason:
+            lines.append(f"{effect.text}: {reason}")
+    return lines

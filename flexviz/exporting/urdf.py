@@ -15,14 +15,11 @@ from xml.dom import minidom
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError
 from flexviz.exporting.bodies import Carrier, carriers
-from flexviz.exporting.laws import LeftOut
 from flexviz.exporting.subject import Subject, left_out
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.robot_files import resolve_mesh
 
 GRADES = {"yes": "determined by the data", "weak": "weakly determined", "no": "prior (near CAD)"}
-# effects in a URDF's joint friction; everything else of the model beside its base has no place there
-PLACED = ("coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error")
 
 
 def urdf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
@@ -33,7 +30,7 @@ def urdf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
     subject.require_bodies()
     document: Any = minidom.parseString(subject.robot.urdf_path.read_bytes())
     root = document.documentElement
-    missing = left_out(subject, _without_place(subject))
+    missing = left_out(subject, "urdf")
     files = _meshes(subject, root, missing)
     links = {element.getAttribute("name"): element for element in _children(root, "link")}
     joints = {element.getAttribute("name"): element for element in _children(root, "joint")}
@@ -51,13 +48,6 @@ def urdf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
     document.insertBefore(document.createComment(comment_text(about)), root)
     text = document.toxml(encoding="utf-8").replace(b"?><", b"?>\n<", 1).replace(b"--><", b"-->\n<")
     return {f"{subject.name}.urdf": text + b"\n", **files}, missing
-
-
-def _without_place(subject: Subject) -> list[LeftOut]:
-    why = "a URDF's rigid joint has no place for it"
-    known = {item.effect for item in subject.laws.left_out}
-    placed = [e for e in subject.model.effects if e.effect not in PLACED and e.text not in known]
-    return [LeftOut(effect.text, why) for effect in placed]
 
 
 def _write_inertia(document: Any, link: Any, joint: str, carrier: Carrier, subject: Subject) -> None:
@@ -100,23 +90,23 @@ def _write_inertia(document: Any, link: Any, joint: str, carrier: Carrier, subje
 
 def _write_dynamics(document: Any, joint: Any, name: str, subject: Subject) -> None:
     i, laws = _index(subject, name), subject.laws
-    presliding = sum(coulomb for at, _, coulomb in laws.presliding if at == i)
-    damping = float(laws.motor_viscous[i] + laws.link_viscous[i])
-    friction = float(laws.motor_coulomb[i] + laws.link_coulomb[i] + presliding)
+    damping = float(laws["motor_viscous"][i] + laws["link_viscous"][i])
+    friction = laws.sliding_friction(i) + float(laws["link_coulomb"][i])
     old = next(_children(joint, "dynamics"), None)
     element = old.cloneNode(True) if old is not None else document.createElement("dynamics")
     element.setAttribute("damping", number_text(damping))
     element.setAttribute("friction", number_text(friction))
 
-    def graded(parameter: str, value: float, unit: str) -> str:
+    def graded(parameter: str, unit: str) -> str:
+        value = float(laws[parameter.removesuffix("_friction")][i])
         return f"{parameter} {value!r} {unit} ({GRADES[subject.grade(parameter, name)]})"
 
     lines = [
-        "flexviz: no place in a URDF for " + graded("motor_inertia", float(laws.motor_inertia[i]), "kg m²"),
+        "flexviz: no place in a URDF for " + graded("motor_inertia", "kg m²"),
         "(reflected to the joint, add it to the diagonal of the mass matrix) and "
-        + graded("stiffness", float(laws.stiffness[i]), "Nm/rad"),
-        "damping is the sum of " + graded("motor_viscous_friction", float(laws.motor_viscous[i]), "Nm s/rad"),
-        "and " + graded("link_viscous_friction", float(laws.link_viscous[i]), "Nm s/rad"),
+        + graded("stiffness", "Nm/rad"),
+        "damping is the sum of " + graded("motor_viscous_friction", "Nm s/rad"),
+        "and " + graded("link_viscous_friction", "Nm s/rad"),
     ]
     comment = document.createComment(comment_text(lines, _indent(joint)))
     _put(document, joint, old, [comment, element])

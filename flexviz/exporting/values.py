@@ -10,45 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects.base import SIGN_VELOCITY
+from flexviz.exporting.coverage import EXPORTS, PerJoint, PerRow
 from flexviz.exporting.kinematics import tree
 from flexviz.exporting.subject import Subject
 
 Array = NDArray[np.float64]
 
-# arrays of (n,) numbers that exist only where one is not zero: name of the section -> meaning, unit
-SOMETIMES = {
-    "cubic": "cubic stiffness k3 [Nm/rad^3]",
-    "half_width": "half the play b [rad]",
-    "damping": "joint damping D [Nm s/rad]",
-    "motor_coulomb": "dry friction of the motor f_c [Nm]",
-    "link_coulomb": "dry friction of the link f_c [Nm]",
-    "quadratic": "quadratic friction f_q [Nm s^2/rad^2]",
-    "load": "load-dependent friction mu [-]",
-    "offset": "torque offset f_0 [Nm]",
-    "gain_error": "the applied torque is 1 + g times the commanded one: g [-]",
-    "spring": "spring on the link [Nm/rad]",
-}
-# lists of rows: section -> (meaning, names of a row's numbers)
-ROWS = {
-    "stribeck": ("Stribeck friction: f_s [Nm], v_s [rad/s]", ("joint", "stribeck", "width")),
-    "ripple": (
-        "torque ripple: amplitude [Nm], order [-], phase [rad]",
-        ("joint", "amplitude", "order", "phase"),
-    ),
-    "error": (
-        "transmission error: amplitude [rad], order [-], phase [rad]",
-        ("joint", "amplitude", "order", "phase"),
-    ),
-    "drift": (
-        "viscous friction of a cold gear: relative rise [-], time constant [s]",
-        ("joint", "rise", "constant"),
-    ),
-    "presliding": (
-        "presliding friction: stiffness sigma [Nm/rad], sliding friction f_c [Nm]",
-        ("joint", "stiffness", "coulomb"),
-    ),
-    "coupling": ("inertia that couples another motor in B_ij [kg m^2]", ("joint", "other", "inertia")),
-}
 INTEGERS = ("joint", "other")
 
 
@@ -88,28 +55,27 @@ def numbers(subject: Subject) -> Numbers:
         "INERTIA": (inertia_matrices(gamma), "about the joint's frame [kg m^2]"),
         "GRAVITY": (np.array(laws.gravity), "[m/s^2] in the base's frame"),
         "SIGN_VELOCITY": (SIGN_VELOCITY, "[rad/s] sign(v) is tanh(v / SIGN_VELOCITY)"),
-        "STIFFNESS": (laws.stiffness, "K [Nm/rad]"),
-        "MOTOR_INERTIA": (laws.motor_inertia, "B [kg m^2]"),
-        "MOTOR_VISCOUS": (laws.motor_viscous, "f_mv [Nm s/rad]"),
-        "LINK_VISCOUS": (laws.link_viscous, "f_lv [Nm s/rad]"),
-        "TORQUE_DELAY": (laws.delay, "how much later than commanded each torque acts [s]"),
+        "STIFFNESS": (laws["stiffness"], "K [Nm/rad]"),
+        "MOTOR_INERTIA": (laws["motor_inertia"], "B [kg m^2]"),
+        "MOTOR_VISCOUS": (laws["motor_viscous"], "f_mv [Nm s/rad]"),
+        "LINK_VISCOUS": (laws["link_viscous"], "f_lv [Nm s/rad]"),
+        "TORQUE_DELAY": (laws["delay"], "how much later than commanded each torque acts [s]"),
     }
-    sections = set()
-    for name, meaning in SOMETIMES.items():
-        values = getattr(laws, name)
-        if values.any():
-            sections.add(name)
-            arrays[name.upper()] = (values, meaning)
+    codes = [export.code for export in EXPORTS.values()]
+    sections: set[str] = set()
+    rows: dict[str, Any] = {}
+    for code in codes:
+        if isinstance(code, PerJoint) and code.table != "delay" and laws[code.table].any():
+            sections.add(code.table)
+            arrays[code.table.upper()] = (laws[code.table], code.meaning)
+        elif isinstance(code, PerRow) and laws.rows[code.table]:
+            sections.add(code.table)
+            columns = (*code.joints, *code.columns.values())
+            rows[code.table.upper()] = (laws.rows[code.table], columns, code.meaning)
     if "spring" in sections:
-        arrays["SPRING_TORQUE"] = (laws.spring_torque, "its torque at q = 0, turned round [Nm]")
-    rows = {}
-    for name, (meaning, columns) in ROWS.items():
-        values = getattr(laws, name)
-        if values:
-            sections.add(name)
-            rows[name.upper()] = (values, columns, meaning)
+        arrays["SPRING_TORQUE"] = (laws["spring_torque"], "its torque at q = 0, turned round [Nm]")
     sections |= {"sign"} if sections & {"motor_coulomb", "load", "stribeck", "presliding"} else set()
-    sections |= {"lists"} if sections & (set(ROWS) - {"error"}) else set()
+    sections |= {"lists"} if set(rows) - {"ERROR"} else set()
     sections |= {"undamped"} if "damping" not in sections else set()
     sections |= {"linear"} if "cubic" not in sections else set()
     if not sections & {"sign", "link_coulomb"}:

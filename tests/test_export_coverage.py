@@ -1,0 +1,68 @@
+"""Every effect of the library in every export format: written and checked, or left out for a reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flexviz.effects import EFFECT_NAMES, EFFECTS
+from flexviz.exporting import FORMATS, LeftOut, Written, coverage
+from flexviz.exporting.coverage import EXPORTS, PerJoint, PerRow
+from tests import test_export_code, test_export_robot
+from tests.exporting_cases import made_subject, plan, short_set
+
+
+def names(target: str, kind: type[Written] | type[LeftOut]) -> set[str]:
+    """The library's effects of which a format has an entry of this kind."""
+    return {
+        effect
+        for (effect, at), entry in coverage().items()
+        if at == target and effect in EFFECT_NAMES and isinstance(entry, kind)
+    }
+
+
+def test_every_effect_has_an_entry_in_every_format() -> None:
+    found = coverage()
+    assert set(found) == {(effect, target) for effect in EFFECTS for target in FORMATS}
+    missing = [pair for pair, entry in found.items() if entry is None]
+    assert not missing, f"flexviz/exporting/coverage.py has no entry for {missing}"
+    assert set(EXPORTS) <= set(EFFECTS)
+
+
+def test_whatever_is_left_out_has_a_reason() -> None:
+    for pair, entry in coverage().items():
+        text = entry.because if isinstance(entry, LeftOut) else entry.meaning if entry else ""
+        assert len(text) > 5 and not text.endswith("."), pair
+
+
+@pytest.mark.parametrize("target", FORMATS)
+def test_whatever_is_written_is_checked(target: str) -> None:
+    """Each format's tests list the effects that they compare with the product's own laws."""
+    checked = {
+        "c": test_export_code.CHECKED,
+        "python": test_export_code.CHECKED,
+        "urdf": test_export_robot.URDF_CHECKED,
+        "mjcf": test_export_robot.MJCF_CHECKED,
+        "yaml": EFFECT_NAMES,  # test_export.test_every_effect_comes_back
+        "json": EFFECT_NAMES,
+    }
+    assert names(target, Written) == set(checked[target])
+
+
+def test_an_effect_without_an_entry_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delitem(EXPORTS, "torque_ripple")
+    undecided = {target for (_, target), entry in coverage().items() if entry is None}
+    assert undecided == {"urdf", "mjcf", "c", "python"}
+    made = made_subject(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)
+    for target in undecided:
+        assert FORMATS[target](made)[1] == ["torque_ripple:joint1: no export is registered for it"]
+
+
+def test_numbers_of_the_code_are_parameters_of_the_effect() -> None:
+    for effect, export in EXPORTS.items():
+        known = [p.name for p in EFFECTS[effect].parameters]
+        if isinstance(export.code, PerRow):
+            assert list(export.code.columns) == known
+        elif isinstance(export.code, PerJoint):
+            assert export.code.parameter in known
