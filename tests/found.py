@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
-from flexviz.diagnosis.freeform import FreeForm
-from flexviz.diagnosis.guard import Guard, ParameterCurve
+from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ParameterCurve, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
-from flexviz.diagnosis.where import ResidualMap
 from flexviz.identification import ParameterEstimate
 from flexviz.model import FlexibleModel
 
@@ -90,12 +88,12 @@ PLACES = (
     ResidualLocation("joint2", "velocity", 0.31, (-1.0, 1.0)),
     ResidualLocation("joint1", "load", 0.03, (2.0, 9.0)),
 )
-CURVE = FreeForm(
+CURVE = FreeCurve(
     "joint2", "velocity", "rad/s", ("",), np.linspace(-1, 1, 81), np.tanh(np.linspace(-3, 3, 81))[None],
     np.full((1, 81), 0.05), 0.4, 0.03, 1.0,
 )  # fmt: skip
 BANDWIDTHS = np.array([26.0, 48.0, 88.0])
-GUARD = Guard(
+GUARD = BandwidthCheck(
     "two bands", BANDWIDTHS, 2, JOINTS, np.full((3, 2), 0.01), np.array([0.01, 0.02]),
     np.array([[0.0, 0.2], [0.0, 0.1], [0.0, 0.0]]), np.full((3, 2), 0.01), 26.0, np.array([False, True]),
     (

@@ -253,4 +253,4 @@ def test_a_real_robot_step_by_step() -> None:
     names = [s.added.effect for s in result.steps if s.added is not None]
     assert {"coulomb_friction", "link_coulomb_friction"} >= set(names) and len(names) >= 5
     assert any("no model reaches the measurement noise" in note for note in result.notes)
-    assert result.guard is not None and result.free_form is not None
+    assert result.guard is not None and result.free_curve is not None

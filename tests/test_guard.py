@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis.bands import compared, plain_bands, refined_bands, seconds, slow_noise, spans
-from flexviz.diagnosis.guard import Guard, guard
+from flexviz.diagnosis.bandwidth_check import BandwidthCheck, check_bandwidth
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.errors import InputError
@@ -42,8 +42,8 @@ def complete(demo) -> tuple[Layout, np.ndarray]:
 
 
 @pytest.fixture(scope="module")
-def clean(demo, complete) -> Guard:
-    return guard(demo, *complete)
+def clean(demo, complete) -> BandwidthCheck:
+    return check_bandwidth(demo, *complete)
 
 
 def test_nothing_moves_where_nothing_is_wrong(clean):
@@ -58,7 +58,7 @@ def test_nothing_moves_where_nothing_is_wrong(clean):
 
 def test_a_lagging_observer_is_found_out(demo):
     slow = make_observer("eso", 20.0)
-    found = guard(demo, *model(demo, EVERYTHING, slow), observer=slow, factors=(1.0, 1.4, 2.0))
+    found = check_bandwidth(demo, *model(demo, EVERYTHING, slow), observer=slow, factors=(1.0, 1.4, 2.0))
     assert found.observer_error.all()
     assert np.all(found.change[1:] > 10 * found.change_noise[1:])
     assert any("observer error" in text for text in found.texts())
@@ -66,19 +66,19 @@ def test_a_lagging_observer_is_found_out(demo):
 
 def test_a_filter_below_the_motion_is_found_out(demo):
     low = ButterworthZeroPhase(9.0)  # rad/s; the motion goes up to 3, friction's steps do not end there
-    found = guard(demo, *model(demo, EVERYTHING, low), observer=low, factors=(1.0, 1.4, 2.0))
+    found = check_bandwidth(demo, *model(demo, EVERYTHING, low), observer=low, factors=(1.0, 1.4, 2.0))
     assert found.observer_error.any()
 
 
 def test_a_good_observer_has_no_error_even_where_an_effect_is_missing(demo):
     fine = ButterworthZeroPhase(2 * np.pi * 6)
-    found = guard(demo, *model(demo, (), fine), observer=fine, factors=(0.8, 1.0, 1.25))
+    found = check_bandwidth(demo, *model(demo, (), fine), observer=fine, factors=(0.8, 1.0, 1.25))
     assert not found.observer_error.any()
     assert np.all(found.rms[found.in_use] > 30 * found.noise_floor)
 
 
 def test_a_missing_effect_moves_what_had_absorbed_it(demo):
-    found = guard(demo, *model(demo, ()))
+    found = check_bandwidth(demo, *model(demo, ()))
     assert not found.observer_error.any()
     assert ("stiffness", "joint2") in {(p.name, p.joint) for p in found.untrusted}
     moved = next(p for p in found.untrusted if (p.name, p.joint) == ("stiffness", "joint2"))
@@ -144,13 +144,13 @@ def test_noise_of_a_change_is_known(demo, complete):
 
 def test_records_that_are_too_short_are_named(demo, complete):
     with pytest.raises(InputError, match="settle"):
-        guard(demo, *complete, observer=make_observer("eso", 1.0))
+        check_bandwidth(demo, *complete, observer=make_observer("eso", 1.0))
 
 
 @pytest.mark.skipif(not KUKA.exists(), reason="the real robot's recording is not beside this checkout")
 def test_stiffness_of_a_real_robot_moves():
     measurements = read_set(KUKA)
     effects = ("coulomb_friction",)
-    found = guard(measurements, *model(measurements, effects))
+    found = check_bandwidth(measurements, *model(measurements, effects))
     assert not found.observer_error.any()
     assert "stiffness" in {p.name for p in found.untrusted}

@@ -212,7 +212,7 @@ def test_changed_data_and_early_stops_are_said_first(found: Both) -> None:
 
 
 def test_without_guard_or_maps_it_says_how_to_get_them(both: Both) -> None:
-    less = replace(DIAGNOSIS, guard=None, maps=(), free_form=None)
+    less = replace(DIAGNOSIS, guard=None, maps=(), free_curve=None)
     page = Tags(session_report(diagnosed_session(both[0], less), both[0]))
     assert "the option --guard" in page.text and "Where the model fails" not in page.headings
 

@@ -11,7 +11,7 @@ import pytest
 
 from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.curves import DIRECTED
-from flexviz.diagnosis.freeform import FreeForm
+from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.diagnosis.where import UNITS, ResidualMap
 from flexviz.effects import EFFECTS
@@ -80,7 +80,7 @@ def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
     notes = ("what stays is small", "a free curve against the position would take 3 %")
     told = replace(DIAGNOSIS, verdict="unknown", notes=notes)
     assert "A free curve" in verdict_html(told) and "What stays is small." in verdict_html(told)
-    assert "A free curve" not in verdict_html(replace(told, free_form=free_form([[1.0, 2.0]])))
+    assert "A free curve" not in verdict_html(replace(told, free_curve=free_curve([[1.0, 2.0]])))
     assert heading_html(told) and heading_html(DIAGNOSIS) == heading_html(None) == ""
     assert heading_html(replace(told, findings=())) == ""
 
@@ -204,25 +204,25 @@ def test_the_maps_are_the_diagnosis_own() -> None:
     assert not any(plot.lines for plot in map_plots((), "joint2"))
 
 
-def free_form(value: list[list[float]], variable: str = "position") -> FreeForm:
+def free_curve(value: list[list[float]], variable: str = "position") -> FreeCurve:
     values = np.array(value)
     names = ("forward", "backward") if len(values) == 2 else ("",)
     centres = np.linspace(-1.0, 1.0, values.shape[1])
-    return FreeForm(
+    return FreeCurve(
         "joint2", variable, "rad", names, centres, values, 0.1 * np.ones_like(values), 0.43, 0.02, 1.0
     )
 
 
 def test_the_free_curve_says_that_it_is_a_stopgap() -> None:
     nan = float("nan")
-    both = free_plot(free_form([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
+    both = free_plot(free_curve([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
     assert [line.label for line in both.lines if line.width > 1] == ["forward", "backward"]
     assert len(both.x) == 2 and both.bands == ((1, 2), (4, 5)) and both.title.startswith("Stopgap")
     assert both.lines[1].values == pytest.approx(both.lines[0].values + 0.196)
-    apart = free_plot(free_form([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
+    apart = free_plot(free_curve([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
     assert list(apart.lines[0].values) == [-2.0, -1.0, 2.0, 3.0] and len(apart.bands) == 1
-    assert len(free_plot(free_form([[1.0, 2.0, 3.0]])).x) == 3
-    text = free_html(free_form([[1.0, 2.0]]))
+    assert len(free_plot(free_curve([[1.0, 2.0, 3.0]])).x) == 3
+    text = free_html(free_curve([[1.0, 2.0]]))
     assert "Stopgap" in text and "43 ± 4 %" in text and "not a model" in text
     assert not free_plot(None).lines and free_html(None) == ""
 

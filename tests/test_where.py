@@ -12,10 +12,11 @@ import pytest
 
 from flexviz.diagnosis.crossval import explained, make_folds, mean_and_error
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.freeform import NOTE, freeform
+from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.records import NOTE, UNITS
 from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
-from flexviz.diagnosis.where import UNITS, maps, places
+from flexviz.diagnosis.where import maps, residual_locations
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.estimation.noise_paths import NoisePath
@@ -249,14 +250,14 @@ def test_an_incomplete_model_is_above_it_and_not_white(patched):
     [(bump, "position", (0.1, 0.1)), (slow_friction, "velocity", (-0.1, 0.1))],
 )
 def test_a_hidden_torque_is_placed(demo, joint, law, variable, inside):
-    first = places(*fitted(with_hidden(demo, joint, law), EVERYTHING))[0]
+    first = residual_locations(*fitted(with_hidden(demo, joint, law), EVERYTHING))[0]
     assert first.joint == f"joint{joint + 1}"
     assert first.variable == variable and first.explained > 0.5
     assert first.range[0] < inside[1] and inside[0] < first.range[1]
 
 
 def test_position_and_direction_together(patched):
-    first = places(*patched)[0]
+    first = residual_locations(*patched)[0]
     assert (first.joint, first.variable) == ("joint2", "position") and first.explained > 0.7
     by_name = {m.variable: m for m in maps(*patched) if m.joint == "joint2"}
     both = by_name["position × direction"]
@@ -268,7 +269,7 @@ def test_position_and_direction_together(patched):
 
 
 def test_a_vibration_has_a_frequency(demo):
-    first = places(*fitted(with_hidden(demo, 0, vibration), EVERYTHING))[0]
+    first = residual_locations(*fitted(with_hidden(demo, 0, vibration), EVERYTHING))[0]
     assert (first.joint, first.variable) == ("joint1", "frequency")
     assert first.range[0] < 5.3 < first.range[1] and first.explained > 0.5
 
@@ -276,7 +277,7 @@ def test_a_vibration_has_a_frequency(demo):
 def test_a_contact_has_a_time_and_a_group(demo):
     name = demo.fit_groups[1].name
     context, fit = fitted(with_hidden(demo, 1, contact, only=name), EVERYTHING)
-    first = places(context, fit)[0]
+    first = residual_locations(context, fit)[0]
     assert (first.joint, first.variable) == ("joint2", "time")
     assert first.range[0] < 5.9 < first.range[1] and first.range[1] - first.range[0] < 5.0
     by_time = next(m for m in maps(context, fit) if (m.joint, m.variable) == ("joint2", "time"))
@@ -284,7 +285,9 @@ def test_a_contact_has_a_time_and_a_group(demo):
 
 
 def test_a_complete_model_has_no_place(clean):
-    assert all(abs(p.explained) < (0.25 if p.variable == "frequency" else 0.1) for p in places(*clean))
+    assert all(
+        abs(p.explained) < (0.25 if p.variable == "frequency" else 0.1) for p in residual_locations(*clean)
+    )
 
 
 def test_maps_have_every_variable_and_one_group_alone(clean):
@@ -304,7 +307,7 @@ def test_maps_have_every_variable_and_one_group_alone(clean):
 
 def test_free_form_draws_the_hidden_law(patched):
     context, fit = patched
-    curve = freeform(context, fit, places(context, fit)[0])
+    curve = fit_free_curve(context, fit, residual_locations(context, fit)[0])
     assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOTE
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
@@ -318,8 +321,8 @@ def test_free_form_draws_the_hidden_law(patched):
 
 def test_free_form_of_noise_is_nothing(clean):
     context, fit = clean
-    place = next(p for p in places(context, fit) if p.variable == "position")
-    curve = freeform(context, fit, place)
+    place = next(p for p in residual_locations(context, fit) if p.variable == "position")
+    curve = fit_free_curve(context, fit, place)
     seen = np.isfinite(curve.value)
     assert abs(curve.explained) < 0.1
     assert np.mean(np.abs(curve.value[seen]) < 3 * curve.std[seen]) > 0.9
@@ -327,15 +330,17 @@ def test_free_form_of_noise_is_nothing(clean):
 
 def test_free_form_of_a_frequency_takes_another_variable(patched):
     context, fit = patched
-    place = next(p for p in places(context, fit) if (p.joint, p.variable) == ("joint2", "frequency"))
-    assert freeform(context, fit, place).variable == "position"
+    place = next(
+        p for p in residual_locations(context, fit) if (p.joint, p.variable) == ("joint2", "frequency")
+    )
+    assert fit_free_curve(context, fit, place).variable == "position"
 
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
 @pytest.mark.parametrize("case", ["2r-unknown", "ur5-unknown"])
 def test_practice(case):
     truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())["effects"][0]
-    first = places(*fitted(read_set(CASES / case), []))[0]
+    first = residual_locations(*fitted(read_set(CASES / case), []))[0]
     assert (first.joint, first.variable) == (truth["joint"], "position")
     reach = 2 * truth["parameters"]["width"]
     assert abs(np.mean(first.range) - truth["parameters"]["position"]) < reach

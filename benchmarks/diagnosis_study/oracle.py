@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.identification import identify

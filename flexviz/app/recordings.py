@@ -18,8 +18,7 @@ from flexviz.view.verdict import effect_text_name
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import Diagnosis, ResidualMap
     from flexviz.identification import Identification, Iteration
     from flexviz.recording.live import LiveRecording
     from flexviz.simulation.run import Run

@@ -20,8 +20,7 @@ from flexviz.view.status import joint_colours, joint_rms
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
-    from flexviz.diagnosis.freeform import FreeForm
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import FreeCurve, ResidualMap
     from flexviz.identification import Identification
 
 TRAIL = 160  # points of a trail
@@ -112,10 +111,10 @@ class Show:
         return self.known.maps
 
     @property
-    def free_form(self) -> FreeForm | None:
+    def free_curve(self) -> FreeCurve | None:
         """The curve for what no effect explains, where the diagnosis drew one."""
         analysis = self._app.session.analysis
-        return analysis.diagnosis.free_form if analysis.diagnosis and analysis.diagnosis_up_to_date else None
+        return analysis.diagnosis.free_curve if analysis.diagnosis and analysis.diagnosis_up_to_date else None
 
     @property
     def known(self) -> Known:

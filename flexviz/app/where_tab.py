@@ -78,7 +78,7 @@ class WhereTab:
             if residual.shade is not None:
                 residual = replace(residual, shade=shaded(residual, time, inside))
             app.show.scene.mark(app.show.marked(time, inside))
-        curve = app.show.free_form
+        curve = app.show.free_curve
         self._stopgap.content = free_html(curve)
         self._charts.show((free_plot(curve), residual, *map_plots(maps, name)))
         self.move(app.show.clock.time)

@@ -15,8 +15,7 @@ from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import Diagnosis, ResidualMap
     from flexviz.identification import Identification, SweepResult
     from flexviz.measurements import MeasurementSet
     from flexviz.model import FlexibleModel
@@ -130,7 +129,7 @@ def map_set(
     analysis: Analysis, model: FlexibleModel, *, progress: Progress, should_stop: Stop
 ) -> tuple[ResidualMap, ...]:
     """Where a model's residual lives, as the diagnosis sees it: every joint's against every variable."""
-    from flexviz.diagnosis.where import maps_of
+    from flexviz.diagnosis import maps_of
 
     def check() -> None:
         if should_stop():

@@ -11,8 +11,7 @@ from flexviz.cli.identifying import SetArgument
 from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, Finding
-    from flexviz.diagnosis.result import Absorbed
+    from flexviz.diagnosis import Absorbed, Diagnosis, Finding
 
 
 GuardOption = Annotated[

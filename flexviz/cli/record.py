@@ -91,7 +91,7 @@ def record_all(
     results: list[Identification],
 ) -> None:
     """Record a set, its identification and, with `diagnose`, the way to the model that lacks nothing."""
-    from flexviz.diagnosis.where import maps_of
+    from flexviz.diagnosis import maps_of
     from flexviz.observers import make_observer
 
     measurements = file.measurements

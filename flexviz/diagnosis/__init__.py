@@ -1,6 +1,40 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
+from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.diagnose import Progress, diagnose
-from flexviz.diagnosis.result import Diagnosis, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.records import (
+    CLEARLY,
+    DIRECTED,
+    BandwidthCheck,
+    FreeCurve,
+    ParameterCurve,
+    ResidualMap,
+)
+from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis.where import maps_of, residual_locations
 
-__all__ = ["Diagnosis", "Finding", "Progress", "ResidualLocation", "Step", "Tie", "diagnose"]
+__all__ = [
+    "CLEARLY",
+    "DIRECTED",
+    "Absorbed",
+    "BandwidthCheck",
+    "Diagnosis",
+    "Evidence",
+    "Finding",
+    "Fit",
+    "FitContext",
+    "FreeCurve",
+    "ParameterCurve",
+    "Progress",
+    "ResidualLocation",
+    "ResidualMap",
+    "Step",
+    "Tie",
+    "check_bandwidth",
+    "diagnose",
+    "fit_free_curve",
+    "maps_of",
+    "residual_locations",
+]

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexviz.diagnosis.crossval import Explained, Folds, judged
+from flexviz.diagnosis.records import DIRECTED
 from flexviz.diagnosis.residuals import SLOW, Samples
 
 Array = NDArray[np.float64]
 
-DIRECTED = "position × direction"
 KNOTS = 24
 SAMPLES_PER_KNOT = 40  # at least, on average
 FINER = 3  # the law is evaluated this many times as often as the equation

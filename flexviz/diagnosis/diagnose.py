@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.explaining import explain, fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
-from flexviz.diagnosis.freeform import freeform
-from flexviz.diagnosis.guard import guard
 from flexviz.diagnosis.judging import BEYOND, excess, verdict
 from flexviz.diagnosis.model_error import STEPS, ModelErrorSearch
 from flexviz.diagnosis.notes import notes
@@ -252,10 +252,10 @@ class _Diagnosing:
         reached = last != "unknown"
         curve = watch = None
         if not self.stopped:
-            curve = None if reached else freeform(self.context, final, where[0])
+            curve = None if reached else fit_free_curve(self.context, final, where[0])
             if guarded or (guarded is None and not reached):
                 self.progressed("looking at what moves with the bandwidth")
-                watch = guard(self.measurements, final.layout, final.x)
+                watch = check_bandwidth(self.measurements, final.layout, final.x)
         return Diagnosis(
             self.measurements.name,
             steps[0].verdict,

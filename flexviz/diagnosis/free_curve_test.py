@@ -27,7 +27,7 @@ PIECES = 14  # of a curve
 
 
 @dataclass(frozen=True)
-class FreeCurve:
+class FreeCurveGain:
     """The best free curve on a joint.
 
     Attributes:
@@ -69,13 +69,13 @@ class FreeCurveTest:
 
 def free_curve(
     fit_context: FitContext, fit: Fit, joint: int, weigh: Weigh, projection: Projection
-) -> FreeCurve:
+) -> FreeCurveGain:
     """The best free curve of a torque on the motor of a joint, beside what the model can do."""
     equation = fit_context.two_band.with_layout(fit.layout).narrow
     equation.prepare(fit.x)
     motions = equation.context.motions(joint)
     chain = fit_context.chain(fit)
-    best = FreeCurve("", 0.0)
+    best = FreeCurveGain("", 0.0)
     for variable in VARIABLES:
         parts = _columns(motions, variable)
         weighed = []
@@ -87,7 +87,7 @@ def free_curve(
         gram, along = projection.normal(np.concatenate(weighed))
         gain = explained(gram, along)[1] - len(along) * float(np.log(len(projection.residual)))
         if gain > best.gain:
-            best = FreeCurve(variable, gain)
+            best = FreeCurveGain(variable, gain)
     return best
 
 

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.errors import Errors
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.freeform import FreeForm
-from flexviz.diagnosis.guard import Guard
+from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
 
 SPIKES = 5.0  # times the noise: an rms that needs a word where nothing is missing
 
@@ -18,8 +17,8 @@ def notes(
     verdict: str,
     errors: Errors,
     tolerance: NDArray[np.float64] | None,
-    curve: FreeForm | None,
-    watch: Guard | None,
+    curve: FreeCurve | None,
+    watch: BandwidthCheck | None,
 ) -> tuple[str, ...]:
     """The sentences.
 

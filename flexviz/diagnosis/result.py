@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ResidualMap
 from flexviz.identification import ParameterEstimate
 from flexviz.model import EffectValue, FlexibleModel
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis.freeform import FreeForm
-    from flexviz.diagnosis.guard import Guard
-    from flexviz.diagnosis.where import ResidualMap
 
 Array = NDArray[np.float64]
 
@@ -172,7 +168,7 @@ class Diagnosis:
         notes: what else a reader should know, a sentence each.
         model: the final model.
         maps: its residual against each variable, joint by joint.
-        free_form: where something unknown is left, a curve for it, as a stopgap.
+        free_curve: where something unknown is left, a curve for it, as a stopgap.
         guard: what moves with the observer's bandwidth; None where that was not looked at.
     """
 
@@ -188,8 +184,8 @@ class Diagnosis:
     notes: tuple[str, ...] = field(default=())
     model: FlexibleModel | None = None
     maps: tuple[ResidualMap, ...] = ()
-    free_form: FreeForm | None = None
-    guard: Guard | None = None
+    free_curve: FreeCurve | None = None
+    guard: BandwidthCheck | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The contract's `diagnose --json` document (format 1)."""

@@ -20,8 +20,9 @@ from flexviz.diagnosis.crossval import (
     make_folds,
     mean_and_error,
 )
-from flexviz.diagnosis.curves import DIRECTED, explained_by_law
+from flexviz.diagnosis.curves import explained_by_law
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, ResidualMap
 from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
@@ -31,60 +32,12 @@ from flexviz.model import FlexibleModel
 
 Array = NDArray[np.float64]
 
-UNITS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s²",
-    "load": "Nm",
-    DIRECTED: "rad",
-    "time": "s",
-    "group": "-",
-    "frequency": "Hz",
-}
-DIRECTIONS = ("forward", "backward")
 BINS = 24  # of the curves that are drawn
 SAMPLES_PER_BIN = 40  # at least, on average
 BAND = 1.0  # [Hz] width of the band that stands for "frequency"
-CLEARLY = 0.05  # more explained
 LITTLE = 0.1  # explained share of a residual up to which it lies along nothing
 MOTION = 0.99  # share of the velocity's power that is in the motion's band
 HARMONICS = 3  # of it, which simple laws like friction or a cubic spring make
-
-
-@dataclass(frozen=True)
-class ResidualMap:
-    """One joint's residual against one variable: what a plot shows, and what it explains.
-
-    Attributes:
-        joint, variable: whose, against what; "position × direction" has one curve a direction.
-        unit: of the variable.
-        curves: names of the S curves: directions, groups (against time), "" where there is one. For
-            "frequency" they are the residual and its noise floor.
-        centres: shape (S, B), mean of the variable in each bin; NaN in empty ones.
-        mean: shape (S, B), mean residual there [Nm]; for "frequency" the root of its density [Nm/√Hz].
-        std: shape (S, B), standard error of the mean, autocorrelation included [Nm].
-        count: shape (S, B), samples; for "frequency" lines of the spectra.
-        explained: share of the residual's mean square that its mean against the variable predicts out of
-            sample: zero on average for noise, so that it may also be a little below zero. For "frequency"
-            the share that the strongest band of one hertz has above the noise floor, beyond the motion's own
-            frequencies and their harmonics: what is slower is a matter of the other variables.
-        explained_std: its standard error.
-        explained_by_group: group → the same among its samples.
-        range: what carries most of it: the shortest range with half of what is explained.
-    """
-
-    joint: str
-    variable: str
-    unit: str
-    curves: tuple[str, ...]
-    centres: Array
-    mean: Array
-    std: Array
-    count: Ints
-    explained: float
-    explained_std: float
-    explained_by_group: dict[str, float]
-    range: tuple[float, float]
 
 
 def maps(context: FitContext, fit: Fit, group: str | None = None) -> tuple[ResidualMap, ...]:
@@ -269,7 +222,7 @@ def maps_of(
     return where_it_fails(context, context.fit(layout, layout.vector(model), iterations=0), check)[1]
 
 
-def places(
+def residual_locations(
     context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
 ) -> tuple[ResidualLocation, ...]:
     """Joint × variable, the joint with the largest excess first, within it what explains most."""

@@ -19,9 +19,7 @@ from flexviz.view.verdict import effect_text_name, finding_name
 from flexviz.view.where_maps import COLUMNS, free_plot, map_of, map_plots
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Finding, Step
-    from flexviz.diagnosis.freeform import FreeForm
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
 
 EVIDENCE = 3  # findings whose evidence is sent
 
@@ -64,7 +62,7 @@ def treads(steps: Sequence[Step]) -> list[str]:
     return names
 
 
-def send_free_form(recording: Stream, where: str, curve: FreeForm | None) -> None:
+def send_free_curve(recording: Stream, where: str, curve: FreeCurve | None) -> None:
     """A curve for what no effect explains."""
     send_charts(recording, f"{where}/free", [free_plot(curve)])
 

@@ -180,7 +180,7 @@ def where_it_fails(measurements: MeasurementSet, shown: Shown) -> rrb.Container:
         views.append(drawing(diagnosis_path(shown.diagnoses, "staircase"), "Errors step by step"))
         if taken := evidence(shown.diagnosis, shown.diagnoses):
             views.append(rrb.Tabs(*taken, name="Evidence"))
-        if shown.diagnosis.free_form is not None:
+        if shown.diagnosis.free_curve is not None:
             views.append(drawing(diagnosis_path(shown.diagnoses, "free"), "Free curve"))
     return rrb.Tabs(*views, name="Where it fails")
 

@@ -34,8 +34,7 @@ from flexviz.recording.recorder import SAMPLES, TICK, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, Step
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import Diagnosis, ResidualMap, Step
     from flexviz.identification import Identification, Iteration
     from flexviz.simulation.run import Run
 

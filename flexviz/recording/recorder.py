@@ -16,7 +16,7 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
 from flexviz.recording.columns import stride_for
-from flexviz.recording.drawings import EVIDENCE, send_evidence, send_free_form, send_maps, send_staircase
+from flexviz.recording.drawings import EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.layout import Shown, blueprint
 from flexviz.recording.optimiser import Optimiser
 from flexviz.recording.paths import (
@@ -33,8 +33,7 @@ from flexviz.view.geometry import robot_shape
 from flexviz.view.motion import Motion, measured_motion, with_replay
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, Step
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import Diagnosis, ResidualMap, Step
     from flexviz.identification import Identification, Iteration
     from flexviz.simulation.run import Run
 
@@ -195,7 +194,7 @@ class Recorder:
         self._json(diagnosis_path(number, "json"), diagnosis.to_json())
         send_staircase(self.stream, where, steps or diagnosis.steps)
         send_maps(self.stream, where, joints, diagnosis.maps)
-        send_free_form(self.stream, where, diagnosis.free_form)
+        send_free_curve(self.stream, where, diagnosis.free_curve)
         for rank, finding in enumerate(diagnosis.findings[:EVIDENCE], 1):
             send_evidence(self.stream, number, rank, finding)
         self.note(f"diagnosis {number}: {texts.verdict(diagnosis)}")

@@ -12,7 +12,7 @@ from flexviz.model import FlexibleModel
 from flexviz.session import Analysis, with_roles
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis.guard import Guard
+    from flexviz.diagnosis import BandwidthCheck
 
 
 def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
@@ -23,9 +23,9 @@ def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementS
 
 def guarded(
     measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
-) -> Guard:
+) -> BandwidthCheck:
     """What moves with the observer's bandwidth, for the model that the diagnosis ended with."""
-    from flexviz.diagnosis.guard import guard
+    from flexviz.diagnosis import check_bandwidth
     from flexviz.equation import layout_of
 
     def check() -> None:
@@ -34,4 +34,4 @@ def guarded(
 
     chosen = chosen_set(measurements, analysis)
     layout = layout_of(chosen)
-    return guard(chosen, layout, layout.vector(model), check=check)
+    return check_bandwidth(chosen, layout, layout.vector(model), check=check)

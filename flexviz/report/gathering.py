@@ -132,7 +132,7 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
         found = diagnosis.findings if index == 0 else tuple(s.added for s in later[:1] if s.added is not None)
         if later:  # what describes the final model belongs to the last state only
             answer = replace(
-                diagnosis, maps=(), where=(), free_form=None, guard=None, parameters=(), notes=()
+                diagnosis, maps=(), where=(), free_curve=None, guard=None, parameters=(), notes=()
             )
         else:
             answer = diagnosis

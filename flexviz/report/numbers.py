@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from flexviz import __version__
-from flexviz.diagnosis.guard import Guard
+from flexviz.diagnosis import BandwidthCheck
 from flexviz.files import as_json
 from flexviz.report.gathering import Subject
 from flexviz.report.sections.staircase import group_rows
@@ -75,7 +75,7 @@ def numbers(subject: Subject, when: str) -> str:
     return as_json(document)
 
 
-def _guard(found: Guard | None) -> dict[str, Any] | None:
+def _guard(found: BandwidthCheck | None) -> dict[str, Any] | None:
     if found is None:
         return None
     return {

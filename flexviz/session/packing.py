@@ -15,11 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.diagnosis.freeform import FreeForm
-from flexviz.diagnosis.guard import Guard, ParameterCurve
-from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, ResidualLocation, Tie
-from flexviz.diagnosis.result import Step as DiagnosisStep
-from flexviz.diagnosis.where import ResidualMap
+from flexviz.diagnosis import (
+    Absorbed,
+    BandwidthCheck,
+    Diagnosis,
+    Evidence,
+    Finding,
+    FreeCurve,
+    ParameterCurve,
+    ResidualLocation,
+    ResidualMap,
+    Tie,
+)
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.identification import (
     Combination,
@@ -35,13 +43,18 @@ from flexviz.session.state import Analysis, ModelStep, Note, Step
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeForm,
-        Guard, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, ResidualLocation,
+        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeCurve,
+        BandwidthCheck, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, ResidualLocation,
         ResidualMap, ResidualSeries, ResidualSummary, ModelStep, Step, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
-RENAMED = {"Stair": "ModelStep", "Place": "ResidualLocation"}  # classes as older versions wrote them
-RENAMED_FIELDS = {"stairs": "model_steps"}
+RENAMED = {
+    "Stair": "ModelStep",
+    "Place": "ResidualLocation",
+    "FreeForm": "FreeCurve",
+    "Guard": "BandwidthCheck",
+}  # classes as older versions wrote them
+RENAMED_FIELDS = {"stairs": "model_steps", "free_form": "free_curve"}
 NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
 DEEPEST = 40  # of nested values

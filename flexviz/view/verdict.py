@@ -8,8 +8,7 @@ from flexviz.effects import EFFECTS
 from flexviz.view.text import escape, number, plural, title, unit_text, with_error
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, Finding, Tie
-    from flexviz.diagnosis.result import Absorbed
+    from flexviz.diagnosis import Absorbed, Diagnosis, Finding, Tie
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 ALONG = {
@@ -92,7 +91,7 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
             "where that has not been done, looks at what is left, and tries every effect that is known.</div>"
         )
-    said = [note for note in diagnosis.notes if diagnosis.free_form is None or not note.startswith(CURVE)]
+    said = [note for note in diagnosis.notes if diagnosis.free_curve is None or not note.startswith(CURVE)]
     notes = "".join(f'<div class="fv-dim">{escape(note[:1].upper() + note[1:])}.</div>' for note in said)
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: this is what was found until then.</div>'

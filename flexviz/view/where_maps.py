@@ -13,8 +13,7 @@ from flexviz.view.plots import Line, Plot, no_plot
 from flexviz.view.text import escape, short_names
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis.freeform import FreeForm
-    from flexviz.diagnosis.where import ResidualMap
+    from flexviz.diagnosis import FreeCurve, ResidualMap
 
 Array = NDArray[np.float64]
 
@@ -87,7 +86,7 @@ def map_plots(maps: Sequence[ResidualMap], joint: str) -> tuple[Plot, ...]:
 
 def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
     """The map of position and direction, where it explains clearly more than either."""
-    from flexviz.diagnosis.where import CLEARLY, DIRECTED  # heavy, and loaded wherever there are maps
+    from flexviz.diagnosis import CLEARLY, DIRECTED  # heavy, and loaded wherever there are maps
 
     both = map_of(maps, joint, DIRECTED)
     simpler = [one for name in ("position", "velocity") if (one := map_of(maps, joint, name)) is not None]
@@ -134,7 +133,7 @@ def _spectrum(one: ResidualMap | None) -> Plot:
 # -- where nothing explains it ---------------------------------------------------------------------------
 
 
-def free_plot(curve: FreeForm | None, height: int = 190) -> Plot:
+def free_plot(curve: FreeCurve | None, height: int = 190) -> Plot:
     """The curve for what no effect explains, with its 95 % interval."""
     if curve is None:
         return no_plot(FREE, "")
@@ -162,7 +161,7 @@ def free_plot(curve: FreeForm | None, height: int = 190) -> Plot:
     return Plot(FREE, title, curve.centres[usable], tuple(lines), label, height=height, bands=tuple(bands))
 
 
-def free_html(curve: FreeForm | None) -> str:
+def free_html(curve: FreeCurve | None) -> str:
     """What the curve is, and what it is not."""
     if curve is None:
         return ""

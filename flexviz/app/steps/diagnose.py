@@ -74,7 +74,7 @@ class DiagnoseStep:
         missing = fresh and diagnosis is not None and diagnosis.verdict == "missing" and bool(found)
         self._all.visible = missing
         off(self._all, why, "adds the best finding, looks again, adds the next, until nothing is missing")
-        curve = self._app.show.free_form
+        curve = self._app.show.free_curve
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_plot(curve, height=170),))

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis import Finding
-from flexviz.diagnosis.result import Evidence
+from flexviz.diagnosis import Evidence, Finding
 from flexviz.effects import EFFECTS
 from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.chart import Chart, Curve

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis.guard import Guard, ParameterCurve
+from flexviz.diagnosis import BandwidthCheck, ParameterCurve
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
 from flexviz.view.text import number, title, unit_text
@@ -39,7 +39,7 @@ def guard(subject: Subject) -> Section | None:
     return Section(name, tuple(blocks))
 
 
-def _joints(found: Guard) -> Table:
+def _joints(found: BandwidthCheck) -> Table:
     rows = []
     for j, joint in enumerate(found.joints):
         moves = bool(found.observer_error[j])
@@ -58,7 +58,7 @@ def _joints(found: Guard) -> Table:
     return table(head, rows, (1, 2, 3), caption)
 
 
-def _parameters(found: Guard) -> Table:
+def _parameters(found: BandwidthCheck) -> Table:
     order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
     rows = []
     for p in order[:MOST]:

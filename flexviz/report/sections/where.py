@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexviz.diagnosis.freeform import FreeForm
-from flexviz.diagnosis.where import ResidualMap
+from flexviz.diagnosis import FreeCurve, ResidualMap
 from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.chart import Band, Chart, Curve
 from flexviz.report.gathering import Subject
@@ -49,8 +48,8 @@ def where(subject: Subject) -> Section | None:
         spectrum = _find(diagnosis.maps, lead.joint, "frequency")
         if spectrum is not None:
             blocks.append(Figure(spectrum_chart(spectrum)))
-    if diagnosis.free_form is not None:
-        blocks.append(Figure(free_curve(diagnosis.free_form)))
+    if diagnosis.free_curve is not None:
+        blocks.append(Figure(free_curve(diagnosis.free_curve)))
     return Section("Where the model fails", tuple(blocks))
 
 
@@ -160,7 +159,7 @@ def spectrum_chart(found: ResidualMap) -> Chart:
     )
 
 
-def free_curve(found: FreeForm) -> Chart:
+def free_curve(found: FreeCurve) -> Chart:
     """What is missing, as a curve of free shape."""
     curves, bands = [], []
     for i, name in enumerate(found.directions):

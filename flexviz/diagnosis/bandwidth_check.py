@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +35,7 @@ from flexviz.diagnosis.bands import (
     without_own_error,
 )
 from flexviz.diagnosis.fit_context import loosened
+from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.equation import Layout
 from flexviz.estimation import WIDE_HERTZ, Prior, base_parameters, start_values
 from flexviz.identification import ParameterEstimate, combinations, parameter_estimates
@@ -55,90 +55,7 @@ CHANGED = 1.0  # times the noise by which a residual has to change
 WORTH = 0.1  # of the residual, and by that much of it
 
 
-@dataclass(frozen=True)
-class ParameterCurve:
-    """One parameter over the bandwidth.
-
-    Attributes:
-        name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
-        place: payload or group of an effect that concerns one.
-        values, std: shape (M,); NaN where the fit put it onto a bound.
-        moved: largest distance from its value at the bandwidth in use, in standard errors there.
-        excuse: the same in standard errors of the difference, from what every second of the data contributes
-            to both; noise and even a model error would keep it small.
-        trusted: it stays within its 95 % interval, or noise is an excuse.
-    """
-
-    name: str
-    joint: str | None
-    unit: str
-    place: str | None
-    values: Array
-    std: Array
-    moved: float
-    excuse: float
-    trusted: bool
-
-
-@dataclass(frozen=True)
-class Guard:
-    """What moves with the bandwidth.
-
-    Attributes:
-        observer: its name; "two bands" for the diagnosis' own.
-        bandwidths: shape (M,), rising [rad/s].
-        in_use: index of the one that is in use.
-        joints: names.
-        rms: shape (M, n), residual after fitting at that bandwidth, compared below `band` [Nm].
-        noise_floor: shape (n,), what the measurement noise leaves of it [Nm].
-        change: shape (M, n), rms of the residual's change against the bandwidth in use, at the parameters
-            found there [Nm].
-        change_noise: shape (M, n), what the noise explains of that [Nm].
-        band: the residuals are compared up to here [rad/s].
-        observer_error: shape (n,), at a wider band the residual differs by more than noise and by a fair
-            share of itself.
-        parameters: those that the data determine.
-        seconds: it took.
-    """
-
-    observer: str
-    bandwidths: Array
-    in_use: int
-    joints: tuple[str, ...]
-    rms: Array
-    noise_floor: Array
-    change: Array
-    change_noise: Array
-    band: float
-    observer_error: Bools
-    parameters: tuple[ParameterCurve, ...]
-    seconds: float
-
-    @property
-    def untrusted(self) -> tuple[ParameterCurve, ...]:
-        """Parameters that move by more than their interval, the one that moves most first."""
-        return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
-
-    def texts(self) -> tuple[str, ...]:
-        """One sentence for each thing that moves; empty where nothing does."""
-        low, high = self.bandwidths[0], self.bandwidths[-1]
-        out = [
-            f"{joint}: the residual changes by up to {self.change[:, j].max():.3g} Nm when the bandwidth "
-            f"goes from {low:.3g} to {high:.3g} rad/s: part of it is observer error, not physics"
-            for j, joint in enumerate(self.joints)
-            if self.observer_error[j]
-        ]
-        for p in self.untrusted:
-            place = ", ".join(part for part in (p.joint, p.place) if part)
-            out.append(
-                f"{p.name}{f' ({place})' if place else ''} moves with the bandwidth from "
-                f"{np.nanmin(p.values):.4g} to {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
-                "errors: not to be trusted"
-            )
-        return tuple(out)
-
-
-def guard(
+def check_bandwidth(
     measurements: MeasurementSet,
     layout: Layout,
     x: Array,
@@ -147,7 +64,7 @@ def guard(
     factors: Sequence[float] | None = None,
     groups: Sequence[Group] | None = None,
     check: Callable[[], None] = lambda: None,
-) -> Guard:
+) -> BandwidthCheck:
     """Fit a model at several bandwidths.
 
     Args:
@@ -197,7 +114,7 @@ def guard(
     size = np.sqrt(np.mean(base**2, axis=0))
     beyond = (change > CHANGED * np.maximum(explained, floor)) & (change > WORTH * size)
     beyond[:in_use] = False  # what a narrower band would do wrong is no error of the one in use
-    return Guard(
+    return BandwidthCheck(
         "two bands" if observer is None else observer.name,
         np.array([b.bandwidth for b in bands]),
         in_use,

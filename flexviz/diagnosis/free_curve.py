@@ -16,11 +16,12 @@ from scipy.interpolate import BSpline
 
 from flexviz._scipy import fft
 from flexviz.diagnosis.crossval import Folds, judged, make_folds, remainder_spectrum
-from flexviz.diagnosis.curves import DIRECTED, STIFFNESSES, columns, in_directions
+from flexviz.diagnosis.curves import STIFFNESSES, columns, in_directions
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, FreeCurve
 from flexviz.diagnosis.residuals import Absorption, Samples, absorption, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
-from flexviz.diagnosis.where import CLEARLY, DIRECTIONS, UNITS, joint_maps
+from flexviz.diagnosis.where import joint_maps
 
 Array = NDArray[np.float64]
 
@@ -29,39 +30,6 @@ SAMPLES_PER_PIECE = 40  # at least, on average
 WEIGHTS = tuple(np.logspace(-4, 4, 9))  # of the penalty, relative to the splines' own size
 RIDGE = 1e-3  # relative too: holds what neither data nor the penalty determine
 POINTS = 81
-NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
-
-
-@dataclass(frozen=True)
-class FreeForm:
-    """A curve of residual torque against one variable of one joint.
-
-    Attributes:
-        joint, variable: where; "position" and "velocity" may have one curve a direction of motion.
-        unit: of the variable.
-        directions: names of the S curves: forward and backward, or "" where there is one.
-        centres: shape (M,), of the variable.
-        value: shape (S, M), the torque that the model lacks [Nm]; positive like friction at positive speed.
-            NaN where the joint never was. What the model's own parameters can take is not in it: a patch of
-            friction beside Coulomb friction is known up to a constant.
-        std: shape (S, M), its standard error [Nm].
-        explained: share of the joint's residual that the curve predicts out of sample.
-        explained_std: its standard error.
-        smoothing: weight of the penalty that cross-validation chose.
-        note: what it is.
-    """
-
-    joint: str
-    variable: str
-    unit: str
-    directions: tuple[str, ...]
-    centres: Array
-    value: Array
-    std: Array
-    explained: float
-    explained_std: float
-    smoothing: float
-    note: str = NOTE
 
 
 @dataclass(frozen=True)
@@ -87,7 +55,7 @@ class _Splines:
         return np.kron(np.eye(self.sides), bend.T @ bend).astype(np.float64)
 
 
-def freeform(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeForm:
+def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeCurve:
     """The curve of a joint's residual against the variable of a place.
 
     Where the place is a group or a frequency, against which no torque can be drawn, the joint's best other
@@ -131,7 +99,7 @@ def freeform(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeForm
         low, high = (values[seen].min(), values[seen].max()) if seen.any() else (np.inf, -np.inf)
         never = (centres < low) | (centres > high)
         value[side, never] = std[side, never] = np.nan
-    return FreeForm(
+    return FreeCurve(
         joint=place.joint,
         variable=variable,
         unit=UNITS[variable],
