@@ -13,7 +13,7 @@ from flexviz._pinocchio import pin
 from flexviz.errors import ConvergenceError
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, read_set, write_set
-from flexviz.observers import make_observer
+from flexviz.observers import OBSERVERS, make_observer
 from flexviz.recording import record_set
 from flexviz.recording.columns import broken_at_gaps, stride_for
 from flexviz.recording.paths import path
@@ -234,6 +234,23 @@ def test_a_model_that_diverges_is_still_recorded(
     assert "diverged at 1 s" in content.text(path("groups", FIRST, "about"))
     assert path("groups", FIRST, "robots", "measured", "link1") in content.batches
     assert path("groups", FIRST, "robots", "identified", "link1") not in content.batches
+
+
+@pytest.mark.parametrize("name", OBSERVERS)
+def test_no_view_of_states_is_empty(name: str, tmp_path: Path) -> None:
+    """Only an observer with a disturbance state has a view of it, and every view has lines to show."""
+    small = read_set(write_small_set(tmp_path / "small"))
+    group = small.groups[0]
+    observer = make_observer(name, 100.0)
+    assert observer.has_disturbance_state == (observer.states(group.segments[0]).disturbance is not None)
+    record_set(replace(small, groups=(group,)), None, tmp_path / "x.rrd", observer=observer, samples=100)
+    entities = Read(tmp_path / "x.rrd").batches
+    queries = [entry[0] for entry in blueprint_of(tmp_path / "x.rrd")["ViewContents:query"] if entry]
+    shown = [query for query in queries if "/observers/" in query]
+    assert len(shown) == 8 + observer.has_disturbance_state
+    for query in shown:
+        first = query.split()[0].removeprefix("+").removesuffix("/**")
+        assert any(entity.startswith(first + "/") for entity in entities), query
 
 
 # -- parts -------------------------------------------------------------------------------------------

@@ -56,13 +56,16 @@ class Observer(ABC):
     """A linear time-invariant filter with transfer functions y → x̂_k, k = 0 … 4.
 
     Attributes:
-        bandwidth: one number for all joints or one a joint [rad/s].
+        bandwidth: one number for all joints or one per joint [rad/s].
+        zero_phase: whether its derivatives have no lag.
+        has_disturbance_state: whether it estimates a disturbance beside the derivatives.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     default_bandwidth: ClassVar[float]
     zero_phase: ClassVar[bool] = False
+    has_disturbance_state: ClassVar[bool] = False
 
     def __init__(self, bandwidth: float | Sequence[float] | Array | None = None) -> None:
         value = np.atleast_1d(np.asarray(self.default_bandwidth if bandwidth is None else bandwidth, float))

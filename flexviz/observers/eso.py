@@ -96,6 +96,7 @@ class CausalEso(_PoleObserver):
     name = "eso"
     title = "Extended-state observer (the paper's, causal)"
     default_bandwidth = 20.0
+    has_disturbance_state = True
     coefficients = _eso_coefficients()
 
     def disturbance(self, theta: Array, step: float) -> Array:

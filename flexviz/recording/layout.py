@@ -28,6 +28,7 @@ from flexviz.recording.paths import (
     TITLES,
     diagnosis_path,
     group_path,
+    observer_name,
     observer_path,
     path,
     result_path,
@@ -38,6 +39,7 @@ from flexviz.view.colours import REFERENCE, rgb
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
+    from flexviz.observers import Observer
 
 
 RESULTS = 6  # whose words have a tab
@@ -50,7 +52,7 @@ class Shown:
 
     Attributes
     ----------
-    observer: name of the observer whose states are there, or None.
+    observer: the observer whose states are there, or None.
     result: number of the newest result, on its way or done, or None.
     label: what its model is, in a few words.
     residuals: the groups whose residual it has.
@@ -60,7 +62,7 @@ class Shown:
     diagnoses: its number.
     """
 
-    observer: str | None = None
+    observer: Observer | None = None
     result: int | None = None
     label: str = ""
     residuals: tuple[str, ...] = ()
@@ -149,16 +151,16 @@ def measured(group: Group) -> rrb.Container:
     )
 
 
-def states(group: Group, observer: str) -> rrb.Container:
+def states(group: Group, observer: Observer) -> rrb.Container:
     """All observer states of one group; the measured signal lies under the filtered one."""
-    names = [*THETA_STATES, *TAU_STATES, *([DISTURBANCE] if observer.startswith("eso") else [])]
+    names = [*THETA_STATES, *TAU_STATES, *([DISTURBANCE] if observer.has_disturbance_state else [])]
     views = [state_view(group, observer, name) for name in names]
     return rrb.Grid(*views, grid_columns=3, name=f"States {group_title(group)}")
 
 
-def state_view(group: Group, observer: str, name: str) -> rrb.TimeSeriesView:
+def state_view(group: Group, observer: Observer, name: str) -> rrb.TimeSeriesView:
     """One state of every joint."""
-    contents = [observer_path(observer, group.name, name) + "/**"]
+    contents = [observer_path(observer_name(observer), group.name, name) + "/**"]
     if name in ("theta_0", "tau_0"):
         contents.append(group_path(group.name, "measured", name.partition("_")[0]) + "/**")
     return plot(TITLES[name], "/", contents, legend=False)

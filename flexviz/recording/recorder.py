@@ -70,7 +70,7 @@ class Recorder:
         self._flushed = time.monotonic()
         self.solves: list[Solve] = []
         self.diagnoses: list[Diagnosis] = []
-        self._observers: list[str] = []
+        self._observers: dict[str, Observer] = {}
         self._motions: dict[str, Motion] = {}
         self._drawn: set[tuple[str, str]] = set()  # robots whose shape was sent: group, name
         self._groups = {group.name: group for group in measurements.groups}
@@ -127,7 +127,7 @@ class Recorder:
         for done, group in enumerate(self.measurements.groups):
             check(f"{group.name}: observer states", done / len(self.measurements.groups))
             signals.send_states(self.stream, self.measurements, group, observer, self.samples)
-        self._observers.append(name)
+        self._observers[name] = observer
         self.arrange()
 
     # -- results -------------------------------------------------------------------------------------
@@ -229,7 +229,7 @@ class Recorder:
             return None
         newest = self.solves[-1] if self.solves else None
         shown = Shown(
-            observer=self._observers[-1] if self._observers else None,
+            observer=next(reversed(self._observers.values()), None),
             result=None if newest is None else newest.number,
             label="" if newest is None else newest.label,
             residuals=() if newest is None or newest.result is None else tuple(newest.result.residuals),
