@@ -57,7 +57,7 @@ def overhead(measurements: MeasurementSet, rounds: int) -> float:
             recording.started()
             recording.flush()
             with timed(live):
-                result = identify(measurements, progress=recording.iteration)
+                result = identify(measurements, progress=recording.progress)
             with timed(after):
                 recording.identified(result)
                 recording.flush()

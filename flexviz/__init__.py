@@ -39,7 +39,8 @@ _WHERE = {
     "SweepResult": "flexviz.identification",
     "identify": "flexviz.identification",
     "Identification": "flexviz.identification",
-    "Iteration": "flexviz.identification",
+    "Iteration": "flexviz.progress",
+    "Progress": "flexviz.progress",
     "ParameterEstimate": "flexviz.identification",
     "ResidualSummary": "flexviz.identification",
     "diagnose": "flexviz.diagnosis",
@@ -59,7 +60,6 @@ if TYPE_CHECKING:
     from flexviz.exporting import export
     from flexviz.identification import (
         Identification,
-        Iteration,
         ParameterEstimate,
         ResidualSummary,
         SweepResult,
@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
     from flexviz.observers import OBSERVERS, Observer, make_observer
+    from flexviz.progress import Iteration, Progress
     from flexviz.robot import PayloadBody, Robot
     from flexviz.simulation import replay, simulate_run
 
@@ -90,6 +91,7 @@ __all__ = [
     "Observer",
     "ParameterEstimate",
     "PayloadBody",
+    "Progress",
     "ResidualSummary",
     "Robot",
     "Segment",

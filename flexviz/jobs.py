@@ -1,8 +1,8 @@
 """Long work beside the screen: one worker, one job at a time, with progress, cancelling, reasons for failure.
 
-A job is a module-level function `f(*args, progress, should_stop)`. It calls `progress(value)` as often as it
-likes and looks at `should_stop()` now and then. It runs either in a child process, where it cannot hold the
-interpreter lock that playback needs, or in a thread of this process, where its result need not be copied.
+A job is a module-level function `f(*args, progress, should_stop)` (see `flexviz.progress`). It runs either
+in a child process, where it cannot hold the interpreter lock that playback needs, or in a thread of this
+process, where its result need not be copied.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
 a single BLAS thread and a lower priority, and ends by itself when the pipe closes. `in_children` says what it
@@ -26,6 +26,7 @@ from multiprocessing import Pipe
 from typing import Any, Literal
 
 from flexviz.errors import Cancelled, FlexvizError, one_line
+from flexviz.progress import ProgressCallback, StopCallback
 
 Kind = Literal["started", "progress", "done", "stopped", "failed"]
 STOP_GRACE = 5.0  # [s] a stopped job may take to end by itself before its process is replaced
@@ -315,9 +316,7 @@ def child_main(descriptor: int) -> None:
         stops.pop(number, None)
 
 
-def load_modules(
-    names: Sequence[str], *, progress: Callable[[Any], None], should_stop: Callable[[], bool]
-) -> None:
+def load_modules(names: Sequence[str], *, progress: ProgressCallback, should_stop: StopCallback) -> None:
     """A job that imports modules, so that the first real one starts at once."""
     import importlib
 

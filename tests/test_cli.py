@@ -15,12 +15,14 @@ import urllib.request
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
 from flexviz.cli import main, output, progress, tables
 from flexviz.cli.identifying import parse_bandwidth
 from flexviz.errors import InputError
+from flexviz.progress import Iteration, Progress
 
 COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose", "export")
 
@@ -331,6 +333,10 @@ def test_intervals_of_tables(value: float, std: float | None, shown: tuple[str, 
 def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     with progress.Reporter("work") as report:
         for count in range(100):
-            report("first", f"step {count}", count / 100)
-        report("second", "step 0")
-    assert lines(capsys.readouterr().err) == ["first 0 % step 0", "second step 0"]
+            report(Progress(f"reading {count // 50}", count / 100))
+        report(Progress("solving", iteration=Iteration(3, "", 1.5, 0.1, np.zeros(1), ("a",))))
+    assert lines(capsys.readouterr().err) == [
+        "reading 0 0 %",
+        "reading 1 50 %",
+        "solving iteration 3  cost 1.5  step 0.1",
+    ]

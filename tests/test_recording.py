@@ -44,7 +44,7 @@ def result(demo: Any) -> Any:
 def recorded(demo: Any, result: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     steps: list[tuple[str, float]] = []
     file = tmp_path_factory.mktemp("recorded") / "demo.rrd"
-    written = record_set(demo, result, file, progress=lambda what, share: steps.append((what, share)))
+    written = record_set(demo, result, file, progress=lambda p: steps.append((p.text, p.share or 0.0)))
     assert written.file == file and written.bytes == file.stat().st_size
     shares = [share for _, share in steps]
     assert np.diff(shares).min() > -1e-9 and shares[0] == 0.0 and shares[-1] == 1.0

@@ -31,7 +31,7 @@ def test_closed_loop_repeats_the_recording(tmp_path: Path, start: str) -> None:
         found.kp,
         found.kd,
         torque_hold=found.torque_hold,
-        progress=shares.append,
+        progress=lambda news: shares.append(news.share or 0.0),
     )
     assert run.note.startswith("closed loop") and shares == sorted(shares) and shares[-1] == 1.0
     np.testing.assert_array_equal(run.time, group.segments[0].time)

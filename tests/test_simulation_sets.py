@@ -151,7 +151,7 @@ def test_set_and_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ["coulomb_friction:joint2:coulomb=2.5", "torque_offset"],
         seed=7,
         start="moving",
-        progress=lambda what, share: shares.append(share),
+        progress=lambda news: shares.append(news.share or 0.0),
     )
     assert shares == sorted(shares) and shares[-1] == 1.0
     found = read_set(done.folder)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from flexviz.app.uploads import LARGEST_SET, MAIN, MOST_FILES, new_folder, safe_name, unpack
 from flexviz.errors import InputError
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.session import SESSION_FILE
 
 
@@ -54,7 +53,7 @@ class Inbox:
         return target
 
     def unpack(
-        self, name: str, content: bytes, *, progress: Callable[[Any], None], should_stop: Callable[[], bool]
+        self, name: str, content: bytes, *, progress: ProgressCallback, should_stop: StopCallback
     ) -> None:
         """Take a zip instead of what is there. A job."""
         self.folder = unpack(name, content, Path(self._temporary.name))
@@ -87,7 +86,7 @@ class Inbox:
         return found[0] if len(found) == 1 else None
 
     def take(
-        self, parent: Path, *, progress: Callable[[Any], None] = print, should_stop: Callable[[], bool] = bool
+        self, parent: Path, *, progress: ProgressCallback = ignore, should_stop: StopCallback = never
     ) -> Path:
         """Move the set into a new folder in `parent`, once it has been read; returns the folder. A job."""
         from flexviz.session import open_session

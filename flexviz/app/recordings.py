@@ -19,7 +19,8 @@ from flexviz.view.verdict import effect_text_name
 if TYPE_CHECKING:
     from flexviz.app.application import Application
     from flexviz.diagnosis import Diagnosis, ResidualMap
-    from flexviz.identification import Identification, Iteration
+    from flexviz.identification import Identification
+    from flexviz.progress import Iteration
     from flexviz.recording.live import LiveRecording
     from flexviz.simulation.run import Run
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexviz.errors import Cancelled, InputError
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.session import SESSION_FILE, Analysis, Session, is_session, open_session, with_roles
 from flexviz.view.geometry import Shape, robot_shape
 from flexviz.view.tables import truth_values
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from flexviz.measurements import MeasurementSet
     from flexviz.model import FlexibleModel
 
-Progress = Callable[[Any], None]
-Stop = Callable[[], bool]
 WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "flexviz.simulation")
 
 
@@ -36,7 +34,7 @@ class Opened:
     folder: Path | None = None  # where that lies
 
 
-def open_set(path: Path, *, progress: Progress = print, should_stop: Stop = bool) -> Opened:
+def open_set(path: Path, *, progress: ProgressCallback = ignore, should_stop: StopCallback = never) -> Opened:
     """Read a set, or a session and its set, and the robot's shape."""
     saved = is_session(path)
     opened = open_session(path)
@@ -57,8 +55,10 @@ def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
         raise InputError(f"not a usable truth file ({error})", file=file) from None
 
 
-def identify_set(analysis: Analysis, *, progress: Progress, should_stop: Stop) -> Identification:
-    """Identify as the analysis says; `progress` gets every iteration."""
+def identify_set(
+    analysis: Analysis, *, progress: ProgressCallback, should_stop: StopCallback
+) -> Identification:
+    """Identify as the analysis says."""
     from flexviz.identification import identify
 
     return identify(
@@ -93,8 +93,8 @@ def diagnose_set(
     known: FlexibleModel | None,
     apply: bool,
     *,
-    progress: Progress,
-    should_stop: Stop,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> Looked:
     """Identify where that is needed, then look for what is missing; with `apply` add all that is found.
 
@@ -126,7 +126,7 @@ def diagnose_set(
 
 
 def map_set(
-    analysis: Analysis, model: FlexibleModel, *, progress: Progress, should_stop: Stop
+    analysis: Analysis, model: FlexibleModel, *, progress: ProgressCallback, should_stop: StopCallback
 ) -> tuple[ResidualMap, ...]:
     """Where a model's residual lives, as the diagnosis sees it: every joint's against every variable."""
     from flexviz.diagnosis import maps_of
@@ -139,9 +139,13 @@ def map_set(
 
 
 def sweep_set(
-    analysis: Analysis, bandwidths: tuple[float, ...], *, progress: Progress, should_stop: Stop
+    analysis: Analysis,
+    bandwidths: tuple[float, ...],
+    *,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> SweepResult:
-    """Identify at each bandwidth [rad/s]; `progress` gets (done, total)."""
+    """Identify at each bandwidth [rad/s]."""
     from flexviz.identification import sweep
 
     return sweep(
@@ -149,13 +153,13 @@ def sweep_set(
         analysis.observer,
         bandwidths,
         effects=analysis.effects,
-        progress=lambda done, total: progress((done, total)),
+        progress=progress,
         should_stop=should_stop,
     )
 
 
 def replay_group(
-    path: Path, model: FlexibleModel, group: str, *, progress: Progress, should_stop: Stop
+    path: Path, model: FlexibleModel, group: str, *, progress: ProgressCallback, should_stop: StopCallback
 ) -> Any:
     """Simulate the identified model along one group's recording."""
     from flexviz.simulation import replay

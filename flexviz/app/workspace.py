@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexviz.app.uploads import new_folder
 from flexviz.errors import InputError
+from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.session import Session, save_session, zipped
 
 if TYPE_CHECKING:
     from flexviz.measurements import MeasurementSet
 
-Progress = Callable[[Any], None]
-Stop = Callable[[], bool]
 PRESETS = ("planar-2r", "panda")
 SURPRISE, NOTHING = "surprise me", "nothing"
 
@@ -41,8 +39,8 @@ def save(
     measurements: MeasurementSet,
     folder: Path | None,
     *,
-    progress: Progress,
-    should_stop: Stop,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> Path:
     """Save a session: over itself, `folder`, where it lies in the output folder already; else anew."""
     if folder is None or folder.resolve().parent != output_dir().resolve():
@@ -56,7 +54,7 @@ def unsaved_dir() -> Path:
 
 
 def session_zip(
-    session: Session, measurements: MeasurementSet, *, progress: Progress, should_stop: Stop
+    session: Session, measurements: MeasurementSet, *, progress: ProgressCallback, should_stop: StopCallback
 ) -> tuple[str, bytes]:
     """A session as a zip file: its name and content."""
     with tempfile.TemporaryDirectory() as temporary:
@@ -65,7 +63,9 @@ def session_zip(
         return f"{folder.name}.zip", zipped(folder)
 
 
-def simulate_quiz(robot: str | Path, effect: str, *, progress: Progress, should_stop: Stop) -> Path:
+def simulate_quiz(
+    robot: str | Path, effect: str, *, progress: ProgressCallback, should_stop: StopCallback
+) -> Path:
     """Simulate a set with a hidden effect; which one, and where, is only in its truth.json.
 
     `robot` is a preset's name, or the path of a URDF.
@@ -86,7 +86,7 @@ def simulate_quiz(robot: str | Path, effect: str, *, progress: Progress, should_
     joint = "" if _everywhere(name) else f":{rng.choice(make_plan(robot).robot.joints)}"
     simulate_preset(
         robot, folder, [] if name == NOTHING else [name + joint], seed,
-        progress=lambda _, share: progress(share), should_stop=should_stop,
+        progress=progress, should_stop=should_stop,
     )  # fmt: skip
     return folder
 
@@ -117,8 +117,8 @@ def report(
     measurements: MeasurementSet,
     folder: Path | None,
     *,
-    progress: Progress,
-    should_stop: Stop,
+    progress: ProgressCallback,
+    should_stop: StopCallback,
 ) -> tuple[str, bytes]:
     """What the session holds as one HTML file: its name and content; `folder` is where it is saved."""
     from flexviz.report import session_report

@@ -50,7 +50,7 @@ def diagnose(
             measurements,
             apply=apply,
             guarded=guard,
-            progress=lambda p: report(p.text, fraction=p.share),
+            progress=report,
             should_stop=should_stop,
         )
     if json_file is not None:

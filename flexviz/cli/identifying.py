@@ -14,8 +14,9 @@ from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
     from flexviz.cli.progress import Reporter
-    from flexviz.identification import Identification, Iteration
+    from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
+    from flexviz.progress import Iteration, Progress
 
 SetArgument = Annotated[Path, typer.Argument(metavar="SET", help="Folder with measurements.toml.")]
 GroupOption = Annotated[
@@ -87,9 +88,10 @@ def identify_wanted(
     """Identify as it was asked for; `also` is told every iteration too."""
     from flexviz.identification import identify
 
-    def progress(iteration: Iteration) -> None:
-        report(*describe(iteration))
-        also(iteration)
+    def progress(news: Progress) -> None:
+        report(news)
+        if news.iteration is not None:
+            also(news.iteration)
 
     return identify(
         measurements,
@@ -124,12 +126,6 @@ def exit_code(result: Identification) -> int:
     if result.stopped:
         return 130
     return 0 if result.converged else 1
-
-
-def describe(iteration: Iteration) -> tuple[str, str]:
-    """Stage, and where it is, for the progress line."""
-    step = "" if not math.isfinite(iteration.step) else f"  step {iteration.step:.2g}"
-    return iteration.stage, f"iteration {iteration.number}  cost {iteration.cost:.6g}{step}"
 
 
 def parse_bandwidth(text: str | None) -> float | list[float] | None:

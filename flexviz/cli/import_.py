@@ -116,7 +116,7 @@ def from_logs(
         logs,
         robot,
         questions=questions,
-        progress=lambda what, share: report(what, fraction=share),
+        progress=report,
         should_stop=should_stop,
     )
     text = looked.draft.text(mapping)
@@ -160,7 +160,7 @@ def run(
         out,
         table_format,
         yes,
-        progress=lambda what, share: report(what, fraction=share),
+        progress=report,
         should_stop=should_stop,
     )
     if json_file is not None:

@@ -6,18 +6,22 @@ few seconds in between.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+import rich.progress
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from flexviz.progress import Iteration, Progress, StopCallback
 
 SPARSE_SECONDS = 5.0  # [s] between two lines where there is no terminal
 
@@ -27,6 +31,14 @@ def note(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+def iteration_text(iteration: Iteration | None) -> str:
+    """Where a solver is; empty without one."""
+    if iteration is None:
+        return ""
+    step = "" if not math.isfinite(iteration.step) else f"  step {iteration.step:.2g}"
+    return f"iteration {iteration.number}  cost {iteration.cost:.6g}{step}"
+
+
 class Reporter:
     """Shows how far a piece of work is; use it as a context manager and call it with news."""
 
@@ -34,10 +46,10 @@ class Reporter:
         self._title = title
         self._stage = ""
         self._last = -SPARSE_SECONDS
-        self._bar: Progress | None = None
+        self._bar: rich.progress.Progress | None = None
         console = Console(stderr=True)
         if console.is_terminal and not console.is_dumb_terminal:
-            self._bar = Progress(
+            self._bar = rich.progress.Progress(
                 SpinnerColumn(),
                 TextColumn("{task.description}", markup=False),
                 BarColumn(bar_width=24),
@@ -70,8 +82,9 @@ class Reporter:
             if self._bar is not None:
                 self._bar.start()
 
-    def __call__(self, stage: str, detail: str = "", fraction: float | None = None) -> None:
-        """Show `stage` and `detail`; `fraction` in 0…1 where the end is known."""
+    def __call__(self, news: Progress) -> None:
+        """Show the news; a `ProgressCallback`."""
+        stage, detail, fraction = news.text, iteration_text(news.iteration), news.share
         if self._bar is not None:
             self._bar.update(self._task, description=stage or self._title, detail=detail)
             if fraction is not None:
@@ -86,7 +99,7 @@ class Reporter:
 
 
 @contextmanager
-def interruptible(consequence: str = "what was found so far is kept") -> Iterator[Callable[[], bool]]:
+def interruptible(consequence: str = "what was found so far is kept") -> Iterator[StopCallback]:
     """A `should_stop` that becomes true at the first Ctrl+C; the second one ends the program at once."""
     asked = threading.Event()
 

@@ -64,10 +64,7 @@ def record(
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         measurements = read_wanted(wanted)
 
-        def progress(what: str, share: float) -> None:
-            report(what, fraction=share)
-
-        file = RecordingFile(measurements, out, progress=progress, should_stop=stop)
+        file = RecordingFile(measurements, out, progress=report, should_stop=stop)
         with file, ending_tidily():
             record_all(file, wanted, diagnose, report, stop, results)
     written = file.written
@@ -138,6 +135,6 @@ def search(measurements: MeasurementSet, effects: list[str], report: Reporter, s
     return diagnose(
         replace(measurements, effects=(*measurements.effects, *effects)),
         apply=True,
-        progress=lambda p: report(p.text, fraction=p.share),
+        progress=report,
         should_stop=stop,
     )

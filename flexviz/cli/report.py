@@ -86,7 +86,7 @@ def diagnosed(
         opened.measurements,
         apply=True,
         guarded=guard,
-        progress=lambda p: progress(p.text, fraction=p.share),
+        progress=progress,
         should_stop=should_stop,
     )
     return diagnosed_session(opened.measurements, found)
@@ -100,6 +100,7 @@ def completed(
 
     from flexviz.cli.progress import note
     from flexviz.diagnosis import diagnose
+    from flexviz.progress import Progress
     from flexviz.report import chosen_set, guarded
 
     session, measurements = opened.session, opened.measurements
@@ -114,13 +115,13 @@ def completed(
             apply=False,
             start=known.model if known is not None and known.converged else None,
             guarded=guard,
-            progress=lambda p: progress(p.text, fraction=p.share),
+            progress=progress,
             should_stop=should_stop,
         )
         return session.then("looked for the missing effect", analysis.with_diagnosis(found))
     diagnosis = analysis.diagnosis
     if guard and diagnosis is not None and diagnosis.guard is None and diagnosis.model is not None:
-        progress("looking at what moves with the bandwidth")
+        progress(Progress("looking at what moves with the bandwidth"))
         looked = replace(diagnosis, guard=guarded(measurements, analysis, diagnosis.model, should_stop))
         return session.then("looked at the bandwidth", replace(analysis, diagnosis=looked))
     return session

@@ -97,9 +97,7 @@ def from_session(source: Path, out: Path) -> Path:
     with Reporter(f"reading {source}") as report:
         opened = open_session(source)
         out.parent.mkdir(exist_ok=True)
-        record_session(
-            opened.session, opened.measurements, out, lambda what, share: report(what, fraction=share)
-        )
+        record_session(opened.session, opened.measurements, out, report)
     for file in opened.session.recordings:
         say(f"recorded from it: {file}{'' if file.is_file() else ' (not there any more)'}")
     return out

@@ -52,7 +52,7 @@ def simulate(
                 effect or [],
                 seed,
                 start,
-                progress=lambda what, share: report(what, fraction=share),
+                progress=report,
                 should_stop=should_stop,
                 table_format=table_format,
             )

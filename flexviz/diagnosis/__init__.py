@@ -1,7 +1,7 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.diagnose import Progress, diagnose
+from flexviz.diagnosis.diagnose import diagnose
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.records import (
@@ -27,7 +27,6 @@ __all__ = [
     "FitContext",
     "FreeCurve",
     "ParameterCurve",
-    "Progress",
     "ResidualLocation",
     "ResidualMap",
     "Step",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
 
@@ -37,14 +38,6 @@ FIRST = 12  # iterations of the fit that everything begins with
 
 class Interrupted(Exception):
     """Raised between steps when the user stops the diagnosis."""
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a diagnosis is: a sentence and a share, 0 … 1."""
-
-    text: str
-    share: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +61,8 @@ def diagnose(
     apply: bool = True,
     start: FlexibleModel | None = None,
     guarded: bool | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> Diagnosis:
     """Say whether the set's model is complete, and if not, what is missing.
 
@@ -92,8 +85,8 @@ class _Diagnosing:
         self,
         measurements: MeasurementSet,
         start: FlexibleModel | None,
-        progress: Callable[[Progress], None] | None,
-        should_stop: Callable[[], bool] | None,
+        progress: ProgressCallback | None,
+        should_stop: StopCallback | None,
     ) -> None:
         self.measurements, self.start = measurements, start
         self.progress, self.should_stop = progress, should_stop

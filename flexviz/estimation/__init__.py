@@ -15,7 +15,7 @@ from flexviz.estimation.instrumental_variables import (
     weighted_point,
 )
 from flexviz.estimation.interval import best_intervals
-from flexviz.estimation.least_squares import Bounds, Iteration, Solution, Stopped, bounded_step, gauss_newton
+from flexviz.estimation.least_squares import Bounds, Solution, Stopped, bounded_step, gauss_newton
 from flexviz.estimation.noise_paths import NoisePath, Transfer, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
 from flexviz.estimation.projection import Projection, Weigh
@@ -30,7 +30,6 @@ __all__ = [
     "WIDE_HERTZ",
     "BaseParameters",
     "Bounds",
-    "Iteration",
     "NoisePath",
     "Point",
     "Prior",

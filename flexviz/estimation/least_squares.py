@@ -16,27 +16,6 @@ Array = NDArray[np.float64]
 MAX_HALVINGS = 12
 
 
-@dataclass(frozen=True)
-class Iteration:
-    """One step of the solver, as shown to the user.
-
-    Attributes:
-        number: counted from 0 (the start) over all stages.
-        stage: what the solver is doing.
-        cost: ½ Σ (r/σ)² + prior.
-        step: length of the step in standard deviations of the parameters.
-        values: shape (P,), parameters in the units of the result (stiffness, not compliance).
-        names: shape (P,), "stiffness:joint1".
-    """
-
-    number: int
-    stage: str
-    cost: float
-    step: float
-    values: Array
-    names: tuple[str, ...]
-
-
 class Stopped(Exception):
     """Raised inside the solver when the user stops it; the solver returns what it has."""
 

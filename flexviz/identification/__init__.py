@@ -1,6 +1,5 @@
 """Identification: parameters with uncertainty from measurements."""
 
-from flexviz.estimation import Iteration
 from flexviz.identification.identify import identify
 from flexviz.identification.result import (
     Combination,
@@ -15,7 +14,6 @@ from flexviz.identification.sweep import SweepResult, sweep
 __all__ = [
     "Combination",
     "Identification",
-    "Iteration",
     "ParameterEstimate",
     "ResidualSeries",
     "ResidualSummary",

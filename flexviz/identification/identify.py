@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from threadpoolctl import threadpool_limits
 from flexviz.equation import Equation, Evaluation, Layout, build_signals, layout_of
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import (
-    Iteration,
     Refined,
     Solution,
     Start,
@@ -33,6 +32,7 @@ from flexviz.identification.summary import combinations, condition_number, param
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, Observer, make_observer
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,8 @@ class _Reporter:
     def __init__(
         self,
         layout: Layout,
-        progress: Callable[[Iteration], None] | None,
-        should_stop: Callable[[], bool] | None,
+        progress: ProgressCallback | None,
+        should_stop: StopCallback | None,
     ) -> None:
         self.layout, self.progress, self.should_stop = layout, progress, should_stop
         self.names = tuple(layout.labels())
@@ -66,7 +66,7 @@ class _Reporter:
         iteration = Iteration(len(self.iterations), self.stage, cost, step, values, self.names)
         self.iterations.append(iteration)
         if self.progress is not None:
-            self.progress(iteration)
+            self.progress(Progress(self.stage, iteration=iteration))
         self.check()
 
 
@@ -78,8 +78,8 @@ def identify(
     observer: str = ButterworthZeroPhase.name,
     bandwidth: float | Sequence[float] | None = None,
     refine: bool = False,
-    progress: Callable[[Iteration], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
     max_iterations: int = 60,
 ) -> Identification:
     """Estimate stiffness, motor inertia, friction, inertial parameters and effects.
@@ -121,8 +121,8 @@ def _identify(
     observer: str,
     bandwidth: float | Sequence[float] | None,
     refine: bool,
-    progress: Callable[[Iteration], None] | None,
-    should_stop: Callable[[], bool] | None,
+    progress: ProgressCallback | None,
+    should_stop: StopCallback | None,
     max_iterations: int,
 ) -> Identification:
     began = time.perf_counter()

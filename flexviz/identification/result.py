@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.estimation import Iteration
 from flexviz.model import FlexibleModel
+from flexviz.progress import Iteration
 
 Array = NDArray[np.float64]
 

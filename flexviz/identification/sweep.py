@@ -7,7 +7,7 @@ see what moves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from flexviz.errors import InputError
 from flexviz.identification.identify import identify
 from flexviz.measurements import MeasurementSet
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
 
@@ -50,8 +51,8 @@ def sweep(
     *,
     groups: Sequence[str] | None = None,
     effects: Iterable[str] = (),
-    progress: Callable[[int, int], None] | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> SweepResult:
     """Identify at each bandwidth and compare the errors.
 
@@ -60,7 +61,7 @@ def sweep(
         observer: its name.
         bandwidths: [rad/s], at least one; those too narrow for the records are left out.
         groups, effects: as in `identify`.
-        progress: called with the number done and the total.
+        progress: called after each fit.
         should_stop: asked between fits; what is done so far is returned (at least one fit is made).
 
     Raises:
@@ -91,7 +92,8 @@ def sweep(
             )
         )
         if progress is not None:
-            progress(done + 1, len(bandwidths))
+            total = len(bandwidths)
+            progress(Progress(f"{done + 1} of {total} bandwidths", (done + 1) / total))
     if not rows:
         raise refused or InputError("no bandwidth to try was given")
     tried, fit, validation, stiffness, inertia = (np.array(column) for column in zip(*rows, strict=True))

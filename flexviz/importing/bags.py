@@ -23,6 +23,7 @@ from rosbags.typesys import Stores, get_typestore
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.importing.log import EMPTY, LOGGED, SHORTEST, STAMP, Log, Reading, Table
 from flexviz.measurements.data import Array
+from flexviz.progress import Progress
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
@@ -72,7 +73,7 @@ def collect(
     total = max(1, sum(c.msgcount for c in states))
     for number, (connection, logged, raw) in enumerate(reader.messages(states)):
         if number % CHECK_EVERY == 0:
-            reading.progress(f"reading {path.name}", min(1.0, number / total))
+            reading.progress(Progress(f"reading {path.name}", min(1.0, number / total)))
             reading.check_stop()
         message: Any = decode(raw, JOINT_STATE)
         names = tuple(message.name)

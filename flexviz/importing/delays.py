@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexviz.errors import FlexvizError
 from flexviz.identification import identify
-from flexviz.importing.log import SHORTEST, Stop
+from flexviz.importing.log import SHORTEST
 from flexviz.importing.offsets import low_pass
 from flexviz.importing.suspicion import Suspicion
 from flexviz.measurements.data import Group, MeasurementSet
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 MOST_GROUPS, LONGEST = 4, 20.0  # groups, and [s] of each, that are enough for a delay common to all joints
 SMALLEST = 1e-3  # [s] what friction that the model does not know can look like
@@ -41,14 +41,14 @@ class TorqueDelay:
 
 
 def torque_delay(
-    measurements: MeasurementSet, progress: Callable[[str], None], should_stop: Stop
+    measurements: MeasurementSet, progress: ProgressCallback, should_stop: StopCallback
 ) -> TorqueDelay | None:
     """The delay common to all joints; None where the model does not explain the torques well enough."""
     groups = tuple(shortened(group) for group in measurements.fit_groups[:MOST_GROUPS])
     if not groups:
         return None
     own = [name for name in ("coulomb_friction", "torque_delay") if name not in measurements.effects]
-    progress("comparing torque and motion")
+    progress(Progress("comparing torque and motion", 0.0))
     try:
         result = identify(replace(measurements, groups=groups), effects=own, should_stop=should_stop)
     except (FlexvizError, np.linalg.LinAlgError):

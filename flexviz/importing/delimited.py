@@ -14,6 +14,7 @@ from flexviz.errors import InputError, one_line
 from flexviz.importing.log import SHORTEST, Log, Reading, Table
 from flexviz.importing.parquet import columns_of
 from flexviz.importing.units import known_unit
+from flexviz.progress import Progress
 
 HEAD = 1 << 16  # [bytes] that are looked at to find out how the file is written
 EMPTY = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "-"]
@@ -34,7 +35,7 @@ class Layout:
 
 def read_delimited(path: Path, reading: Reading) -> Log:
     """All columns of numbers of a CSV file."""
-    reading.progress(f"reading {path.name}", 0.0)
+    reading.progress(Progress(f"reading {path.name}", 0.0))
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD)

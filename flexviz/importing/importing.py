@@ -17,7 +17,7 @@ from flexviz.errors import InputError
 from flexviz.importing.assembling import Assembled, assemble
 from flexviz.importing.checking import check_groups, payload_bodies
 from flexviz.importing.delays import TorqueDelay, suspicious_delay, torque_delay
-from flexviz.importing.log import Progress, Reading, Stop
+from flexviz.importing.log import Reading
 from flexviz.importing.mapping import Mapping, read_mapping
 from flexviz.importing.offsets import ClockOffset, clock_offsets
 from flexviz.importing.robots import files_of, load_robot
@@ -27,6 +27,7 @@ from flexviz.measurements.data import MeasurementSet
 from flexviz.measurements.plausibility import sample_motion, wrong_time_unit
 from flexviz.measurements.reading import read_set
 from flexviz.measurements.writing import GroupTable, make_way, write_set
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 
 FORMAT = 1  # of the report as JSON
 
@@ -114,8 +115,8 @@ def import_logs(
     *,
     table_format: str = "parquet",
     accept: bool = False,
-    progress: Progress = lambda what, share: None,
-    should_stop: Stop = lambda: False,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Imported:
     """Import what the mapping `file` names into the folder `out`.
 
@@ -134,8 +135,8 @@ def import_mapping(
     out: str | Path | None,
     table_format: str = "parquet",
     accept: bool = False,
-    progress: Progress = lambda what, share: None,
-    should_stop: Stop = lambda: False,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Imported:
     """As `import_logs`, for a mapping that was read; its paths are relative to the folder of `file`."""
     target = None if out is None else Path(out).absolute()
@@ -145,7 +146,7 @@ def import_mapping(
     robot = load_robot(mapping.robot, mapping.names, folder, file)
     payload_bodies(mapping, robot, file)
     groups = read_groups(mapping, file, folder, progress, should_stop)
-    progress("comparing with the robot", 0.0)
+    progress(Progress("comparing with the robot", 0.0))
     found = check_groups(mapping, robot, groups, file)
     offsets = [o for g in groups for o in clock_offsets(g.entry.group, g.traces, mapping.names)]
     found += suspicious_offsets(offsets, mapping)
@@ -158,7 +159,7 @@ def import_mapping(
         with tempfile.TemporaryDirectory(prefix=".flexviz-import-", dir=where) as temporary:
             source, files, notes = files_of(robot)
             new = Path(temporary) / (target.name if target else file.stem)
-            progress("writing", 0.0)
+            progress(Progress("writing", 0.0))
             Reading(should_stop=should_stop).check_stop()
             write_set(
                 new,
@@ -179,7 +180,7 @@ def import_mapping(
             misfit = any(s.kind in ("unit", "sign", "zero", "unexplained") for s in found)
             delay = None  # a model of something else has delays of its own
             if not misfit:
-                delay = torque_delay(measurements, lambda what: progress(what, 0.0), should_stop)
+                delay = torque_delay(measurements, progress, should_stop)
             Reading(should_stop=should_stop).check_stop()
             late = suspicious_delay(delay, measurements) if delay is not None else []
             warnings = [*notes, *measurements.warnings]
@@ -192,7 +193,7 @@ def import_mapping(
 
 
 def read_groups(
-    mapping: Mapping, file: Path, folder: Path, progress: Progress, should_stop: Stop
+    mapping: Mapping, file: Path, folder: Path, progress: ProgressCallback, should_stop: StopCallback
 ) -> list[Assembled]:
     """Every log as a group."""
     wanted = {signal.column for _, _, signal in mapping.signals()}
@@ -201,13 +202,10 @@ def read_groups(
     groups = []
     for i, entry in enumerate(mapping.logs):
         count = len(mapping.logs)
-
-        def part(what: str, share: float, i: int = i, count: int = count) -> None:
-            progress(what, (i + share) / count)
-
+        told = part(progress, i / count, (i + 1) / count)
         path = folder / entry.file
         try:
-            log = open_log(path, Reading(wanted, entry.episode, part, should_stop))
+            log = open_log(path, Reading(wanted, entry.episode, told, should_stop))
         except InputError as error:
             if error.message != "file not found":
                 raise

@@ -18,6 +18,7 @@ import pyarrow.parquet as papq
 from flexviz.errors import InputError
 from flexviz.importing.log import SHORTEST, Log, Reading, Table
 from flexviz.importing.parquet import columns_of, holds_numbers, needed, translated
+from flexviz.progress import Progress
 
 INFO = Path("meta") / "info.json"
 TIME = "time"  # the column that is made here
@@ -75,7 +76,7 @@ def read_episode(folder: Path, reading: Reading) -> Log:
     parts = []
     for file in files_of(folder, info, episode):
         reading.check_stop()
-        reading.progress(f"reading {folder.name}, episode {episode}", 0.0)
+        reading.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
         parts.append(read_part(file, episode, reading))
     frames = pa.concat_tables(parts, promote_options="permissive")
     if frames.num_rows < SHORTEST:

@@ -10,11 +10,11 @@ import numpy as np
 
 from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.measurements.data import Array
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 
 STAMP, LOGGED = "header.stamp", "log_time"  # endings of the two time columns of a topic
 EMPTY = "the messages hold no"  # how the reason begins why a field that a driver leaves empty is no signal
 SHORTEST = 32  # rows: shorter columns cannot be signals
-Progress = Callable[[str, float], None]  # what is being done, and how far it is (0…1)
 Stop = Callable[[], bool]
 
 
@@ -100,8 +100,8 @@ class Reading:
 
     wanted: Collection[str] | None = None
     episode: int | None = None
-    progress: Progress = lambda what, share: None
-    should_stop: Stop = lambda: False
+    progress: ProgressCallback = ignore
+    should_stop: StopCallback = never
 
     def wants(self, column: str) -> bool:
         """Whether a column is needed."""

@@ -16,7 +16,7 @@ from flexviz.importing.clocks import likely_clocks
 from flexviz.importing.draft import Draft, DraftJoint
 from flexviz.importing.families import Family
 from flexviz.importing.guessing import candidates, families_of, reason
-from flexviz.importing.log import EMPTY, Log, Progress, Reading, Stop
+from flexviz.importing.log import EMPTY, Log, Reading
 from flexviz.importing.offsets import ClockOffset, clock_offsets
 from flexviz.importing.pairing import scale_pairs
 from flexviz.importing.questions import Questions, Silent
@@ -24,6 +24,7 @@ from flexviz.importing.robots import load_robot
 from flexviz.importing.sources import Source, find_sources, open_log
 from flexviz.importing.suspicion import Suspicion
 from flexviz.importing.times import guess_time
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 
 MOST_LOOKED = (
@@ -62,8 +63,8 @@ def look(
     robot: str,
     *,
     questions: Questions | None = None,
-    progress: Progress = lambda what, share: None,
-    should_stop: Stop = lambda: False,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
 ) -> Looked:
     """Guess what the columns of logs are.
 
@@ -224,14 +225,14 @@ def ask_about_sides(draft: Draft, roles: dict[str, Family], asked: Questions) ->
 
 
 def correct(
-    draft: Draft, logs: Sequence[Log], asked: Questions, progress: Progress, should_stop: Stop
+    draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
 ) -> Looked:
     """Let the data correct units, sides, signs and clocks, and note what remains."""
     used = Robot.load(draft.robot, tuple(draft.joints))
     offsets: tuple[ClockOffset, ...] = ()
     remaining: list[Suspicion] = []
     for round_ in range(ROUNDS):
-        progress("comparing with the robot", round_ / ROUNDS)
+        progress(Progress("comparing with the robot", round_ / ROUNDS))
         if should_stop():
             Reading(should_stop=should_stop).check_stop()
         mapping = draft.mapping()

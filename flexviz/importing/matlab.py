@@ -17,6 +17,7 @@ from scipy.io.matlab import MatReadError
 from flexviz.errors import InputError, one_line
 from flexviz.importing.log import SHORTEST, Log, Reading, Table, as_numbers
 from flexviz.measurements.data import Array
+from flexviz.progress import Progress
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 8  # structs in structs
@@ -25,7 +26,7 @@ MOST_SIGNALS = 200  # a matrix with more columns and more rows is no set of sign
 
 def read_mat(path: Path, reading: Reading) -> Log:
     """All columns of numbers of a .mat file."""
-    reading.progress(f"reading {path.name}", 0.0)
+    reading.progress(Progress(f"reading {path.name}", 0.0))
     with path.open("rb") as stream:
         head = stream.read(1024)
     if HDF5 in head or head.startswith(b"MATLAB 7.3"):

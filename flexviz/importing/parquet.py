@@ -13,11 +13,12 @@ import pyarrow.parquet as papq
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.importing.log import SHORTEST, Log, Reading, Table, as_numbers
 from flexviz.measurements.data import Array
+from flexviz.progress import Progress
 
 
 def read_parquet(path: Path, reading: Reading) -> Log:
     """All columns of numbers of a Parquet table."""
-    reading.progress(f"reading {path.name}", 0.0)
+    reading.progress(Progress(f"reading {path.name}", 0.0))
     with translated(path):
         with papq.ParquetFile(path) as file:
             schema = file.schema_arrow

@@ -3,7 +3,7 @@
     recording = LiveRecording(measurements, "demo.rrd")            # a file; and, or, viewer="9876"
     recording.observer(make_observer("butterworth-zero-phase"))
     recording.started("with Coulomb friction")                     # a solve begins
-    result = identify(measurements, progress=recording.iteration)  # every iteration as it comes
+    result = identify(measurements, progress=recording.progress)  # every iteration as it comes
     recording.identified(result)
     recording.replayed("g1", run)                                  # the identified model's own motion
     recording.diagnosed(diagnosis)
@@ -29,13 +29,15 @@ from typing import TYPE_CHECKING, Self
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer
+from flexviz.progress import Progress
 from flexviz.recording.files import Recorded, Target
 from flexviz.recording.recorder import SAMPLES, TICK, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-    from flexviz.identification import Identification, Iteration
+    from flexviz.identification import Identification
+    from flexviz.progress import Iteration
     from flexviz.simulation.run import Run
 
 PATIENCE = 120.0  # [s] that `flush` and `close` wait for what is still to be written
@@ -112,6 +114,11 @@ class LiveRecording:
         """A solve begins: the iterations and the result that follow belong to it."""
         self._begun = time.monotonic()
         self._put(partial(self._recorder.start, label))
+
+    def progress(self, news: Progress) -> None:
+        """News of the running solve, as `identify` tells it."""
+        if news.iteration is not None:
+            self.iteration(news.iteration)
 
     def iteration(self, iteration: Iteration) -> None:
         """One iteration of the running solve."""

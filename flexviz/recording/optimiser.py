@@ -15,7 +15,7 @@ from flexviz.recording.stream import Stream
 from flexviz.view.colours import rgb
 
 if TYPE_CHECKING:
-    from flexviz.identification import Iteration
+    from flexviz.progress import Iteration
 
 BATCH = 0.25  # [s] iterations are gathered before they are sent; so that a solve is not slowed down,
 SHARE = 0.02  # they wait while sending would take more than this share of the program's processor time,

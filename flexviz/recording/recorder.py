@@ -34,7 +34,8 @@ from flexviz.view.motion import Motion, measured_motion, with_replay
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-    from flexviz.identification import Identification, Iteration
+    from flexviz.identification import Identification
+    from flexviz.progress import Iteration
     from flexviz.simulation.run import Run
 
 SAMPLES = 10_000  # recorded at most of each signal and group

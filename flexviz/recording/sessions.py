@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexviz.measurements import MeasurementSet
+from flexviz.progress import ProgressCallback
 from flexviz.recording.files import Recorded
-from flexviz.recording.writing import Progress, RecordingFile, chosen_observer, ending_tidily
+from flexviz.recording.writing import RecordingFile, chosen_observer, ending_tidily
 from flexviz.session import Session
 
 
 def record_session(
-    session: Session, measurements: MeasurementSet, out: str | Path, progress: Progress | None = None
+    session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback | None = None
 ) -> Recorded:
     """Write a session to the file `out`; of the newest result the motion is simulated too."""
     steps = session.steps

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Self
 from flexviz.errors import Cancelled, ConvergenceError, InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.recording.files import Recorded, Target
-from flexviz.recording.recorder import SAMPLES, Recorder
+from flexviz.recording.recorder import SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
-    from flexviz.identification import Identification, Iteration
-
-Progress = Callable[[str, float], None]
+    from flexviz.identification import Identification
+    from flexviz.progress import Iteration
 
 
 class RecordingFile:
@@ -41,8 +41,8 @@ class RecordingFile:
         *,
         samples: int = SAMPLES,
         both: bool = True,
-        progress: Progress | None = None,
-        should_stop: Callable[[], bool] | None = None,
+        progress: ProgressCallback | None = None,
+        should_stop: StopCallback | None = None,
     ) -> None:
         """`both`: leave room for the identified robot; the others as of `record_set`."""
         self.measurements = measurements
@@ -88,9 +88,9 @@ class RecordingFile:
         if self._should_stop is not None and self._should_stop():
             raise Cancelled("stopped by the user")
         if self._progress is not None:
-            self._progress(what, min(share, 1.0))
+            self._progress(Progress(what, min(share, 1.0)))
 
-    def part(self, first: float, last: float) -> Progress:
+    def part(self, first: float, last: float) -> Check:
         """`step` for a part of the work that goes from the share `first` to `last` of all of it."""
         return lambda what, share: self.step(what, first + (last - first) * share)
 
@@ -103,7 +103,7 @@ class RecordingFile:
         """One iteration of it."""
         self.recorder.iteration(iteration, time.monotonic() - self._started)
 
-    def simulate(self, result: Identification, check: Progress) -> None:
+    def simulate(self, result: Identification, check: Check) -> None:
         """The newest result's model, simulated along every group."""
         from flexviz.simulation import replay
 
@@ -111,10 +111,10 @@ class RecordingFile:
         for number, group in enumerate(measurements.groups):
             what, count = f"{group.name}: simulating the identified model", len(measurements.groups)
 
-            def tell(share: float, number: int = number, what: str = what, count: int = count) -> None:
-                check(what, (number + share) / count)
+            def tell(news: Progress, number: int = number, what: str = what, count: int = count) -> None:
+                check(what, (number + (news.share or 0.0)) / count)
 
-            tell(0.0)
+            tell(Progress())
             try:
                 run = replay(
                     measurements.robot,
@@ -137,8 +137,8 @@ def record_set(
     identification: Identification | None,
     out: str | Path,
     observer: Observer | None = None,
-    progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
     samples: int = SAMPLES,
     diagnosis: Diagnosis | None = None,
     label: str = "",
@@ -149,7 +149,7 @@ def record_set(
     ----------
     identification: its residuals, iterations and simulated motion are recorded; None: only what was measured.
     observer: whose states are recorded; None: the identification's, or the default one.
-    progress: is told what is being done and the share (0 … 1) of everything that is done.
+    progress: called as parts are recorded.
     should_stop: when it says so, what was recorded until then is kept; `complete` is False.
     samples: recorded at most of each signal and group.
     diagnosis: a verdict that belongs to it.

@@ -32,12 +32,12 @@ from flexviz.errors import InputError
 from flexviz.identification import (
     Combination,
     Identification,
-    Iteration,
     ParameterEstimate,
     ResidualSeries,
     ResidualSummary,
 )
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.progress import Iteration
 from flexviz.session.state import Analysis, ModelStep, Note, Step
 
 KINDS: dict[str, type] = {

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from flexviz.errors import Cancelled, ConvergenceError
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.simulation import rates
 from flexviz.simulation.building import Recorder
 from flexviz.simulation.control import TorqueFilter
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
 
-Progress = Callable[[float], None]
 EVERY = 1024  # cycles between two looks at progress and should_stop
 LARGEST = 1e12  # [Nm] a torque beyond is a simulation that has diverged
 
@@ -48,8 +47,8 @@ class Loop:
         x: Array,
         before: Array,
         cycles: int | None = None,
-        progress: Progress | None = None,
-        should_stop: Callable[[], bool] | None = None,
+        progress: ProgressCallback | None = None,
+        should_stop: StopCallback | None = None,
     ) -> tuple[Array, Array]:
         """States (cycles, 4n + …) at the start of every cycle, and the torques (cycles, n) of the cycles.
 
@@ -90,11 +89,11 @@ class Loop:
                 if should_stop is not None and should_stop():
                     raise Cancelled("the simulation was stopped")
                 if progress is not None:
-                    progress(k / cycles)
+                    progress(Progress("simulating", k / cycles))
         if not np.isfinite(states[-1]).all():
             raise ConvergenceError("the simulation diverged")
         if progress is not None:
-            progress(1.0)
+            progress(Progress("simulating", 1.0))
         return states, torques
 
     def _substeps(self, x: Array) -> int:

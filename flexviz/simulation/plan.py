@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexviz.model import FlexibleModel
+from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.control import Controller
 from flexviz.simulation.own import OwnLaw
@@ -75,8 +76,8 @@ class Plan:
         group: PlannedGroup,
         *,
         seed: object = None,
-        progress: Callable[[float], None] | None = None,
-        should_stop: Callable[[], bool] | None = None,
+        progress: ProgressCallback | None = None,
+        should_stop: StopCallback | None = None,
     ) -> Run:
         """Simulate one group without sensors' noise, unless the controller feels it (then `seed` matters)."""
         sensors = self.sensors if self.sensors.feedback else None

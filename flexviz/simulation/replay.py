@@ -7,7 +7,6 @@ drifting away; the note says which.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import ceil
 
@@ -19,10 +18,11 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.measurements import Group, Segment
 from flexviz.model import FlexibleModel
+from flexviz.progress import Progress, ProgressCallback, StopCallback, part
 from flexviz.robot import Robot
 from flexviz.simulation import rates, starting
 from flexviz.simulation.building import Recorder, make_plant
-from flexviz.simulation.loop import Loop, Progress
+from flexviz.simulation.loop import Loop
 from flexviz.simulation.own_effects import without_unsimulated
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Sampled
@@ -45,8 +45,8 @@ def replay(
     *,
     torque_hold: float = 0.0,
     duration: float | None = None,
-    progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> Run:
     """Forward simulation of `model` along `group`, sampled at the group's own instants.
 
@@ -72,11 +72,7 @@ def replay(
             break
         count = len(segment) if left == np.inf else min(len(segment), ceil(left / segment.step) + 1)
         segment = _first(segment, count)
-
-        def report(share: float, done: int = done, count: int = count) -> None:
-            if progress is not None:
-                progress((done + share * count) / total)
-
+        report = progress and part(progress, done / total, (done + count) / total)
         runs.append(
             _replay_segment(
                 robot, plant, recorder, group, segment, gains, closed, torque_hold, report, should_stop
@@ -84,7 +80,7 @@ def replay(
         )
         done, left = done + count, left - count * segment.step
     if progress is not None:
-        progress(1.0)
+        progress(Progress("simulating", 1.0))
     how = (
         "closed loop: the set's controller drives the model along the recorded reference"
         if closed
@@ -102,8 +98,8 @@ def _replay_segment(
     gains: tuple,
     closed: bool,
     torque_hold: float,
-    progress: Progress,
-    should_stop: Callable[[], bool] | None,
+    progress: ProgressCallback | None,
+    should_stop: StopCallback | None,
 ) -> Run:
     n, step, start = robot.n, segment.step, segment.time[0]
     kp, kd = (robot.to_pin(np.broadcast_to(np.asarray(g, dtype=float), n)) for g in gains)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
+from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
 from flexviz.simulation.control import Controller, TorqueFilter
-from flexviz.simulation.loop import Loop, Progress
+from flexviz.simulation.loop import Loop
 from flexviz.simulation.own import OwnLaw
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
@@ -73,8 +74,8 @@ def simulate_run(
     group: str | None = None,
     payload_name: str | None = None,
     laws: Sequence[tuple[str, OwnLaw]] = (),
-    progress: Progress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> Run:
     """Simulate `robot` with the parameters of `model` following `reference` for `duration` [s].
 

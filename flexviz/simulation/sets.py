@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,15 +12,14 @@ import numpy as np
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, read_set, write_set
 from flexviz.measurements.writing import make_way
+from flexviz.progress import ProgressCallback, StopCallback, part
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.hiding import hide
-from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.plan import Plan
 from flexviz.simulation.presets import PRESETS, make_preset
 from flexviz.simulation.resimulating import plan_from_set
 from flexviz.simulation.run import STARTS, Run
 from flexviz.simulation.truth import FILE_NAME, truth
-
-SetProgress = Callable[[str, float], None]  # what is being done, share of all done (0…1)
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,8 @@ def simulate_preset(
     effects: Sequence[str] = (),
     seed: int = 0,
     start: str = "rest",
-    progress: SetProgress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
     *,
     overwrite: bool = False,
     table_format: str = "parquet",
@@ -76,8 +75,8 @@ def simulate_preset(
 def simulate_plan(
     plan: Plan,
     seed: int = 0,
-    progress: SetProgress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> dict[str, Run]:
     """Group name -> what its sensors recorded."""
     return record(plan, move(plan, seed, progress, should_stop), seed)
@@ -86,8 +85,8 @@ def simulate_plan(
 def move(
     plan: Plan,
     seed: int = 0,
-    progress: SetProgress | None = None,
-    should_stop: Callable[[], bool] | None = None,
+    progress: ProgressCallback | None = None,
+    should_stop: StopCallback | None = None,
 ) -> dict[str, Run]:
     """Group name -> its motion without the record's noise; `seed` is for noise that the controller feels.
 
@@ -97,14 +96,11 @@ def move(
     total = sum(group.duration for group in plan.groups)
     done = 0.0
     for k, group in enumerate(plan.groups):
-
-        def report(share: float, group: PlannedGroup = group, done: float = done) -> None:
-            if progress is not None:
-                progress(f"simulating {group.name}", (done + share * group.duration) / total)
-
         rng = np.random.default_rng([seed, k])
-        runs[group.name] = plan.run(group, seed=rng, progress=report, should_stop=should_stop)
-        done += group.duration
+        end = done + group.duration
+        told = progress and part(progress, done / total, end / total, f"simulating {group.name}")
+        runs[group.name] = plan.run(group, seed=rng, progress=told, should_stop=should_stop)
+        done = end
     return runs
 
 

@@ -11,7 +11,7 @@ from flexviz.view.colours import MEASURED, MODEL, SERIES
 from flexviz.view.plots import Line, Plot, no_plot
 
 if TYPE_CHECKING:
-    from flexviz.identification import Iteration
+    from flexviz.progress import Iteration
 
 LINES = 14  # parameters drawn at most
 

@@ -157,8 +157,3 @@ def finding_html(finding: Finding, rank: int, full: bool) -> str:
         named += f"; and {plural(more, 'other')}" if more > 0 else ""
         lines.append(f'<div class="fv-dim">Had been taken up by {escape(named)}.</div>')
     return f'<div class="fv fv-finding{likely}">{"".join(lines)}</div>'
-
-
-def progress_sentence(progress: object) -> str:
-    """What a diagnosis is doing."""
-    return str(getattr(progress, "text", "") or "looking")

@@ -68,7 +68,7 @@ class AnotherSet:
         """What unpacking or simulating has to say."""
         app, key = self._app, event.job.key
         if event.kind == "progress":
-            app.say(f"simulating: {100 * float(event.value):.0f} %", "busy")
+            app.say(f"simulating: {100 * float(event.value.share or 0.0):.0f} %", "busy")
         elif event.kind == "failed":
             app.fail(event.value)
         elif event.kind == "stopped":

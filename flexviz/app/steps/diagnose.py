@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.controls import off
@@ -13,9 +13,10 @@ from flexviz.app.steps.task import Task
 from flexviz.app.work import Looked, diagnose_set
 from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
+from flexviz.progress import Progress
 from flexviz.session import Analysis
 from flexviz.view.text import number
-from flexviz.view.verdict import effect_text_name, heading_html, progress_sentence, verdict_html
+from flexviz.view.verdict import effect_text_name, heading_html, verdict_html
 from flexviz.view.where_maps import free_html, free_plot
 
 if TYPE_CHECKING:
@@ -115,12 +116,12 @@ class DiagnoseStep:
         """What the search has to say."""
         self._task.heard(event)
 
-    def _progress(self, value: Any) -> None:
-        if hasattr(value, "cost"):
-            self._app.identify.iterated(value)
+    def _progress(self, news: Progress) -> None:
+        if news.iteration is not None:
+            self._app.identify.iterated(news)
             return
-        self._app.dock.progress(float(getattr(value, "share", 0.0)))
-        self._app.say(progress_sentence(value), "busy")
+        self._app.dock.progress(news.share or 0.0)
+        self._app.say(news.text, "busy")
 
     def _start(self, label: str, analysis: Analysis, apply: bool) -> None:
         if not self._app.may_start("Looking for what is missing"):

@@ -12,6 +12,7 @@ from flexviz.app.steps.effects import EffectList
 from flexviz.app.steps.task import Task
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
+from flexviz.progress import Progress
 from flexviz.view.convergence import progress_text
 from flexviz.view.tables import parameters_html, truth_html
 from flexviz.view.text import number, plural
@@ -122,8 +123,11 @@ class IdentifyStep:
         """Whether a fit is under way that gives one result."""
         return self._app.running and self._fits
 
-    def iterated(self, iteration: Any) -> None:
+    def iterated(self, news: Progress) -> None:
         """An iteration of an identification."""
+        iteration = news.iteration
+        if iteration is None:
+            return
         self.iterations.append(iteration)
         if self._fits:
             if len(self.iterations) == 1:

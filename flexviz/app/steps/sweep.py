@@ -11,6 +11,7 @@ from flexviz.app.steps.task import Task
 from flexviz.app.work import sweep_set
 from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
+from flexviz.progress import Progress
 from flexviz.session import Analysis
 from flexviz.view.sweep import sweep_html, sweep_plots
 from flexviz.view.text import plural
@@ -80,10 +81,9 @@ class Sweep:
         """What the sweep has to say."""
         self._task.heard(event)
 
-    def _progress(self, value: tuple[int, int]) -> None:
-        done, total = value
-        self._app.dock.progress(done / total)
-        self._app.say(f"sweep: {done} of {total} bandwidths", "busy")
+    def _progress(self, news: Progress) -> None:
+        self._app.dock.progress(news.share or 0.0)
+        self._app.say(f"sweep: {news.text}", "busy")
 
     def _swept(self, of: tuple[Any, ...], result: Any) -> None:
         if of[0] == self._app.session.analysis.path:

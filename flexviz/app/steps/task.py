@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from flexviz.jobs import JobEvent
+from flexviz.progress import ProgressCallback
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -24,7 +25,7 @@ class Task:
         app: Application,
         key: str,
         stopped: str,
-        progress: Callable[[Any], None],
+        progress: ProgressCallback,
         done: Callable[[Any, Any], None],
         nothing: Callable[[], None] = lambda: None,
     ) -> None:
