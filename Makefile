@@ -54,7 +54,8 @@ wheel: install
 	$(BIN)/python -m hatchling build --target wheel
 
 docs: install
-	$(BIN)/python docs/build_site.py build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+	@echo "build/docs/index.html"
 
 # needs uv; versions and hashes only, no addresses
 lock:
