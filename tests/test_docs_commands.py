@@ -31,7 +31,7 @@ GLIMPSE = 0.3  # [s] of one that is not
 SHOWN = {page: commands for page in PAGES if (commands := blocks(page))}
 SETS = ("SET", "my_set", "my_recording", "demo", "sessions/planar-2r-demo")  # what stands for a set
 SESSIONS = ("SESSION",)
-OWN = "docs/examples/own_effects.py"
+OWN = "examples/user_effects.py"
 PLACES = {"FILE": "written.json", "DIR": "folder", "FILE.rrd": "written.rrd"}
 make_plan = sets.make_plan
 
@@ -69,7 +69,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         shutil.copytree(folder / "set", tmp_path / name)
     for name in SESSIONS:
         shutil.copytree(folder / "kept", tmp_path / name)
-    (tmp_path / "docs" / "examples").mkdir(parents=True)
+    (tmp_path / "examples").mkdir()
     shutil.copy(ROOT / OWN, tmp_path / OWN)
     renamed = (ROOT / OWN).read_text(encoding="utf-8").replace('name = "', 'name = "my_')
     (tmp_path / "my_effects.py").write_text(renamed, encoding="utf-8")

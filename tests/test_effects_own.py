@@ -28,8 +28,8 @@ from flexviz.simulation.sets import simulate_preset
 from flexviz.view.effects import addable, more_effects
 
 ROOT = Path(__file__).resolve().parent.parent
-EXAMPLE = ROOT / "docs" / "examples" / "own_effects.py"
-PAGE = ROOT / "docs" / "own-effects.md"
+EXAMPLE = ROOT / "examples" / "user_effects.py"
+PAGE = ROOT / "docs" / "user-effects.md"
 NAMES = ("directional_friction", "cubic_friction")
 GOOD = """\
 import numpy as np

@@ -338,7 +338,7 @@ def test_what_the_code_cannot_hold_is_said(planar: MeasurementSet) -> None:
 
 
 def test_user_defined_effects_are_named(planar: MeasurementSet) -> None:
-    load_effects(Path(__file__).parent.parent / "docs" / "examples" / "own_effects.py")
+    load_effects(Path(__file__).parent.parent / "examples" / "user_effects.py")
     try:
         own = EffectValue("cubic_friction", "joint1", {"cubic": 0.8})
         made = made_subject(planar, replace(plan("planar-2r").model, effects=(own,)))

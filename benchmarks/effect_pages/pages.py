@@ -30,7 +30,7 @@ Every quantity of the motor is expressed at the joint: θ is the motor's angle, 
 
 An effect's u enters in one of three places, which its page names. sign(v) is taken as
 tanh(v / {SIGN_VELOCITY:g} rad/s). `flexviz effects` lists the same in a terminal, `--json FILE` for a
-program. What is not here can be added: [effects of your own](../own-effects.md).
+program. What is not here can be added: [effects of your own](../user-effects.md).
 """
 
 

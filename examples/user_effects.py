@@ -1,4 +1,4 @@
-"""Two effects of one's own for --effects-from: direction-dependent and cubic friction."""
+"""Two user-defined effects for --effects-from: direction-dependent and cubic friction."""
 
 from math import tanh
 
