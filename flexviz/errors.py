@@ -1,7 +1,7 @@
 """The project's exceptions: one root, and one-line messages that name the offending place.
 
-A person who gave a bad file reads one line: which file, where in it, what was found there and what
-would be right. The command line turns each class into an exit code (`FlexvizError.exit_code`).
+Whoever gave a bad file reads one line: file, row or key, what was found, and what is expected. The command
+line turns each class into an exit code (`FlexvizError.exit_code`).
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ class FlexvizError(Exception):
 class InputError(FlexvizError, ValueError):
     """Something the user gave is wrong.
 
-    Parameters
-    ----------
-    message: what was found and what would be right, one sentence.
-    file: the file it was found in.
-    place: where in the file: a key ("groups[2].payload"), a row, a column ("row 17, column tau_joint1").
+    Args:
+        message: what was found and what is expected, one sentence.
+        file: the file it was found in.
+        place: where in the file: a key ("groups[2].payload"), a row, a column ("row 17, column tau_joint1").
     """
 
     exit_code = 2
@@ -41,13 +40,13 @@ class InputError(FlexvizError, ValueError):
 
 
 class ConvergenceError(FlexvizError):
-    """A computation ran but did not arrive at an answer (or diverged)."""
+    """A computation ran but did not converge, or diverged."""
 
     exit_code = 1
 
 
 class Cancelled(FlexvizError):
-    """The user stopped a computation that has no partial result to give back."""
+    """The user stopped a computation that has no partial result."""
 
     exit_code = 130
 
@@ -62,7 +61,7 @@ def one_line(text: str, limit: int = 1500) -> str:
 
 
 def choose_from(found: str, valid: Iterable[str], limit: int = 12) -> str:
-    """The end of an error message: a guess at what was meant, and what would have been valid.
+    """The end of an error message: a guess at what was meant, and the valid names.
 
     >>> choose_from("tau_join1", ["tau_joint1", "tau_joint2"])
     'did you mean "tau_joint1"? valid: tau_joint1, tau_joint2'

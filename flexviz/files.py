@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place, brought to the disk, then moved there."""
+"""Atomic writing of files, their checksums, and JSON text."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-PART = ".part"  # the end of a file's name while it is written
-BLOCK = 2**20  # bytes read at once
+PART = ".part"  # suffix of a file while it is written
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that whoever looks, and whatever happens meanwhile, finds the old one or the new one.
+    """Write a file atomically: at any time the old content or the new one is there, never a part.
 
-    The content is on the disk before it takes the file's place. What is no plain file (/dev/stdout, a named
-    pipe) is written to as it is.
+    The content is flushed to disk before it replaces the file. Anything but a plain file (/dev/stdout, a
+    named pipe) is written to directly.
     """
     if path.exists() and not path.is_file():
         path.write_bytes(content)
@@ -41,7 +40,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Bring a folder's list of names to the disk, where the system can do that."""
+    """Flush a folder's list of names to disk, where the system can do that."""
     try:
         descriptor = os.open(folder, os.O_RDONLY)
     except OSError:
@@ -62,11 +61,8 @@ def remove_parts(folder: Path, name: str = "") -> None:
 
 def sha256_of(file: Path) -> str:
     """The SHA-256 of a file, in hexadecimal digits."""
-    digest = hashlib.sha256()
     with file.open("rb") as source:
-        while block := source.read(BLOCK):
-            digest.update(block)
-    return digest.hexdigest()
+        return hashlib.file_digest(source, "sha256").hexdigest()
 
 
 def as_json(data: Any) -> str:

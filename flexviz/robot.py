@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError, choose_from
-from flexviz.robot_files import find_urdf, mesh_names, read_urdf, resolve_mesh
+from flexviz.robot_files import find_urdf, is_library_robot, mesh_names, read_urdf, resolve_mesh
 from flexviz.robot_settings import SETTINGS, RobotSettings, load_settings
 
-__all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "load_settings"]
+__all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²] along the URDF's z
 
@@ -25,12 +25,11 @@ GRAVITY = (0.0, 0.0, -9.81)  # [m/s²] along the URDF's z
 class PayloadBody:
     """A rigid body fixed to a link.
 
-    Attributes
-    ----------
-    link: name of the URDF link it is fixed to.
-    mass: [kg].
-    com: (3,) its centre of mass in the link's frame [m].
-    inertia: (6,) Ixx Iyy Izz Ixy Ixz Iyz about its own centre of mass, along the link's axes [kg m²].
+    Attributes:
+        link: name of the URDF link it is fixed to.
+        mass: [kg].
+        com: (3,) its centre of mass in the link's frame [m].
+        inertia: (6,) Ixx Iyy Izz Ixy Ixz Iyz about its own centre of mass, along the link's axes [kg m²].
     """
 
     link: str
@@ -44,7 +43,7 @@ class PayloadBody:
         for name, given, length in (("com", com, 3), ("inertia", inertia, 6)):
             value = np.array(given, dtype=float)
             if value.shape != (length,):
-                found = f"{name} has shape {value.shape}, ({length},) would be right"
+                found = f"{name} has shape {value.shape}, expected ({length},)"
                 raise InputError(f"payload body on {link}: {found}")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
@@ -60,14 +59,13 @@ class PayloadBody:
 class Robot:
     """A robot's tree with n moving joints, in the order of the measurement set.
 
-    Attributes
-    ----------
-    name: the robot's name.
-    source: what it was loaded from, as written in a measurement set.
-    urdf_path: the URDF file.
-    joints: names of the n moving joints; every other joint stays locked at neutral.
-    model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order.
-    order: (n,) Pinocchio's index of the set's joint i.
+    Attributes:
+        name: the robot's name.
+        source: where it was loaded from, as written in a measurement set.
+        urdf_path: the URDF file.
+        joints: names of the n moving joints; every other joint stays locked at neutral.
+        model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order.
+        order: (n,) Pinocchio's index of the set's joint i.
     """
 
     name: str
@@ -98,8 +96,7 @@ class Robot:
                 valid = choose_from(joint, movable)
                 raise InputError(f'joint "{joint}" is not a moving joint of this robot; {valid}', file=path)
             if chosen.count(joint) > 1:
-                times = chosen.count(joint)
-                raise InputError(f'joint "{joint}" is given {times} times, once would be right', file=path)
+                raise InputError(f'joint "{joint}" is given twice, expected once', file=path)
         if not chosen:
             raise InputError("the robot has no moving joint", file=path)
         locked = [i for i in range(1, full.njoints) if full.names[i] not in chosen]
@@ -140,7 +137,7 @@ class Robot:
         return self._frozen(np.array(rows)[self.order])
 
     def payload_parameters(self, bodies: Sequence[PayloadBody]) -> np.ndarray:
-        """(n, 10) what `bodies` add to the inertial parameters, in the order of `cad_parameters`."""
+        """(n, 10) contribution of `bodies` to the inertial parameters, in the order of `cad_parameters`."""
         total = np.zeros((self.n, 10))
         for body in bodies:
             joint = self.joint_of_link(body.link)

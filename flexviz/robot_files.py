@@ -1,4 +1,4 @@
-"""Find robot descriptions and the meshes they name.
+"""Find robot descriptions and their meshes.
 
 A robot is given as the path of a URDF, as `example-robot-data:<name>` (the collection installed beside
 Pinocchio) or as `robots:<name>` (shipped with flexviz). Meshes are named by plain paths or `package://` ones.
@@ -17,6 +17,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.resources import robots_dir
 
 EXAMPLE_ROBOT_DATA = "example-robot-data"
+SHIPPED = "robots"
 _SUFFIXES = ("_robot", "_description")
 
 
@@ -52,11 +53,16 @@ def shipped_robots() -> dict[str, Path]:
     return {file.stem: file for file in files}
 
 
+def is_library_robot(source: str) -> bool:
+    """Whether a robot is named from a collection rather than by a path."""
+    return source.startswith((f"{EXAMPLE_ROBOT_DATA}:", f"{SHIPPED}:"))
+
+
 def find_urdf(source: str | Path, base: Path | None = None) -> Path:
     """The URDF file that `source` names; a plain path is relative to `base`."""
     text = str(source)
-    scheme, _, name = text.partition(":")
-    if name and scheme in (EXAMPLE_ROBOT_DATA, "robots"):
+    if is_library_robot(text):
+        scheme, _, name = text.partition(":")
         known = example_robots() if scheme == EXAMPLE_ROBOT_DATA else shipped_robots()
         if not known and scheme == EXAMPLE_ROBOT_DATA:
             raise InputError(f'robot "{text}": the package example-robot-data is not installed')
@@ -66,16 +72,13 @@ def find_urdf(source: str | Path, base: Path | None = None) -> Path:
         return known[name]
     path = Path(base or ".") / text
     if not path.is_file():
-        raise InputError(
-            "robot description not found; the path of a URDF, example-robot-data:<name> "
-            "or robots:<name> would be right",
-            file=path,
-        )
+        expected = "expected the path of a URDF, example-robot-data:<name> or robots:<name>"
+        raise InputError(f"robot description not found, {expected}", file=path)
     return path
 
 
 def read_urdf(path: Path) -> tuple[str, str]:
-    """Name of the robot and the URDF's text as it is used here.
+    """Name of the robot, and its URDF as text.
 
     Continuous joints become revolute ones with wide limits (so nq == nv), mimic joints become free ones.
     """
@@ -88,7 +91,7 @@ def read_urdf(path: Path) -> tuple[str, str]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read ({error})", file=path) from None
     if root.tag != "robot":
-        raise InputError(f"the outermost element is <{root.tag}>, <robot> would be right", file=path)
+        raise InputError(f"the outermost element is <{root.tag}>, expected <robot>", file=path)
     for joint in root.findall("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")

@@ -1,16 +1,16 @@
-"""Ready flexible-joint settings for robots: stiffness, motor inertia, friction, controller, sensors.
+"""Ready-made flexible-joint settings of robots: stiffness, motor inertia, friction, controller, sensors.
 
-One TOML file a robot in `robots/`; a list has one value a joint, in the order of `joints`.
+One TOML file per robot in `robots/`; lists have one value per joint, in the order of `joints`.
 """
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
+from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.resources import robots_dir
 
@@ -21,17 +21,16 @@ SETTINGS: tuple[str, ...] = ("planar_2r", "panda", "ur5")
 class RobotSettings:
     """Typical values of a robot with flexible joints, all at the joint side.
 
-    Attributes
-    ----------
-    robot: what to give `Robot.load`.
-    joints: names of the n joints.
-    stiffness: (n,) [Nm/rad].
-    motor_inertia: (n,) [kg m²].
-    link_viscous_friction, motor_viscous_friction: (n,) [Nm s/rad].
-    kp, kd: (n,) controller gains [Nm/rad], [Nm s/rad].
-    cycle: controller cycle [s].
-    theta_noise: (n,) standard deviation of the motor positions' noise [rad].
-    torque_noise: (n,) standard deviation of the torques' noise [Nm].
+    Attributes:
+        robot: what to give `Robot.load`.
+        joints: names of the n joints.
+        stiffness: (n,) [Nm/rad].
+        motor_inertia: (n,) [kg m²].
+        link_viscous_friction, motor_viscous_friction: (n,) [Nm s/rad].
+        kp, kd: (n,) controller gains [Nm/rad], [Nm s/rad].
+        cycle: controller cycle [s].
+        theta_noise: (n,) standard deviation of the motor positions' noise [rad].
+        torque_noise: (n,) standard deviation of the torques' noise [Nm].
     """
 
     name: str
@@ -49,13 +48,11 @@ class RobotSettings:
 
 
 def load_settings(name: str) -> RobotSettings:
-    """The ready settings `name` ("planar_2r", "panda", "ur5")."""
+    """The settings called "planar_2r", "panda" or "ur5"."""
     if name not in SETTINGS:
         raise InputError(f'settings "{name}" do not exist; {choose_from(name, SETTINGS)}')
     path = robots_dir() / f"{name}.toml"
-    if not path.is_file():
-        raise InputError("settings file not found", file=path)
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    table = toml.read(path)
     known = [f.name for f in fields(RobotSettings) if f.name != "name"]
     values: dict[str, Any] = {}
     for key in known:
@@ -67,6 +64,6 @@ def load_settings(name: str) -> RobotSettings:
         elif isinstance(value, list):
             value = np.array(value, dtype=float)
             if value.shape != (len(table["joints"]),):
-                raise InputError(f"{len(value)} values, one a joint would be right", file=path, place=key)
+                raise InputError(f"{len(value)} values, expected one per joint", file=path, place=key)
         values[key] = value
     return RobotSettings(name=name, **values)

@@ -20,10 +20,11 @@ LONGEST_FUNCTION = 60  # [lines]
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
-    ("errors", "files", "resources", "jobs"),
+    ("errors", "files", "resources", "jobs", "schemas", "toml"),
     ("_pinocchio", "_scipy", "robot", "robot_files", "robot_settings", "model"),
+    ("effects",),
     ("measurements", "noise"),
-    ("observers", "effects"),
+    ("observers",),
     ("equation",),
     ("estimation",),
     ("identification",),

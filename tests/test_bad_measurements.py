@@ -1,4 +1,4 @@
-"""Every kind of bad measurement set gets one line that names the file, the place, and what would be right."""
+"""Every kind of bad measurement set gets one line that names the file, the place, and what is expected."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     # the units
     "time in ms": (
         table(scale("time", 1e3)),
-        ("a.csv", "column time", "milliseconds", "seconds would be right"),
+        ("a.csv", "column time", "milliseconds", "expected seconds"),
     ),
     "time in us": (table(scale("time", 1e6), "b.parquet"), ("b.parquet", "column time", "microseconds")),
     "time in ns": (table(scale("time", 1e9)), ("a.csv", "column time", "nanoseconds")),

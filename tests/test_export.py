@@ -18,8 +18,7 @@ from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, read_result, subject_of, write
 from flexviz.exporting.documents import model_of
 from flexviz.identification import Identification, identify
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.measurements.fingerprint import fingerprint
+from flexviz.measurements import MeasurementSet, fingerprint, read_set
 from flexviz.model import FlexibleModel
 from flexviz.session import Session, save_session
 from tests.exporting_cases import document, made_subject, plan, short_set
@@ -184,7 +183,7 @@ def spoiled(result: dict[str, Any], how: str) -> Any:
         ("no parameters", 'holds no "parameters"; what "flexviz identify --json"'),
         ("a list", 'holds no "parameters"'),
         ("infinite", "parameters, entry 4, value: found "),
-        ("text", 'parameters, entry 4, value: found "12", a number would be right'),
+        ("text", 'parameters, entry 4, value: found "12", expected a number'),
         ("missing", "parameter ixy of joint1 is missing"),
         ("twice", "parameter ixy:joint1 is given twice"),
         ("joint", 'parameter ixy of joint "joint7", which the set does not have; did you mean "joint'),
@@ -288,8 +287,8 @@ def test_not_converged(folder: Path, found: Identification, tmp_path: Path, caps
         (["--result", "gone.json"], "gone.json: cannot be read"),
         (["--result", "gone.json", "--refine"], "--result: nothing is identified then"),
         (["--effect", "no_such"], 'effect "no_such" does not exist'),
-        (["--out", "{full}"], "the folder is not empty, a new or empty folder would be right"),
-        (["--out", "{full}/there"], "this is a file, a new folder would be right"),
+        (["--out", "{full}"], "the folder is not empty, expected a new or empty folder"),
+        (["--out", "{full}/there"], "this is a file, expected a new folder"),
         (["--out", "{full}/there/out"], "full/there: this is a file, a folder would be right"),
     ],
 )

@@ -173,8 +173,14 @@ BAD = {
         r'joint1\.theta\.side: found "gear".*joint, motor',
     ),
     "sign": (swap('"p1"', '{ from = "p1", sign = 2 }'), r"joint1\.theta\.sign: found 2.*1, -1"),
-    "gear": (swap('tau = "m1"', 'tau = "m1"\ngear = 0'), r"joints\.joint1\.gear: found 0, a number above 0"),
-    "no theta": (swap('theta = "p1"\n', ""), r"joints\.joint1: theta is missing, theta = \{ from"),
+    "gear": (
+        swap('tau = "m1"', 'tau = "m1"\ngear = 0'),
+        r"joints\.joint1\.gear: found 0, expected a number above 0",
+    ),
+    "no theta": (
+        swap('theta = "p1"\n', ""),
+        r"joints\.joint1\.theta: this key is missing, expected theta = \{ from",
+    ),
     "column": (swap('"p1"', '"p11"'), r'joints\.joint1\.theta: "p11" is not in run\.csv; did you mean "p1"'),
     "column twice": (swap('"p2"', '"p1"'), r'joints\.joint2\.theta: "p1" is joints\.joint1\.theta already'),
     "time": (swap('column = "t"', 'column = "time"'), r'time\.column: "time" is not in run\.csv'),
@@ -215,7 +221,7 @@ BAD = {
     ),
     "TOML": (swap("[time]", "[time"), r"mapping\.toml: not valid TOML"),
     "format": (swap("format = 1", "format = 2"), "format: found 2, this program reads format 1"),
-    "a set": (swap("[[logs]]", "[[groups]]"), "this is a measurement set, a mapping with"),
+    "a set": (swap("[[logs]]", "[[groups]]"), "this is a measurement set, expected a mapping with"),
     "wrong units": (swap('"m1"', '{ from = "m1", unit = "kNm" }'), ""),
 }
 

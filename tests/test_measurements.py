@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +19,9 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from small_set import URDF, columns, write_small_set, write_table
 
+from flexviz import toml
 from flexviz.errors import InputError
-from flexviz.measurements import (
-    GroupTable,
-    copy_set,
-    low_speed_threshold,
-    moving,
-    read_set,
-    toml,
-    write_set,
-)
+from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.measurements.segments import SHORTEST, find_clock, make_segments, pieces
 from flexviz.robot import PayloadBody
 
@@ -132,18 +126,6 @@ def test_select_groups(small: Path) -> None:
         measurements.joint_index("joint3")
 
 
-def test_low_speed_selection() -> None:
-    velocity = np.array([[0.0, 0.1], [-0.2, 0.0], [0.05, -0.3]])
-    np.testing.assert_array_equal(moving(velocity, 0.1), [[False, False], [True, False], [False, True]])
-    np.testing.assert_array_equal(
-        moving(velocity, np.array([0.0, 0.2])), [[True, False], [True, False], [True, True]]
-    )
-    np.testing.assert_allclose(low_speed_threshold(velocity, 0.5), [0.1, 0.15])
-    for threshold in (-1.0, np.nan, np.ones(3)):
-        with pytest.raises(InputError, match="threshold"):
-            moving(velocity, threshold)
-
-
 # -- time: clocks, gaps, jitter ----------------------------------------------------------------------
 
 
@@ -238,10 +220,28 @@ def test_jitter_in_a_file_is_told(small: Path) -> None:
 # -- writing -----------------------------------------------------------------------------------------
 
 
+def copy_set(measurements: MeasurementSet, folder: Path, table_format: str) -> Path:
+    """Write a set that was read to another folder."""
+    return write_set(
+        folder,
+        robot="robot.urdf",
+        joints=measurements.joints,
+        groups=[replace(GroupTable.of(group), file=None) for group in measurements.groups],
+        payloads=measurements.payloads,
+        torque_hold=measurements.torque_hold,
+        initial_stiffness=measurements.initial_stiffness,
+        kp=measurements.kp,
+        kd=measurements.kd,
+        effects=measurements.effects,
+        files={"robot.urdf": measurements.robot.urdf_path},
+        table_format=table_format,
+    )
+
+
 @pytest.mark.parametrize("table_format", ["csv", "parquet"])
 def test_copy_gives_the_same_set(small: Path, tmp_path: Path, table_format: str) -> None:
     first = read_set(small)
-    second = read_set(copy_set(first, tmp_path / "deep" / "copy", table_format=table_format))
+    second = read_set(copy_set(first, tmp_path / "deep" / "copy", table_format))
     assert second.joints == first.joints and second.effects == first.effects
     assert second.torque_hold == first.torque_hold
     np.testing.assert_array_equal(second.kp, first.kp)
@@ -340,7 +340,7 @@ def test_writing_is_all_or_nothing(small: Path, tmp_path: Path) -> None:
     (tmp_path / "other" / "precious.txt").write_text("keep me")
     (tmp_path / "file").write_text("keep me too")
     for name in ("other", "file"):
-        with pytest.raises(InputError, match="would be right"):
+        with pytest.raises(InputError, match="expected a new"):
             write_set(tmp_path / name, groups=[group], overwrite=True, **common)
     assert (tmp_path / "other" / "precious.txt").read_text() == "keep me"
 

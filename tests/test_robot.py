@@ -116,7 +116,7 @@ def test_drawing_loads_every_mesh() -> None:
         ("robots:nothing", None, "planar_2r"),
         ("missing.urdf", None, "missing.urdf: robot description not found"),
         ("example-robot-data:panda", ["panda_join1"], 'did you mean "panda_joint1"? valid: panda_joint1'),
-        ("example-robot-data:panda", ["panda_joint1", "panda_joint1"], "2 times"),
+        ("example-robot-data:panda", ["panda_joint1", "panda_joint1"], "given twice, expected once"),
     ],
 )
 def test_bad_sources(source: str, joints: list[str] | None, message: str, tmp_path: Path) -> None:

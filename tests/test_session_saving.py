@@ -16,8 +16,7 @@ import pytest
 
 from flexviz import files
 from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.measurements.fingerprint import fingerprint
+from flexviz.measurements import MeasurementSet, fingerprint, read_set
 from flexviz.session import (
     SESSION_FILE,
     Autosave,

@@ -38,11 +38,11 @@ def check_output_file(path: Path | None, suffix: str = "") -> None:
 
 def check_new_folder(folder: Path, table_format: str) -> None:
     """Say before the work that a set cannot be written to this folder or in this format."""
-    from flexviz.measurements.writing import SUFFIXES, make_way
+    from flexviz.measurements import SUFFIXES, check_free
 
     if table_format not in SUFFIXES:
         raise InputError(f"--format {table_format}: {choose_from(table_format, SUFFIXES)}")
-    make_way(folder.absolute(), overwrite=False)
+    check_free(folder.absolute())
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
-from flexviz.measurements.schema import translated
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.schemas import input_error
 
 LARGEST = 50_000_000  # bytes
 SUFFIXES = (".json", ".yaml", ".yml")
@@ -152,7 +152,7 @@ def read_document(data: Any, file: Path) -> Document:
     try:
         return Document.model_validate(data)
     except ValidationError as error:
-        raise translated(error, data, file) from None
+        raise input_error(error, data, file) from None
 
 
 def model_of(document: Document, joints: Sequence[str], file: str | Path) -> FlexibleModel:

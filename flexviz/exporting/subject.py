@@ -117,7 +117,7 @@ class Subject:
     @cached_property
     def sha256(self) -> str:
         """Of the measurement set's files."""
-        from flexviz.measurements.fingerprint import fingerprint
+        from flexviz.measurements import fingerprint
 
         return fingerprint(self.measurements).sha256
 

@@ -15,7 +15,7 @@ from flexviz.exporting.mjcf import mjcf
 from flexviz.exporting.parameters import json_parameters, yaml_parameters
 from flexviz.exporting.subject import Subject, subject_of
 from flexviz.exporting.urdf import urdf
-from flexviz.measurements.writing import make_way
+from flexviz.measurements import check_free
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -69,7 +69,7 @@ def check_folder(folder: str | Path) -> Path:
     above = next(parent for parent in folder.parents if parent.exists())
     if not above.is_dir():
         raise InputError("this is a file, a folder would be right", file=above)
-    make_way(folder, overwrite=False)
+    check_free(folder)
     return folder
 
 

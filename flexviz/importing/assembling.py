@@ -12,8 +12,7 @@ from flexviz.errors import InputError
 from flexviz.importing.log import SHORTEST, Log
 from flexviz.importing.mapping import SIGNALS, LogEntry, Mapping
 from flexviz.importing.traces import Trace, Tracer
-from flexviz.measurements.data import Array
-from flexviz.measurements.writing import GroupTable
+from flexviz.measurements import Array, GroupTable
 
 NEEDED, OPTIONAL = SIGNALS[:2], SIGNALS[2:]
 MOST_HELD = 0.05  # share of the rows in which a column for comparison may repeat its first or last value
@@ -26,14 +25,13 @@ Traces = dict[tuple[str, str], Trace]
 class Assembled:
     """One group to be.
 
-    Attributes
-    ----------
-    entry: the log's entry in the mapping.
-    log: what kind of log it is.
-    table: its columns (N, n), time from 0.
-    traces: (joint, signal) -> as it is on its own clock.
-    zero: [s] where the table's time 0 lies on the clock of the traces.
-    notes: what was done to the data, one sentence each.
+    Attributes:
+        entry: the log's entry in the mapping.
+        log: what kind of log it is.
+        table: its columns (N, n), time from 0.
+        traces: (joint, signal) -> as it is on its own clock.
+        zero: [s] where the table's time 0 lies on the clock of the traces.
+        notes: what was done to the data, one sentence each.
     """
 
     entry: LogEntry

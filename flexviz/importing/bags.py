@@ -22,7 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.importing.log import EMPTY, LOGGED, SHORTEST, STAMP, Log, Reading, Table
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 from flexviz.progress import Progress
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

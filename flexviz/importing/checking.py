@@ -11,7 +11,7 @@ from flexviz.importing.explaining import Judge
 from flexviz.importing.judging import judge
 from flexviz.importing.mapping import Mapping
 from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements.reading import read_body
+from flexviz.measurements import read_payloads
 from flexviz.robot import PayloadBody, Robot
 
 FAR, TOO_FAR = 1.3, 3.0  # times the joint's range or speed: odd, and certainly wrong
@@ -50,13 +50,7 @@ def check_groups(
 
 def payload_bodies(mapping: Mapping, robot: Robot, file: Path) -> dict[str, tuple[PayloadBody, ...]]:
     """Name of each payload -> its bodies; "none" is always there."""
-    found: dict[str, tuple[PayloadBody, ...]] = {"none": ()}
-    for name, payload in mapping.payloads.items():
-        found[name] = tuple(
-            read_body(body, robot, file, f"payloads.{name}.bodies, entry {i + 1}")
-            for i, body in enumerate(payload.bodies)
-        )
-    return found
+    return {"none": (), **read_payloads(mapping, robot, file)}
 
 
 def check_range(mapping: Mapping, judged: Judge) -> list[Suspicion]:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from flexviz.errors import InputError
 from flexviz.importing.log import LOGGED, SHORTEST, STAMP, Log, Table
-from flexviz.importing.mapping import Time
+from flexviz.importing.mapping import TimeColumn
 from flexviz.importing.units import TIME, unit_in
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 
 TOO_MANY_REPEATED = 0.2  # share of repeated instants from which the clock is too coarse to be used
 OUT_OF_ORDER = 1.0  # [s] messages that come late by less are put into order
@@ -23,13 +23,12 @@ LIKELY = ("time", "timestamp", "t", "stamp", "clock", "sec", "seconds", "ts", "z
 class Clock:
     """When the rows of a table were recorded.
 
-    Attributes
-    ----------
-    name: its column; "" where the rows are equally spaced.
-    table: the table's name.
-    raw: (N,) as recorded; int64 stays exact.
-    unit: [s] one step of `raw`.
-    shift: [s] that the mapping adds.
+    Attributes:
+        name: its column; "" where the rows are equally spaced.
+        table: the table's name.
+        raw: (N,) as recorded; int64 stays exact.
+        unit: [s] one step of `raw`.
+        shift: [s] that the mapping adds.
     """
 
     name: str
@@ -50,7 +49,7 @@ class Clock:
         return self.raw * self.unit - float(origin.raw[0]) * origin.unit + self.shift
 
 
-def clock_of(log: Log, table: Table, asked: str | None, time: Time, file: Path, place: str) -> Clock:
+def clock_of(log: Log, table: Table, asked: str | None, time: TimeColumn, file: Path, place: str) -> Clock:
     """The clock of a table's columns; `asked` is the time column that the mapping names for this signal.
 
     Errors name `file` and `place`, where the mapping says what the column is.
@@ -83,7 +82,7 @@ def clock_of(log: Log, table: Table, asked: str | None, time: Time, file: Path, 
     return Clock(name, table.name, clock.raw, size, time.shift.get(clock.key, 0.0))
 
 
-def own_clock(table: Table, time: Time) -> str | None:
+def own_clock(table: Table, time: TimeColumn) -> str | None:
     """The time column that the format itself names."""
     if table.clock is not None and time.clock == "log" and table.clock.endswith(STAMP):
         return table.clock.removesuffix(STAMP) + LOGGED

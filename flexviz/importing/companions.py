@@ -10,8 +10,7 @@ from flexviz.importing.mapping import Angle, Mapping
 from flexviz.importing.suspicion import Fix, Suspicion
 from flexviz.importing.traces import size_of
 from flexviz.importing.units import ANGLE
-from flexviz.measurements.data import Array
-from flexviz.measurements.writing import GroupTable
+from flexviz.measurements import Array, GroupTable
 
 FOLLOWS = 0.8  # squared correlation from which a column is taken for θ in another unit
 NEAR = 1.25  # largest ratio of a right slope to 1

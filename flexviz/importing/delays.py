@@ -11,7 +11,7 @@ from flexviz.identification import identify
 from flexviz.importing.log import SHORTEST
 from flexviz.importing.offsets import low_pass
 from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements.data import Group, MeasurementSet
+from flexviz.measurements import Group, MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 MOST_GROUPS, LONGEST = 4, 20.0  # groups, and [s] of each, that are enough for a delay common to all joints
@@ -28,11 +28,10 @@ EXPLAINED, ENOUGH = (
 class TorqueDelay:
     """How recorded torque and motion agree in time.
 
-    Attributes
-    ----------
-    seconds: the recorded torque acts so much later than it is stamped [s].
-    std: standard error [s].
-    share: of the torques' variance that the flexible model explains.
+    Attributes:
+        seconds: the recorded torque acts so much later than it is stamped [s].
+        std: standard error [s].
+        share: of the torques' variance that the flexible model explains.
     """
 
     seconds: float

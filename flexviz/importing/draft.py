@@ -11,7 +11,8 @@ from typing import Any
 from flexviz.importing.mapping import SIGNALS, Mapping, parse
 from flexviz.importing.sources import Source
 from flexviz.importing.suspicion import Fix
-from flexviz.measurements.toml import key_text, value_text
+from flexviz.robot import is_library_robot
+from flexviz.toml import key_text, value_text
 
 DEFAULTS: dict[str, Any] = {"side": "joint", "sign": 1, "offset": 0.0}
 HEAD = """# What the columns of these logs are; written by flexviz import after looking at them.
@@ -24,11 +25,10 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 class DraftJoint:
     """One joint's entry.
 
-    Attributes
-    ----------
-    signals: "theta" … -> the keys of its table.
-    gear, torque_constant: where known.
-    comments: "theta" …, "gear" -> what was seen and why it is so, one sentence each.
+    Attributes:
+        signals: "theta" … -> the keys of its table.
+        gear, torque_constant: where known.
+        comments: "theta" …, "gear" -> what was seen and why it is so, one sentence each.
     """
 
     signals: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -47,14 +47,13 @@ class DraftJoint:
 class Draft:
     """A whole mapping to be.
 
-    Attributes
-    ----------
-    robot: as in a measurement set; a URDF's path as it was given.
-    sources: the logs, with the names of their groups and whether each is for validation.
-    time: the keys of [time].
-    joints: name -> entry.
-    seen: lines about the logs.
-    missing: what must still be filled in, one sentence each.
+    Attributes:
+        robot: as in a measurement set; a URDF's path as it was given.
+        sources: the logs, with the names of their groups and whether each is for validation.
+        time: the keys of [time].
+        joints: name -> entry.
+        seen: lines about the logs.
+        missing: what must still be filled in, one sentence each.
     """
 
     robot: str
@@ -79,7 +78,7 @@ class Draft:
             entry |= {"episode": source.episode} if source.episode is not None else {}
             logs.append(entry | {"group": group, "payload": "none", "validation": group in self.validation})
         joints = {name: self.joint_document(joint) for name, joint in self.joints.items()}
-        robot = self.robot if is_named(self.robot) else relative(Path(self.robot), folder)
+        robot = self.robot if is_library_robot(self.robot) else relative(Path(self.robot), folder)
         document: dict[str, Any] = {"format": 1, "robot": robot}
         document |= {"time": self.time} if self.time else {}
         return document | {"payloads": {"none": {"bodies": []}}, "logs": logs, "joints": joints}
@@ -142,8 +141,3 @@ def joint_lines(joint: DraftJoint, document: MappingOf[str, Any]) -> list[str]:
 def relative(path: Path, folder: Path) -> str:
     """A path as it is written into a file in `folder`."""
     return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
-
-
-def is_named(robot: str) -> bool:
-    """Whether a robot is given by a name of a collection, not by a path."""
-    return robot.startswith(("example-robot-data:", "robots:"))

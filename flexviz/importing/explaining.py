@@ -15,9 +15,7 @@ from scipy.optimize import nnls
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError
-from flexviz.measurements.data import Array
-from flexviz.measurements.plausibility import Motion, sample_motion
-from flexviz.measurements.writing import GroupTable
+from flexviz.measurements import Array, GroupTable, SampledMotion, sample_motion
 from flexviz.robot import PayloadBody, Robot
 
 SLOPES = (0.4, 2.5)  # of τ against the CAD model, from masses that are known roughly
@@ -30,18 +28,17 @@ SAME_MOTION = 0.95  # squared correlation of θ and q
 UNITS = np.geomspace(1e-4, 1e4, 49)  # of τ, in Nm, that are tried
 MOST_INSTANTS = 600  # of all groups together
 
-Samples = Sequence[tuple[tuple[PayloadBody, ...], Motion]]
+Samples = Sequence[tuple[tuple[PayloadBody, ...], SampledMotion]]
 
 
 @dataclass(frozen=True)
 class Explained:
     """How τ of one joint is explained.
 
-    Attributes
-    ----------
-    share: of its variance, at most 1; negative where it is worse than a constant.
-    slope: s.
-    by_masses: what of `share` friction and an offset alone do not explain.
+    Attributes:
+        share: of its variance, at most 1; negative where it is worse than a constant.
+        slope: s.
+        by_masses: what of `share` friction and an offset alone do not explain.
     """
 
     share: float
@@ -52,11 +49,10 @@ class Explained:
 class Judge:
     """Holds the motion of all groups at a few instants and explains the torques of it.
 
-    Attributes
-    ----------
-    span, speed: (n,) of each joint's θ [rad], [rad/s].
-    width, fastest: (n,) what the joint can [rad], [rad/s].
-    q_ratio: (n,) how many times as far as q θ turns; 0 where q is not recorded or another motion.
+    Attributes:
+        span, speed: (n,) of each joint's θ [rad], [rad/s].
+        width, fastest: (n,) what the joint can [rad], [rad/s].
+        q_ratio: (n,) how many times as far as q θ turns; 0 where q is not recorded or another motion.
     """
 
     def __init__(self, robot: Robot, groups: Sequence[tuple[tuple[PayloadBody, ...], GroupTable]]) -> None:
@@ -152,9 +148,9 @@ def limits(robot: Robot) -> tuple[Array, Array]:
     return width, np.where(robot.velocity_limit > 0.1, np.minimum(robot.velocity_limit, FASTEST), FASTEST)
 
 
-def thinned(motion: Motion, every: int) -> Motion:
+def thinned(motion: SampledMotion, every: int) -> SampledMotion:
     """Every so many-th instant."""
-    return Motion(motion.q[::every], motion.v[::every], motion.a[::every], motion.torque[::every])
+    return SampledMotion(motion.q[::every], motion.v[::every], motion.a[::every], motion.torque[::every])
 
 
 def largest_inertia(robot: Robot) -> Array:

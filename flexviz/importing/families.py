@@ -18,13 +18,12 @@ _COMMON = frozenset(("joint", "joints", "link", "axis", "motor", "arm", "left", 
 class Family:
     """The same signal of several joints.
 
-    Attributes
-    ----------
-    name: the columns' common name, with # for the joint.
-    columns: joint -> column.
-    meaning: what the name says.
-    told: the joints were told by their "name", by "number", or by the "order" in which
-        as many unknown names as the robot has joints stand in the log.
+    Attributes:
+        name: the columns' common name, with # for the joint.
+        columns: joint -> column.
+        meaning: what the name says.
+        told: the joints were told by their "name", by "number", or by the "order" in which
+            as many unknown names as the robot has joints stand in the log.
     """
 
     name: str

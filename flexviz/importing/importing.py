@@ -20,13 +20,19 @@ from flexviz.importing.delays import TorqueDelay, suspicious_delay, torque_delay
 from flexviz.importing.log import Reading
 from flexviz.importing.mapping import Mapping, read_mapping
 from flexviz.importing.offsets import ClockOffset, clock_offsets
-from flexviz.importing.robots import files_of, load_robot
+from flexviz.importing.robots import files_of
 from flexviz.importing.sources import open_log
 from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements.data import MeasurementSet
-from flexviz.measurements.plausibility import sample_motion, wrong_time_unit
-from flexviz.measurements.reading import read_set
-from flexviz.measurements.writing import GroupTable, make_way, write_set
+from flexviz.measurements import (
+    GroupTable,
+    MeasurementSet,
+    check_free,
+    read_robot,
+    read_set,
+    sample_motion,
+    write_set,
+    wrong_time_unit,
+)
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 
 FORMAT = 1  # of the report as JSON
@@ -36,16 +42,15 @@ FORMAT = 1  # of the report as JSON
 class Imported:
     """What an import did.
 
-    Attributes
-    ----------
-    folder: the set that was written; None where something is wrong or nothing was asked to be written.
-    mapping: the mapping file.
-    joints: the set's joints.
-    groups: the groups with what was done to their data.
-    offsets: of the clocks of link positions, after the mapping's shifts.
-    delay: how torque and motion agree in time; None where it does not show.
-    suspicions: what looks wrong or odd.
-    warnings: what reading the new set found odd.
+    Attributes:
+        folder: the set that was written; None where something is wrong or nothing was asked to be written.
+        mapping: the mapping file.
+        joints: the set's joints.
+        groups: the groups with what was done to their data.
+        offsets: of the clocks of link positions, after the mapping's shifts.
+        delay: how torque and motion agree in time; None where it does not show.
+        suspicions: what looks wrong or odd.
+        warnings: what reading the new set found odd.
     """
 
     folder: Path | None
@@ -120,10 +125,10 @@ def import_logs(
 ) -> Imported:
     """Import what the mapping `file` names into the folder `out`.
 
-    Parameters
-    ----------
-    out: a new or empty folder; None: only check.
-    accept: write the set although something looks wrong; what cannot be a measurement set is still refused.
+    Args:
+        out: a new or empty folder; None: only check.
+        accept: write the set although something looks wrong; what cannot be a measurement set is still
+            refused.
     """
     file = Path(file)
     return import_mapping(read_mapping(file), file, out, table_format, accept, progress, should_stop)
@@ -141,9 +146,9 @@ def import_mapping(
     """As `import_logs`, for a mapping that was read; its paths are relative to the folder of `file`."""
     target = None if out is None else Path(out).absolute()
     if target is not None:
-        make_way(target, overwrite=False)
+        check_free(target)
     folder = file.absolute().parent
-    robot = load_robot(mapping.robot, mapping.names, folder, file)
+    robot = read_robot(mapping.robot, mapping.names, folder, file)
     payload_bodies(mapping, robot, file)
     groups = read_groups(mapping, file, folder, progress, should_stop)
     progress(Progress("comparing with the robot", 0.0))

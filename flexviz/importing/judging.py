@@ -13,7 +13,7 @@ from flexviz.importing.suspicion import Fix, Suspicion
 from flexviz.importing.theta_units import against_q, possible_ways
 from flexviz.importing.traces import size_of
 from flexviz.importing.units import CURRENT, TORQUE
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 
 GOOD = 0.7  # explained share of every joint from which nothing is searched
 GAIN = 0.4  # what a change must add to the sum of the joints' shares

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.errors import Cancelled, InputError, choose_from
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 
 STAMP, LOGGED = "header.stamp", "log_time"  # endings of the two time columns of a topic
@@ -22,13 +22,13 @@ Stop = Callable[[], bool]
 class Table:
     """Columns that were recorded together: a topic, a file of rows, variables of one length in a .mat file.
 
-    Attributes
-    ----------
-    name: the topic's name; "" where a log has one table only.
-    columns: name -> (N,) values as recorded, float64, or int64 where whole numbers must stay exact (times);
-        NaN where there is no value.
-    clock: the column that says when, where the format knows it.
-    units: name -> unit as the file states it ("ns", "deg"), where it does.
+    Attributes:
+        name: the topic's name; "" where a log has one table only.
+        columns: name -> (N,) values as recorded, float64, or int64 where whole numbers must stay exact
+            (times);
+            NaN where there is no value.
+        clock: the column that says when, where the format knows it.
+        units: name -> unit as the file states it ("ns", "deg"), where it does.
     """
 
     name: str
@@ -46,14 +46,13 @@ class Table:
 class Log:
     """One recording.
 
-    Attributes
-    ----------
-    file: what it was read from.
-    kind: "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3".
-    tables: what it holds; a column's name occurs once in all of them.
-    unusable: name -> why it is not a signal (text, too short, …).
-    unread: names of columns that were not asked for.
-    notes: what was noticed while reading, one sentence each.
+    Attributes:
+        file: what it was read from.
+        kind: "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3".
+        tables: what it holds; a column's name occurs once in all of them.
+        unusable: name -> why it is not a signal (text, too short, …).
+        unread: names of columns that were not asked for.
+        notes: what was noticed while reading, one sentence each.
     """
 
     file: Path
@@ -91,11 +90,10 @@ class Log:
 class Reading:
     """How a log is to be read.
 
-    Attributes
-    ----------
-    wanted: columns that are needed; None: all. A reader may give more.
-    episode: which one, in a dataset of episodes.
-    progress, should_stop: as everywhere.
+    Attributes:
+        wanted: columns that are needed; None: all. A reader may give more.
+        episode: which one, in a dataset of episodes.
+        progress, should_stop: as everywhere.
     """
 
     wanted: Collection[str] | None = None

@@ -20,10 +20,10 @@ from flexviz.importing.log import EMPTY, Log, Reading
 from flexviz.importing.offsets import ClockOffset, clock_offsets
 from flexviz.importing.pairing import scale_pairs
 from flexviz.importing.questions import Questions, Silent
-from flexviz.importing.robots import load_robot
 from flexviz.importing.sources import Source, find_sources, open_log
 from flexviz.importing.suspicion import Suspicion
 from flexviz.importing.times import guess_time
+from flexviz.measurements import read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 
@@ -46,11 +46,10 @@ TITLES = {
 class Looked:
     """What looking at logs gave.
 
-    Attributes
-    ----------
-    draft: the mapping to be.
-    suspicions: what still looks wrong, or odd.
-    offsets: of the clocks, as they were before the draft corrected them.
+    Attributes:
+        draft: the mapping to be.
+        suspicions: what still looks wrong, or odd.
+        offsets: of the clocks, as they were before the draft corrected them.
     """
 
     draft: Draft
@@ -72,7 +71,7 @@ def look(
     """
     asked = questions or Silent()
     sources = find_sources(paths)
-    whole = load_robot(robot, None, Path.cwd(), Path("--robot"))
+    whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
     logs = [
         open_log(source.path, Reading(None, source.episode, progress, should_stop))
         for source in sources[:MOST_LOOKED]

@@ -6,39 +6,22 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.units import ANGLE, CURRENT, TIME, TORQUE
-from flexviz.measurements.schema import (
-    LONGEST_HOLD,
-    Controller,
-    Initial,
-    Model,
-    NotNegative,
-    Number,
-    Payload,
-    Positive,
-    Table,
-    Text,
-    place_of,
-    repeated,
-    shown,
-    translated,
-)
+from flexviz.measurements import SetHeader
+from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
 FORMAT = 1
-ANGLES, TORQUES = ("theta", "q", "theta_ref"), ("tau", "tau_joint")
 SIGNALS = ("theta", "tau", "q", "tau_joint", "theta_ref")  # θ and τ are needed, the others are for comparison
 SIDES = ("joint", "motor")
 CLOCKS = ("header", "log")
-BARE = {"bodies": []}  # no payload
 
 
 def _one_of(*valid: str | int) -> Any:
@@ -67,7 +50,7 @@ def _unit(*units: str) -> Any:
     return BeforeValidator(check)
 
 
-class Signal(Table):
+class Signal(StrictTable):
     """Where a signal comes from and what must be undone; `"name"` alone stands for `{ from = "name" }`."""
 
     column: Text = Field(alias="from")
@@ -94,19 +77,19 @@ class Torque(Signal):
     unit: Annotated[str | float, _unit(*TORQUE, *CURRENT)] = "Nm"
 
 
-class Joint(Table):
+class Joint(StrictTable):
     """The columns of one joint; `side = "motor"` means before a gear of this ratio."""
 
     gear: Positive = 1.0  # motor turns per joint turn
     torque_constant: Positive | None = None  # [Nm/A] on the side where the current's torque is
-    theta: Angle
-    tau: Torque
+    theta: Angle = Field(description='theta = { from = "column" }: every joint needs θ and τ')
+    tau: Torque = Field(description='tau = { from = "column" }: every joint needs θ and τ')
     q: Angle | None = None
     tau_joint: Torque | None = None
     theta_ref: Angle | None = None
 
 
-class Time(Table):
+class TimeColumn(StrictTable):
     """Which column says when."""
 
     column: Text | None = None
@@ -116,7 +99,7 @@ class Time(Table):
     shift: dict[str, Number] = Field(default_factory=dict)  # topic or time column -> [s] added to its times
 
 
-class LogEntry(Table):
+class LogEntry(StrictTable):
     """One log, which becomes one group."""
 
     file: Text
@@ -129,17 +112,11 @@ class LogEntry(Table):
     stop: Positive | None = Field(default=None, alias="to")  # [s]
 
 
-class Mapping(Table):
+class Mapping(SetHeader):
     """All of a mapping file."""
 
     format: int = FORMAT
-    robot: Text
-    torque_hold: Annotated[float, Field(ge=0.0, le=LONGEST_HOLD)] = 0.0  # [s]
-    initial: Initial = Initial()
-    controller: Controller | None = None
-    model: Model = Model()
-    time: Time = Time()
-    payloads: dict[str, Payload] = Field(default_factory=dict)
+    time: TimeColumn = TimeColumn()
     logs: Annotated[list[LogEntry], Field(min_length=1)]
     joints: Annotated[dict[str, Joint], Field(min_length=1)]
 
@@ -158,66 +135,17 @@ class Mapping(Table):
 
 def read_mapping(file: Path) -> Mapping:
     """Read and check a mapping file by itself (neither the robot nor the logs are opened)."""
-    try:
-        text = file.read_bytes().decode("utf-8-sig").replace("\r\n", "\n")
-        data = tomllib.loads(text)
-    except UnicodeDecodeError as error:
-        raise InputError(f"not a text in UTF-8 (byte {error.start})", file=file) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", file=file) from None
-    except RecursionError:
-        raise InputError("not a usable TOML: its tables are nested too deeply", file=file) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
-    return parse(data, file)
+    return parse(toml.read(file), file)
 
 
 def parse(data: dict[str, Any], file: Path) -> Mapping:
     """Check the content of a mapping file; `file` is what errors call it."""
     if "groups" in data and "logs" not in data:
-        raise InputError("this is a measurement set, a mapping with [[logs]] would be right", file=file)
-    version = data.get("format", FORMAT)
-    if version != FORMAT or isinstance(version, bool):
-        message = f"found {shown(version)}, this program reads format {FORMAT}"
-        raise InputError(message, file=file, place="format")
-    try:
-        mapping = Mapping.model_validate(data)
-    except ValidationError as error:
-        raise explained(error, data, file) from None
+        raise InputError("this is a measurement set, expected a mapping with [[logs]]", file=file)
+    mapping = validate(Mapping, data, file, FORMAT)
+    mapping.check_lengths(len(mapping.joints), file)
     check(mapping, file)
     return mapping
-
-
-def explained(error: ValidationError, data: dict[str, Any], file: Path) -> InputError:
-    """One line for the first of pydantic's errors, in the words that measurement sets use."""
-    first = min(error.errors(include_url=False), key=lambda item: item["type"] != "extra_forbidden")
-    if first["type"] == "missing" and first["loc"][0] == "joints" and len(first["loc"]) == 3:
-        place = place_of(first["loc"][:2], data)
-        key = first["loc"][2]
-        wanted = f'{key} = {{ from = "column" }} would be right: θ and τ are needed of every joint'
-        return InputError(f"{key} is missing, {wanted}", file=file, place=place)
-    return translated(error, data, file, keys_of)
-
-
-def keys_of(parent: Sequence[str | int]) -> list[str]:
-    """The keys that the table at this location may have."""
-    names = [str(step) for step in parent if not isinstance(step, int)]
-    if names[:1] in (["payloads"], ["joints"]) and len(names) > 1:
-        names[1] = "*"
-    tables: dict[tuple[str, ...], type[Table]] = {
-        (): Mapping,
-        ("initial",): Initial,
-        ("controller",): Controller,
-        ("model",): Model,
-        ("time",): Time,
-        ("payloads", "*"): Payload,
-        ("logs",): LogEntry,
-        ("joints", "*"): Joint,
-        **{("joints", "*", name): Angle for name in ANGLES},
-        **{("joints", "*", name): Torque for name in TORQUES},
-    }
-    table = tables.get(tuple(names))
-    return [] if table is None else [field.alias or name for name, field in table.model_fields.items()]
 
 
 def check(mapping: Mapping, file: Path) -> None:
@@ -226,7 +154,7 @@ def check(mapping: Mapping, file: Path) -> None:
     def refuse(place: str, message: str) -> None:
         raise InputError(message, file=file, place=place)
 
-    if twice := repeated(log.group for log in mapping.logs):
+    if twice := first_repeated(log.group for log in mapping.logs):
         refuse("logs", f'two logs have group = "{twice}", a name of its own for each would be right')
     for i, log in enumerate(mapping.logs):
         place = f'log {i + 1} "{log.group}"'
@@ -238,16 +166,6 @@ def check(mapping: Mapping, file: Path) -> None:
             )
         if log.stop is not None and log.stop <= log.start:
             refuse(f"{place}, to", f"found {log.stop:g}, more than from = {log.start:g} would be right")
-    n = len(mapping.joints)
-    lists: dict[str, Sequence[float] | None] = {
-        "initial.stiffness": mapping.initial.stiffness,
-        "initial.motor_inertia": mapping.initial.motor_inertia,
-    }
-    if mapping.controller is not None:
-        lists |= {"controller.kp": mapping.controller.kp, "controller.kd": mapping.controller.kd}
-    for place, values in lists.items():
-        if values is not None and len(values) != n:
-            refuse(place, f"{len(values)} values for {n} joints, one a joint ({n}) would be right")
     for joint, name, signal in mapping.signals():
         if (
             isinstance(signal, Torque)

@@ -16,7 +16,7 @@ from scipy.io.matlab import MatReadError
 
 from flexviz.errors import InputError, one_line
 from flexviz.importing.log import SHORTEST, Log, Reading, Table, as_numbers
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 from flexviz.progress import Progress
 
 HDF5 = b"\x89HDF\r\n\x1a\n"

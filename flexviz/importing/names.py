@@ -61,13 +61,12 @@ VAGUE: dict[str, Quantity] = {word: quantity for quantity, text in _VAGUE.items(
 class Meaning:
     """What a name says.
 
-    Attributes
-    ----------
-    quantity: of what.
-    reference: it was asked for, not measured.
-    side: of the gear and the spring; None where the name does not say.
-    sensor: a sensor at the joint measured it.
-    unit: the unit that the name or the file states.
+    Attributes:
+        quantity: of what.
+        reference: it was asked for, not measured.
+        side: of the gear and the spring; None where the name does not say.
+        sensor: a sensor at the joint measured it.
+        unit: the unit that the name or the file states.
     """
 
     quantity: Quantity

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
 
 from flexviz.importing.traces import Trace
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 
 BAND = 8.0  # [Hz] both sides are compared below this
 MOST_SAMPLES = 1 << 18  # of the uniform clock on which they are compared
@@ -25,12 +25,11 @@ ROUNDS = 4  # of correcting the delay
 class ClockOffset:
     """What the data say about two clocks.
 
-    Attributes
-    ----------
-    group: which group.
-    clock, base: what the clocks are called: of the link positions, of θ.
-    delay: [s] how much later than θ the link positions are stamped.
-    std: [s] its standard error, from the joints' disagreement too.
+    Attributes:
+        group: which group.
+        clock, base: what the clocks are called: of the link positions, of θ.
+        delay: [s] how much later than θ the link positions are stamped.
+        std: [s] its standard error, from the joints' disagreement too.
     """
 
     group: str

@@ -9,7 +9,7 @@ import numpy as np
 from flexviz.importing.assembling import Assembled
 from flexviz.importing.draft import Draft, DraftJoint
 from flexviz.importing.offsets import BAND, low_pass
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 from flexviz.robot import Robot
 
 DEGREE = np.pi / 180  # [rad]

@@ -12,7 +12,7 @@ import pyarrow.parquet as papq
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.importing.log import SHORTEST, Log, Reading, Table, as_numbers
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 from flexviz.progress import Progress
 
 

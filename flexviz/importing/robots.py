@@ -3,28 +3,11 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
 from pathlib import Path
 
-from flexviz.errors import FlexvizError, InputError
-from flexviz.importing.draft import is_named
-from flexviz.robot import Robot
+from flexviz.errors import InputError
+from flexviz.robot import Robot, is_library_robot
 from flexviz.robot_files import mesh_names, resolve_mesh
-
-
-def load_robot(source: str, joints: Sequence[str] | None, folder: Path, file: Path) -> Robot:
-    """The robot with these joints; a path is relative to `folder`, errors name `file`, the mapping."""
-    try:
-        return Robot.load(source, joints, base=folder)
-    except InputError as error:
-        wrong_joint = any(f'joint "{joint}"' in error.message for joint in joints or ())
-        place = "joints" if wrong_joint else "robot"
-        shown = error.message if wrong_joint else f"{source}: {error.message}"
-        raise InputError(shown, file=file, place=place) from None
-    except FlexvizError:
-        raise
-    except Exception as error:  # whatever a broken robot description makes the libraries raise
-        raise InputError(f'"{source}" cannot be used as a robot: {error}', file=file, place="robot") from None
 
 
 def files_of(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[str]]:
@@ -32,7 +15,7 @@ def files_of(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[str
 
     A URDF goes into the set as robot.urdf, its meshes beside it in meshes/.
     """
-    if is_named(robot.source):
+    if is_library_robot(robot.source):
         return robot.source, {}, []
     text = robot.urdf_path.read_text(encoding="utf-8-sig")
     files: dict[str, str | bytes | Path] = {}

@@ -22,15 +22,14 @@ class Fix:
 class Suspicion:
     """Something that looks wrong.
 
-    Attributes
-    ----------
-    kind: "unit", "sign", "zero", "swapped", "delay", "clock" or "unexplained".
-    severity: "wrong": the data contradict the mapping; the set is not written unless the user insists.
-        "odd": it may be so.
-    joints: which; all of them where it concerns the whole log.
-    signal: "theta", "tau", "q" or "theta_ref".
-    message: one sentence with numbers.
-    fixes: what would put it right, where that is known.
+    Attributes:
+        kind: "unit", "sign", "zero", "swapped", "delay", "clock" or "unexplained".
+        severity: "wrong": the data contradict the mapping; the set is not written unless the user insists.
+            "odd": it may be so.
+        joints: which; all of them where it concerns the whole log.
+        signal: "theta", "tau", "q" or "theta_ref".
+        message: one sentence with numbers.
+        fixes: what would put it right, where that is known.
     """
 
     kind: Literal["unit", "sign", "zero", "swapped", "delay", "clock", "unexplained"]

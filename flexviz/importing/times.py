@@ -11,7 +11,7 @@ from flexviz.importing.clocks import likely_clocks
 from flexviz.importing.log import Log, Table
 from flexviz.importing.names import words
 from flexviz.importing.units import TIME, unit_in
-from flexviz.measurements.data import Array
+from flexviz.measurements import Array
 
 USUAL = (2e-4, 5e-2)  # [s] steps that robots are recorded with
 POSSIBLE = (2e-5, 0.2)  # [s]

@@ -13,8 +13,7 @@ from flexviz.importing.clocks import Clock, clock_of, rows_in_order
 from flexviz.importing.log import SHORTEST, Log
 from flexviz.importing.mapping import Joint, Mapping, Signal, Torque
 from flexviz.importing.units import ANGLE, CURRENT, TORQUE
-from flexviz.measurements.data import Array
-from flexviz.measurements.segments import GAP, POINTS, POSITIONS, stencil
+from flexviz.measurements import GAP, POINTS, Array, interpolate
 
 LONGER = 1.5  # own steps by which a signal may be continued beyond its first and last sample
 
@@ -23,12 +22,11 @@ LONGER = 1.5  # own steps by which a signal may be continued beyond its first an
 class Trace:
     """A signal where it has values.
 
-    Attributes
-    ----------
-    column: where it comes from.
-    clock: what its clock is called (topic or time column).
-    time: (N,) strictly increasing seconds after the log's first instant.
-    values: (N,) [rad] or [Nm] at the joint side.
+    Attributes:
+        column: where it comes from.
+        clock: what its clock is called (topic or time column).
+        time: (N,) strictly increasing seconds after the log's first instant.
+        values: (N,) [rad] or [Nm] at the joint side.
     """
 
     column: str
@@ -71,8 +69,7 @@ class Trace:
         result = self.values[after - 1] + slope * (wanted - self.time[after - 1])
         smooth = inside & ~gap
         if len(self.time) >= POINTS and smooth.any():
-            start, weights = stencil(self.time, wanted[smooth])
-            result[smooth] = np.einsum("mp,mp->m", weights, self.values[start[:, None] + POSITIONS])
+            result[smooth] = interpolate(self.time, self.values, wanted[smooth])
         return result, covered, gap
 
 

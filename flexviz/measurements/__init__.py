@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
-from flexviz.measurements.data import Group, MeasurementSet, Segment
-from flexviz.measurements.reading import read_set
-from flexviz.measurements.selection import low_speed_threshold, moving
-from flexviz.measurements.writing import GroupTable, copy_set, write_set
+from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, Segment
+from flexviz.measurements.fingerprint import FileHash, Fingerprint, fingerprint
+from flexviz.measurements.reading import read_payloads, read_robot, read_set
+from flexviz.measurements.schema import FILE_NAME, SetHeader
+from flexviz.measurements.segments import GAP, POINTS, interpolate
+from flexviz.measurements.unit_checks import SampledMotion, sample_motion, wrong_time_unit
+from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
 
 __all__ = [
+    "FILE_NAME",
+    "GAP",
+    "OPTIONAL_SIGNALS",
+    "POINTS",
+    "SUFFIXES",
+    "Array",
+    "FileHash",
+    "Fingerprint",
     "Group",
     "GroupTable",
     "MeasurementSet",
+    "SampledMotion",
     "Segment",
-    "copy_set",
-    "low_speed_threshold",
-    "moving",
+    "SetHeader",
+    "check_free",
+    "fingerprint",
+    "interpolate",
+    "read_payloads",
+    "read_robot",
     "read_set",
+    "sample_motion",
     "write_set",
+    "wrong_time_unit",
 ]

@@ -1,4 +1,4 @@
-"""What a measurement set is once it is read: groups of uniformly sampled segments."""
+"""A measurement set in memory: groups of uniformly sampled segments."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from flexviz.errors import InputError, choose_from
 if TYPE_CHECKING:
     from flexviz.robot import PayloadBody, Robot
 
-Array = NDArray[Any]  # float64 unless it is said otherwise
+Array = NDArray[Any]  # float64 unless stated otherwise
+OPTIONAL_SIGNALS = ("q", "tau_joint", "theta_ref")  # for comparison only
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
     """A stretch of one group without gaps, uniformly sampled.
 
-    Attributes
-    ----------
-    time: (N,) the group's own time [s]; time[i] = time[0] + i · step.
-    theta: (N, n) motor positions at the joint side [rad].
-    tau: (N, n) motor torques at the joint side [Nm].
-    step: sampling step [s].
+    Attributes:
+        time: (N,) the group's own time [s]; time[i] = time[0] + i · step.
+        theta: (N, n) motor positions at the joint side [rad].
+        tau: (N, n) motor torques at the joint side [Nm].
+        step: sampling step [s].
     """
 
     time: Array
@@ -43,17 +43,16 @@ class Segment:
 class Group:
     """One trajectory run with one known payload.
 
-    Attributes
-    ----------
-    name, trajectory, payload: as the measurement set calls them.
-    bodies: the payload's bodies.
-    validation: True when the group is never used for fitting.
-    file: the table it was read from.
-    segments: the usable stretches, in order.
-    time: (N,) every recorded instant [s], as recorded.
-    q: (N, n) link-side positions at `time` [rad], or None; NaN for joints without such a column.
-    tau_joint: (N, n) measured joint torques at `time` [Nm], or None; NaN likewise.
-    theta_ref: (N, n) reference motor positions at `time` [rad], or None; NaN likewise.
+    Attributes:
+        name, trajectory, payload: as the measurement set calls them.
+        bodies: the payload's bodies.
+        validation: True when the group is never used for fitting.
+        file: the table it was read from.
+        segments: the usable stretches, in order.
+        time: (N,) every recorded instant [s], as recorded.
+        q: (N, n) link-side positions at `time` [rad], or None; NaN for joints without such a column.
+        tau_joint: (N, n) measured joint torques at `time` [Nm], or None; NaN likewise.
+        theta_ref: (N, n) reference motor positions at `time` [rad], or None; NaN likewise.
     """
 
     name: str
@@ -93,21 +92,20 @@ class Group:
 class MeasurementSet:
     """A robot, its groups, and what is roughly known about its joints (n joints, in the set's order).
 
-    Attributes
-    ----------
-    path: the set's folder.
-    name: its name (the folder's).
-    robot: the robot, reduced to `joints`.
-    joints: names of the n joints; the order of every list and column.
-    torque_hold: h [s]: a torque is sampled at the start of a hold of h, so τ(t − h/2) acts.
-    initial_stiffness: (n,) rough stiffness [Nm/rad], or None.
-    initial_motor_inertia: (n,) rough motor inertia at the joint side [kg m²], or None.
-    kp, kd: (n,) the controller's gains [Nm/rad], [Nm s/rad], or None.
-    effects: names of the effects the model starts with, on every joint.
-    payloads: name -> bodies.
-    groups: all groups, in the file's order.
-    simulated: True when the set was written by a simulator (it then says so in truth.json).
-    warnings: what looked odd while reading, one line each.
+    Attributes:
+        path: the set's folder.
+        name: its name (the folder's).
+        robot: the robot, reduced to `joints`.
+        joints: names of the n joints; the order of every list and column.
+        torque_hold: h [s]: a torque is sampled at the start of a hold of h, so τ(t − h/2) acts.
+        initial_stiffness: (n,) rough stiffness [Nm/rad], or None.
+        initial_motor_inertia: (n,) rough motor inertia at the joint side [kg m²], or None.
+        kp, kd: (n,) the controller's gains [Nm/rad], [Nm s/rad], or None.
+        effects: names of the effects the model starts with, on every joint.
+        payloads: name -> bodies.
+        groups: all groups, in the file's order.
+        simulated: True when a simulator wrote the set (and truth.json beside it).
+        warnings: oddities found while reading, one line each.
     """
 
     path: Path
@@ -165,20 +163,16 @@ class MeasurementSet:
         for group in fit:
             if group.validation:
                 valid = choose_from(group.name, [g.name for g in self.fit_groups])
-                raise InputError(
-                    f'group "{group.name}" is for validation, never for fitting; {valid}', file=self.path
-                )
+                message = f'group "{group.name}" is for validation, never for fitting; {valid}'
+                raise InputError(message, file=self.path)
         if not fit:
             why = "every group is marked as validation" if names is None else "no group was named"
-            raise InputError(
-                f"there is no group to fit: {why}, at least one to fit is needed", file=self.path
-            )
+            raise InputError(f"there is no group to fit: {why}, expected at least one", file=self.path)
         return fit, self.validation_groups
 
     def joint_index(self, joint: str) -> int:
         """Position of `joint` in every list; InputError listing the valid names when it is not in the set."""
         if joint not in self.joints:
-            raise InputError(
-                f'joint "{joint}" is not in the set; {choose_from(joint, self.joints)}', file=self.path
-            )
+            message = f'joint "{joint}" is not in the set; {choose_from(joint, self.joints)}'
+            raise InputError(message, file=self.path)
         return self.joints.index(joint)

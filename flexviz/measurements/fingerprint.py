@@ -1,4 +1,4 @@
-"""Which data exactly: the SHA-256 of every file that a measurement set consists of."""
+"""SHA-256 of every file that a measurement set consists of."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from flexviz.errors import InputError
 from flexviz.files import sha256_of
 from flexviz.measurements.data import MeasurementSet
 from flexviz.measurements.schema import FILE_NAME
-from flexviz.robot import Robot
+from flexviz.robot import Robot, is_library_robot
 
 
 @dataclass(frozen=True)
 class FileHash:
     """One file of a set.
 
-    Attributes
-    ----------
-    name: relative to the set's folder; of a robot from a library its name there.
-    sha256: of the content, hexadecimal digits.
-    bytes: its size.
+    Attributes:
+        name: relative to the set's folder; for a robot from a collection its name there.
+        sha256: of the content, hexadecimal.
+        bytes: its size.
     """
 
     name: str
@@ -38,22 +37,22 @@ class Fingerprint:
 
     @property
     def sha256(self) -> str:
-        """One for all: of the lines `<sha256>  <name>` in alphabetical order of the names."""
+        """One hash for all: of the lines `<sha256>  <name>`, sorted by name."""
         lines = "".join(f"{f.sha256}  {f.name}\n" for f in sorted(self.files, key=lambda f: f.name))
         return hashlib.sha256(lines.encode()).hexdigest()
 
     def changes_since(self, before: Fingerprint) -> tuple[str, ...]:
-        """The names of the files that are not what they were, in the older order; gone and new ones too."""
+        """Names of changed, missing and new files, in the older order."""
         then, now = ({f.name: f.sha256 for f in side.files} for side in (before, self))
         return tuple(name for name in dict.fromkeys((*then, *now)) if then.get(name) != now.get(name))
 
 
 def fingerprint(measurements: MeasurementSet) -> Fingerprint:
-    """What a set consists of; files that have not changed since they were looked at are not read again."""
+    """Hashes of a set's files; files unchanged since the last call are not read again."""
     folder, robot = measurements.path, measurements.robot
     files = [
         _of(folder, FILE_NAME),
-        _from_library(robot) if ":" in robot.source else _of(folder, robot.source),
+        _from_library(robot) if is_library_robot(robot.source) else _of(folder, robot.source),
         *(_of(folder, group.file.relative_to(folder).as_posix()) for group in measurements.groups),
     ]
     return Fingerprint(tuple(dict.fromkeys(files)))

@@ -1,23 +1,25 @@
-"""Read a measurement set: `measurements.toml`, the robot, and one table a group."""
+"""Read a measurement set: `measurements.toml`, the robot, and one table per group."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
 from flexviz.errors import FlexvizError, InputError, choose_from
-from flexviz.measurements import plausibility
-from flexviz.measurements.data import Array, Group, MeasurementSet
-from flexviz.measurements.schema import Body, GroupEntry, MeasurementFile, locate, read_file
+from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet
+from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, read_file
 from flexviz.measurements.segments import SHORTEST, check_time, make_segments
 from flexviz.measurements.tables import column_names, read_columns, require
-from flexviz.robot import PayloadBody, Robot
+from flexviz.measurements.unit_checks import check_optional, check_units
+from flexviz.robot import PayloadBody, Robot, is_library_robot
 
-OPTIONAL = ("q", "tau_joint", "theta_ref")
 TRUTH = "truth.json"  # its presence says that the set is simulated; it is never opened here
+LARGEST_BODY = 10.0  # [m] payloads beyond this size or distance can only be in a wrong unit
 
 log = logging.getLogger("flexviz.measurements")
 
@@ -25,37 +27,32 @@ log = logging.getLogger("flexviz.measurements")
 def read_set(path: str | Path) -> MeasurementSet:
     """Read and check the measurement set in the folder `path` (or whose `measurements.toml` it is).
 
-    Whatever is wrong is one InputError that names file and place. What only looks odd is logged and kept in
+    Anything wrong is one InputError that names file and place; oddities are logged and kept in
     `MeasurementSet.warnings`.
     """
     file = locate(path)
     content = read_file(file)
     folder = file.resolve().parent
-    robot = load_robot(content, file, folder)
-    payloads = {
-        name: tuple(
-            read_body(body, robot, file, f"payloads.{name}.bodies, entry {i + 1}")
-            for i, body in enumerate(p.bodies)
-        )
-        for name, p in content.payloads.items()
-    }
+    if not is_library_robot(content.robot):
+        inside(folder, content.robot, file, "robot")
+    robot = read_robot(content.robot, content.joints, folder, file)
+    payloads = read_payloads(content, robot, file)
     warnings: list[str] = []
 
     def warn(text: str) -> None:
         warnings.append(text)
         log.warning("%s", text)
 
-    tables = [
-        inside(folder, g.file, file, f'group {i + 1} "{g.name}", file') for i, g in enumerate(content.groups)
-    ]
-    for i, table in enumerate(tables):
-        if table in tables[:i]:
-            first = content.groups[tables.index(table)].name
-            warn(f'{table}: groups "{first}" and "{content.groups[i].name}" use the same file')
+    users: dict[Path, str] = {}  # table -> the first group that uses it
+    paths = []
+    for i, group in enumerate(content.groups):
+        paths.append(inside(folder, group.file, file, f'group {i + 1} "{group.name}", file'))
+        if (first := users.setdefault(paths[-1], group.name)) != group.name:
+            warn(f'{paths[-1]}: groups "{first}" and "{group.name}" use the same file')
     stiffness = values(content.initial.stiffness)
     groups = tuple(
         read_group(entry, table, robot, payloads[entry.payload], stiffness, warn)
-        for entry, table in zip(content.groups, tables, strict=True)
+        for entry, table in zip(content.groups, paths, strict=True)
     )
     controller = content.controller
     return MeasurementSet(
@@ -90,11 +87,8 @@ def inside(folder: Path, name: str, file: Path, place: str) -> Path:
     try:
         path = (folder / name).resolve()
         if Path(name).is_absolute() or not path.is_relative_to(folder):
-            raise InputError(
-                f'"{name}" lies outside the set\'s folder, a path inside it would be right',
-                file=file,
-                place=place,
-            )
+            message = f'"{name}" lies outside the set\'s folder, expected a path inside it'
+            raise InputError(message, file=file, place=place)
         if not path.is_file():
             raise InputError(f'"{name}" does not exist in the set\'s folder', file=file, place=place)
     except (OSError, ValueError, RuntimeError) as error:
@@ -105,49 +99,50 @@ def inside(folder: Path, name: str, file: Path, place: str) -> Path:
     return path
 
 
-def load_robot(content: MeasurementFile, file: Path, folder: Path) -> Robot:
-    """The set's robot with the set's joints; a path must lie inside the folder."""
-    source = content.robot
-    scheme, colon, _ = source.partition(":")
-    if not (colon and scheme in ("example-robot-data", "robots")):
-        inside(folder, source, file, "robot")
+def read_robot(source: str, joints: Sequence[str] | None, folder: Path, file: Path) -> Robot:
+    """The robot with these joints; a path is relative to `folder`, errors name `file`, which asks for it."""
     try:
-        return Robot.load(source, content.joints, base=folder)
+        return Robot.load(source, joints, base=folder)
     except InputError as error:
-        place = "joints" if any(f'joint "{joint}"' in error.message for joint in content.joints) else "robot"
-        shown = f"{source}: {error.message}" if place == "robot" else error.message
-        raise InputError(shown, file=file, place=place) from None
+        if any(f'joint "{joint}"' in error.message for joint in joints or ()):
+            raise InputError(error.message, file=file, place="joints") from None
+        raise InputError(f"{source}: {error.message}", file=file, place="robot") from None
     except FlexvizError:
         raise
     except Exception as error:  # whatever a broken robot description makes the libraries raise
         raise InputError(f'"{source}" cannot be used as a robot: {error}', file=file, place="robot") from None
 
 
+def read_payloads(content: SetHeader, robot: Robot, file: Path) -> dict[str, tuple[PayloadBody, ...]]:
+    """Name of each payload -> its bodies, checked."""
+    return {
+        name: tuple(
+            read_body(body, robot, file, f"payloads.{name}.bodies, entry {i + 1}")
+            for i, body in enumerate(payload.bodies)
+        )
+        for name, payload in content.payloads.items()
+    }
+
+
 def read_body(body: Body, robot: Robot, file: Path, place: str) -> PayloadBody:
     """A payload's body, its link and inertia checked."""
+
+    def refuse(key: str, message: str) -> NoReturn:
+        raise InputError(message, file=file, place=f"{place}{key}")
+
     if body.link not in robot.links:
-        raise InputError(
-            f'link "{body.link}" does not exist; {choose_from(body.link, robot.links)}',
-            file=file,
-            place=place,
-        )
-    result = PayloadBody(body.link, body.mass, np.array(body.com), np.array(body.inertia))
+        refuse("", f'link "{body.link}" does not exist; {choose_from(body.link, robot.links)}')
+    result = PayloadBody(body.link, body.mass, body.com, body.inertia)
     moments = np.linalg.eigvalsh(result.inertia_matrix)
     size = float(np.max(np.abs(moments)))
-    wanted = "Ixx Iyy Izz Ixy Ixz Iyz [kg m²] about the body's own centre of mass would be right"
+    expected = "expected Ixx Iyy Izz Ixy Ixz Iyz [kg m²] about the body's own centre of mass"
     if moments[0] < -1e-9 * size:
         found = ", ".join(f"{moment:.4g}" for moment in moments)
-        raise InputError(
-            f"no body has the principal moments {found}; {wanted}", file=file, place=f"{place}, inertia"
-        )
-    if body.mass > 0.0 and size > body.mass * 10.0**2:
-        raise InputError(
-            f"{size:g} kg m² is a body of over 10 m; {wanted}", file=file, place=f"{place}, inertia"
-        )
-    if float(np.linalg.norm(body.com)) > 10.0:
-        raise InputError(
-            f"{body.com} is over 10 m from the link, metres would be right", file=file, place=f"{place}, com"
-        )
+        refuse(", inertia", f"no body has the principal moments {found}; {expected}")
+    if body.mass > 0.0 and size > body.mass * LARGEST_BODY**2:
+        refuse(", inertia", f"{size:g} kg m² needs a body larger than {LARGEST_BODY:g} m; {expected}")
+    if float(np.linalg.norm(body.com)) > LARGEST_BODY:
+        refuse(", com", f"{body.com} is over {LARGEST_BODY:g} m from the link, expected metres")
     return result
 
 
@@ -160,53 +155,32 @@ def read_group(
     warn: Callable[[str], None],
 ) -> Group:
     """Read and check one group's table."""
-    joints, n = robot.joints, robot.n
-    names = column_names(file)
-    wanted = ["time", *(f"theta_{joint}" for joint in joints), *(f"tau_{joint}" for joint in joints)]
-    require(names, wanted, file)
-    optional = {
-        kind: {
-            j: f"{kind}_{joint}"
-            for j, joint in enumerate(joints)
-            if f"{kind}_{joint}" in set(names) - set(wanted)
-        }
-        for kind in OPTIONAL
-    }
-    chosen = wanted + [name for columns in optional.values() for name in columns.values()]
-    table = read_columns(file, chosen)
-    time, signals = table[:, 0], table[:, 1 : 1 + 2 * n]
+    n = robot.n
+    table = read_signals(file, robot.joints)
+    time, signals = table.time, table.signals
     check_time(time, file)
 
     def warn_here(text: str) -> None:
         warn(f"{file}: {text}")
 
-    plausibility.check_units(robot, bodies, stiffness, time, signals[:, :n], signals[:, n:], file, warn_here)
-    for name, column in zip(wanted[1:], signals.T, strict=True):
+    check_units(robot, bodies, stiffness, time, signals[:, :n], signals[:, n:], file, warn_here)
+    for name, column in zip(table.names, signals.T, strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(f"column {name} never changes")
-    unused = sorted(set(names) - set(chosen))
-    for name in unused:
+    for name in table.unused:
         if name.startswith(("theta_", "tau_", "q_")):
-            warn_here(
-                f"column {name} belongs to no joint of the set and is not used; {choose_from(name, chosen)}"
-            )
-    extras: dict[str, Array | None] = {}
-    for kind, columns in optional.items():
-        extras[kind] = np.full((n, len(time)), np.nan).T if columns else None
-        for j, name in columns.items():
-            column = table[:, chosen.index(name)]
-            reference = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
-            plausibility.check_companion(name, column, reference, file, warn_here)
-            extras[kind][:, j] = column  # type: ignore[index]
+            meant = choose_from(name, ["time", *table.names, *table.optional])
+            warn_here(f"column {name} belongs to no joint of the set and is not used; {meant}")
+    for name, (kind, j, column) in table.optional.items():
+        reference = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
+        check_optional(name, column, reference, file, warn_here)
+    optional = optional_signals(table, n)
     segments, dropped, resampled = make_segments(time, signals, n)
     if not segments:
-        raise InputError(
-            f"no stretch without a gap has {SHORTEST} samples or more, at least one would be right", file=file
-        )
+        message = f"no stretch without a gap has {SHORTEST} samples or more, expected at least one"
+        raise InputError(message, file=file)
     if dropped:
-        warn_here(
-            f"{dropped} samples lie in stretches of fewer than {SHORTEST} between gaps and are not used"
-        )
+        warn_here(f"{dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
     if resampled:
         warn_here("the time jitters: the signals were resampled to a uniform step")
         time = time.copy()  # so that the table can be forgotten
@@ -219,5 +193,53 @@ def read_group(
         file=file,
         segments=tuple(segments),
         time=time,
-        **extras,
+        **optional,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class SignalTable:
+    """The columns of a group's table.
+
+    Attributes:
+        time: (N,) [s].
+        signals: (N, 2n) θ of every joint, then τ of every joint, called `names`.
+        optional: column -> (kind, joint's index, (N,) values).
+        unused: columns that are not read.
+    """
+
+    time: Array
+    signals: Array
+    names: list[str]
+    optional: dict[str, tuple[str, int, Array]]
+    unused: list[str]
+
+
+def read_signals(file: Path, joints: Sequence[str]) -> SignalTable:
+    """The columns of these joints; InputError where a needed one is missing."""
+    present = column_names(file)
+    needed = [f"{kind}_{joint}" for kind in ("theta", "tau") for joint in joints]
+    require(present, ["time", *needed], file)
+    # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
+    places = {f"{kind}_{joint}": (kind, j) for kind in OPTIONAL_SIGNALS for j, joint in enumerate(joints)}
+    optional = [name for name in places if name in present and name not in needed]
+    table = read_columns(file, ["time", *needed, *optional])
+    first = 1 + len(needed)
+    return SignalTable(
+        table[:, 0],
+        table[:, 1:first],
+        needed,
+        {name: (*places[name], table[:, first + i]) for i, name in enumerate(optional)},
+        sorted({*present} - {"time", *needed, *optional}),
+    )
+
+
+def optional_signals(table: SignalTable, n: int) -> dict[str, Array | None]:
+    """Each optional signal as (N, n), NaN for joints without it, or None where no joint has it."""
+    found: dict[str, Array | None] = dict.fromkeys(OPTIONAL_SIGNALS)
+    for kind, j, column in table.optional.values():
+        signal = found[kind]
+        if signal is None:
+            signal = found[kind] = np.full((n, len(column)), np.nan).T
+        signal[:, j] = column
+    return found

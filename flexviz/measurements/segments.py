@@ -3,11 +3,11 @@
 A *gap* is an interval longer than 2.75 times the median one; it ends a segment. Within a segment the instants
 are compared with the best uniform clock t₀ + i·h:
 
-- no farther from it than 0.1 % of h, or than the rounding of the recorded numbers (floating point, or a
-  fixed count of decimals): the clock was uniform, the values stay and only `time` is made exact;
-- farther: the clock jittered (or single samples are missing), and the signals are resampled to the uniform
-  clock by polynomials through the six nearest samples. Their error is below 1e-6 of the amplitude of what
-  moves slower than 1/30 of the sampling rate.
+- within 0.1 % of h, or within the rounding of the recorded numbers (floating point, or a fixed number of
+  decimals): the clock was uniform, the values stay and only `time` is made exact;
+- beyond: the clock jittered (or single samples are missing), and the signals are resampled to the uniform
+  clock by polynomials through the six nearest samples. The error is below 1e-6 of the amplitude for motion
+  slower than 1/30 of the sampling rate.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _DECIMALS = range(1, 10)
 
 
 @dataclass(frozen=True)
-class Clock:
+class UniformClock:
     """A uniform clock: instants `start` + i · `step`, i = 0 … `count` − 1 [s]."""
 
     start: float
@@ -50,23 +50,15 @@ def check_time(time: Array, file: Path) -> None:
     """InputError naming the row unless `time` (N,) increases strictly and is long enough."""
     if len(time) < SHORTEST:
         found = "no rows" if len(time) == 0 else f"too few rows: {len(time)}"
-        raise InputError(f"{found}, at least {SHORTEST} samples would be right", file=file)
+        raise InputError(f"{found}, expected at least {SHORTEST} samples", file=file)
     backward = np.flatnonzero(time[1:] <= time[:-1])
     if len(backward):
         i = int(backward[0])
         what = "repeats" if time[i + 1] == time[i] else "decreases to"
         after = "" if time[i + 1] == time[i] else f" after {time[i]:.9g}"
         more = f" ({len(backward)} such rows)" if len(backward) > 1 else ""
-        raise InputError(
-            f"time {what} {time[i + 1]:.9g}{after}{more}, strictly increasing seconds would be right",
-            file=file,
-            place=f"row {row_name(file, i + 1)}, column time",
-        )
-
-
-def median_step(time: Array) -> float:
-    """The median interval [s]."""
-    return float(np.median(np.diff(time)))
+        message = f"time {what} {time[i + 1]:.9g}{after}{more}, expected strictly increasing seconds"
+        raise InputError(message, file=file, place=f"row {row_name(file, i + 1)}, column time")
 
 
 def pieces(time: Array) -> list[slice]:
@@ -77,22 +69,22 @@ def pieces(time: Array) -> list[slice]:
     return [slice(first, last) for first, last in pairwise(edges)]
 
 
-def find_clock(time: Array) -> Clock:
-    """The uniform clock of a stretch of `time` (N,), or one within it when its own jitters."""
+def find_clock(time: Array) -> UniformClock:
+    """The uniform clock of a stretch of `time` (N,), or the one to resample to where it jitters."""
     span, last = float(time[-1] - time[0]), len(time) - 1
     start, step = float(time[0]), span / last
     if is_uniform(time, start, step):
-        return Clock(start, step, last + 1, jitters=False)
+        return UniformClock(start, step, last + 1, jitters=False)
     # the first and the last instant are rounded like all others: a line through all of them is closer
     centred = np.arange(last + 1) - last / 2
     step = float(centred @ (time - start)) / float(centred @ centred)
     middle = float(np.mean(time - start)) + start
     if is_uniform(time, middle - step * last / 2, step):
-        return Clock(middle - step * last / 2, step, last + 1, jitters=False)
+        return UniformClock(middle - step * last / 2, step, last + 1, jitters=False)
     steps = np.diff(time)
     usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))  # without the missing samples
     count = max(round(span / usual), SHORTEST)
-    return Clock(start, span / count, count + 1, jitters=True)
+    return UniformClock(start, span / count, count + 1, jitters=True)
 
 
 def is_uniform(time: Array, start: float, step: float) -> bool:
@@ -111,9 +103,8 @@ def deviation(time: Array, start: float, step: float) -> float:
     largest = 0.0
     for begin in range(0, len(time), BLOCK):
         part = time[begin : begin + BLOCK]
-        largest = max(
-            largest, float(np.max(np.abs(part - start - step * np.arange(begin, begin + len(part)))))
-        )
+        error = np.abs(part - start - step * np.arange(begin, begin + len(part)))
+        largest = max(largest, float(np.max(error)))
     return largest
 
 
@@ -133,15 +124,14 @@ def decimal_resolution(time: Array, step: float) -> float:
 def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], int, bool]:
     """Split and, where the clock jitters, resample.
 
-    Parameters
-    ----------
-    time: (N,) strictly increasing [s].
-    signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm]; overwritten when resampled.
+    Args:
+        time: (N,) strictly increasing [s].
+        signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm]; overwritten when resampled.
 
-    Returns
-    -------
-    The segments (views of `signals` where possible), the number of samples in stretches that are too short,
-    and whether anything was resampled.
+    Returns:
+        The segments (views of `signals` where possible), the number of samples in stretches that are too
+            short,
+        and whether anything was resampled.
     """
     segments: list[Segment] = []
     dropped, resampled = 0, False
@@ -159,14 +149,12 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
     return segments, dropped, resampled
 
 
-def resample(time: Array, values: Array, clock: Clock) -> Array:
+def resample(time: Array, values: Array, clock: UniformClock) -> Array:
     """`values` (N, k) at `time` as they are at the instants of `clock`: (M, k), in place where M ≤ N."""
     in_place = clock.count <= len(time)
     result = values[: clock.count] if in_place else np.empty((values.shape[1], clock.count)).T
-    saved, since = (
-        values[:0],
-        0,
-    )  # rows since … since + len(saved), of which the first are overwritten already
+    # rows since … since + len(saved), of which the first are overwritten already
+    saved, since = values[:0], 0
 
     def rows(low: int, high: int) -> Array:
         """Rows low … high as they were recorded."""
@@ -187,8 +175,14 @@ def resample(time: Array, values: Array, clock: Clock) -> Array:
     return result
 
 
+def interpolate(time: Array, values: Array, wanted: Array) -> Array:
+    """(M,) values (N,) at `time` (N,) interpolated at `wanted` (M,) by polynomials through six samples."""
+    first, weights = stencil(time, wanted)
+    return np.einsum("mp,mp->m", weights, values[first[:, None] + POSITIONS])
+
+
 def stencil(time: Array, wanted: Array) -> tuple[NDArray[np.intp], Array]:
-    """For instants `wanted` (m,): the first of the samples around each (m,), and their weights (m, 6)."""
+    """Index of the first of six samples around each of `wanted` (m,), and their weights (m, 6)."""
     first = np.searchsorted(time, wanted, side="right") - POINTS // 2
     first = np.clip(first, 0, len(time) - POINTS)
     return first, lagrange(time[first[:, None] + POSITIONS], wanted)

@@ -36,11 +36,8 @@ def column_names(file: Path) -> list[str]:
             names = csv_header(file)
     for name in names:
         if names.count(name) > 1:
-            raise InputError(
-                f'{names.count(name)} columns are called "{name}", one would be right',
-                file=file,
-                place="header",
-            )
+            message = f'{names.count(name)} columns are called "{name}", expected one'
+            raise InputError(message, file=file, place="header")
     return names
 
 
@@ -94,30 +91,23 @@ def read_csv(file: Path, names: Sequence[str]) -> Array:
 
 def fill(target: Array, column: pa.Array, name: str, offset: int, file: Path) -> None:
     """Copy a block of one column into `target` (M,), refusing empty cells, NaN and infinity."""
-    place = "row {row}, column {name}"
-    if not (
-        pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_null(column.type)
-    ):
-        raise InputError(
-            f"the column holds {column.type}, numbers would be right", file=file, place=f"column {name}"
-        )
+
+    def refuse(row: int, message: str) -> None:
+        raise InputError(message, file=file, place=f"row {row_name(file, row + offset)}, column {name}")
+
+    types = pa.types
+    if not (types.is_floating(column.type) or types.is_integer(column.type) or types.is_null(column.type)):
+        message = f"the column holds {column.type}, expected numbers"
+        raise InputError(message, file=file, place=f"column {name}")
     if column.null_count:
-        row = int(np.flatnonzero(column.is_null().to_numpy(zero_copy_only=False))[0]) + offset
-        raise InputError(
-            "the cell is empty, a number would be right",
-            file=file,
-            place=place.format(row=row_name(file, row), name=name),
-        )
+        empty = column.is_null().to_numpy(zero_copy_only=False)
+        refuse(int(np.argmax(empty)), "the cell is empty, expected a number")
     target[:] = column.to_numpy(zero_copy_only=False)
     usable = np.abs(target) < LARGEST  # False for NaN
     if not usable.all():
-        bad = int(np.flatnonzero(~usable)[0])
-        wanted = "a number in SI units" if np.isfinite(target[bad]) else "a finite number"
-        raise InputError(
-            f"found {target[bad]:g}, {wanted} would be right",
-            file=file,
-            place=place.format(row=row_name(file, bad + offset), name=name),
-        )
+        bad = int(np.argmin(usable))
+        expected = "a number in SI units" if np.isfinite(target[bad]) else "a finite number"
+        refuse(bad, f"found {target[bad]:g}, expected {expected}")
 
 
 def row_name(file: Path, row: int) -> str:
@@ -132,9 +122,7 @@ def is_parquet(file: Path) -> bool:
         return True
     if suffix in CSV_SUFFIXES:
         return False
-    raise InputError(
-        f"a table called *{suffix or ''} is not known; *.csv or *.parquet would be right", file=file
-    )
+    raise InputError(f"a table called *{suffix} is not known, expected *.csv or *.parquet", file=file)
 
 
 @contextmanager
@@ -162,27 +150,18 @@ def csv_header(file: Path) -> list[str]:
     with file.open("rb") as stream:
         line = stream.readline(CSV_BLOCK)
     if line.startswith(b"PAR1"):
-        raise InputError("this is a Parquet table, *.parquet would be right as its name", file=file)
+        raise InputError("this is a Parquet table, expected *.parquet as its name", file=file)
     if not line:
-        raise InputError("the file is empty, a header and rows of numbers would be right", file=file)
+        raise InputError("the file is empty, expected a header and rows of numbers", file=file)
     text = line.decode("utf-8-sig").splitlines()[0] if line.strip() else ""
     names = [name.strip() for name in next(csv.reader([text], skipinitialspace=True), [])]
     if len(names) <= 1 and (";" in text or "\t" in text):
-        raise InputError(
-            "the columns are not separated by commas, commas would be right", file=file, place="header"
-        )
+        raise InputError("the columns are not separated by commas", file=file, place="header")
     return names
 
 
-def options(types: dict[str, pa.DataType]) -> pacsv.ConvertOptions:
-    """How cells become values: only an empty cell is empty; "nan" is NaN and refused later."""
-    return pacsv.ConvertOptions(
-        include_columns=list(types), column_types=types, null_values=[""], strings_can_be_null=True
-    )
-
-
 def most_csv_rows(file: Path) -> int:
-    """At least as many as there are rows: the number of line ends."""
+    """Upper bound of the number of rows: the number of line ends."""
     ends = returns = 0
     with file.open("rb") as stream:
         while block := stream.read(CSV_BLOCK):
@@ -193,11 +172,16 @@ def most_csv_rows(file: Path) -> int:
 
 def csv_blocks(file: Path, names: Sequence[str]) -> Iterator[pa.RecordBatch]:
     """Blocks of rows with the columns in the order of `names`."""
-    types = {name: pa.float64() for name in names}
     reading = pacsv.ReadOptions(
         use_threads=False, block_size=CSV_BLOCK, skip_rows=1, column_names=csv_header(file)
     )
-    with pacsv.open_csv(file, read_options=reading, convert_options=options(types)) as reader:
+    conversion = pacsv.ConvertOptions(  # only an empty cell is empty; "nan" is NaN and refused later
+        include_columns=list(names),
+        column_types=dict.fromkeys(names, pa.float64()),
+        null_values=[""],
+        strings_can_be_null=True,
+    )
+    with pacsv.open_csv(file, read_options=reading, convert_options=conversion) as reader:
         yield from reader
 
 
@@ -209,29 +193,21 @@ def explain_csv(file: Path, names: Sequence[str]) -> None:
         for line, content in enumerate(stream, start=1):
             if not content.strip():
                 continue
-            cells = [
-                cell.strip().strip('"')
-                for cell in content.decode("utf-8-sig", "replace").strip("\r\n").split(",")
-            ]
+            text = content.decode("utf-8-sig", "replace").strip("\r\n")
+            cells = [cell.strip().strip('"') for cell in text.split(",")]
             if not header:
                 header = cells
                 continue
             row += 1
             where = f"row {row + 1} (line {line})"
             if len(cells) != len(header):
-                raise InputError(
-                    f"{len(cells)} values for {len(header)} columns, one a column would be right",
-                    file=file,
-                    place=where,
-                )
+                message = f"{len(cells)} values for {len(header)} columns, expected one per column"
+                raise InputError(message, file=file, place=where)
             for name in names:
                 cell = cells[header.index(name)]
                 if not is_number(cell):
-                    raise InputError(
-                        f'found "{cell[:40]}", a number would be right',
-                        file=file,
-                        place=f"{where}, column {name}",
-                    )
+                    message = f'found "{cell[:40]}", expected a number'
+                    raise InputError(message, file=file, place=f"{where}, column {name}")
 
 
 def is_number(cell: str) -> bool:
@@ -251,8 +227,5 @@ def require(names: Sequence[str], wanted: Sequence[str], file: Path) -> None:
         guess = get_close_matches(missing[0], [name for name in names if name not in wanted], 1, 0.8)
         meant = f' did you mean "{guess[0]}"?' if guess else ""
         found = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
-        raise InputError(
-            f'column "{missing[0]}" is missing{others};{meant} the table has {found}',
-            file=file,
-            place="header",
-        )
+        message = f'column "{missing[0]}" is missing{others};{meant} the table has {found}'
+        raise InputError(message, file=file, place="header")

@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,11 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
+from flexviz import toml
 from flexviz.errors import InputError
-from flexviz.measurements import toml
-from flexviz.measurements.data import Array, Group, MeasurementSet
+from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
+from flexviz.schemas import first_repeated
 
 if TYPE_CHECKING:
     from flexviz.robot import PayloadBody
@@ -28,15 +29,14 @@ SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
 
 @dataclass(frozen=True, eq=False)
 class GroupTable:
-    """One group to be written (n joints, N samples).
+    """One group to write (n joints, N samples).
 
-    Attributes
-    ----------
-    name, trajectory, payload, validation: as in the format.
-    time: (N,) [s].
-    theta, tau: (N, n) [rad], [Nm].
-    q, tau_joint, theta_ref: (N, n) [rad], [Nm], [rad], or None; a column that is all NaN is left out.
-    file: name of its table; None: `<name>.parquet` or `.csv`.
+    Attributes:
+        name, trajectory, payload, validation: as in the format.
+        time: (N,) [s].
+        theta, tau: (N, n) [rad], [Nm].
+        q, tau_joint, theta_ref: (N, n) [rad], [Nm], [rad], or None; a column that is all NaN is left out.
+        file: name of its table; None: `<name>.parquet` or `.csv`.
     """
 
     name: str
@@ -53,13 +53,13 @@ class GroupTable:
 
     @staticmethod
     def of(group: Group) -> GroupTable:
-        """A group that was read, with its signals as they were used (jitter resampled)."""
+        """A group that was read, with the signals that are used (jitter resampled)."""
         time = np.concatenate([segment.time for segment in group.segments])
         if len(group.segments) == 1 and len(time) == len(group.time):
             time = group.time  # as recorded: no rounding is added
         theta = np.concatenate([segment.theta for segment in group.segments])
         tau = np.concatenate([segment.tau for segment in group.segments])
-        optional = {name: group.at(name, time) for name in ("q", "tau_joint", "theta_ref")}
+        optional = {name: group.at(name, time) for name in OPTIONAL_SIGNALS}
         return GroupTable(
             group.name,
             group.trajectory,
@@ -93,21 +93,19 @@ def write_set(
 ) -> Path:
     """Write a measurement set that `read_set` gives back exactly, and return its folder.
 
-    Everything is written to a temporary folder beside `folder`, which then takes its place: whoever looks
-    sees the whole set or none.
+    Everything is written to a temporary folder, which then takes the place of `folder`: all or nothing.
 
-    Parameters
-    ----------
-    robot: as in the format; a URDF's path is relative to `folder`, and the URDF is one of `files`.
-    files: further files of the set: name -> text, bytes, or the path of a file to copy.
-    table_format: "parquet" or "csv".
-    single: store the signals (never the time) as float32.
-    overwrite: replace a set that already is there. Anything else that is there is never touched.
+    Args:
+        robot: as in the format; a URDF's path is relative to `folder`, and the URDF is one of `files`.
+        files: further files of the set: name -> text, bytes, or the path of a file to copy.
+        table_format: "parquet" or "csv".
+        single: store the signals (never the time) as float32.
+        overwrite: replace an existing set; any other folder or file is never touched.
     """
     folder = Path(folder).absolute()
+    check_free(folder, overwrite)
     if table_format not in SUFFIXES:
-        raise InputError(f'table format "{table_format}" is not known; csv or parquet would be right')
-    make_way(folder, overwrite)
+        raise InputError(f'table format "{table_format}" is not known, expected csv or parquet')
     initial = numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia)
     controller = numbers(kp=kp, kd=kd)
     document = {
@@ -122,20 +120,14 @@ def write_set(
         "groups": [group_entry(group, SUFFIXES[table_format]) for group in groups],
     }
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
+    names = [*(files or {}), *(group["file"] for group in document["groups"])]
+    if twice := first_repeated(os.path.normpath(name) for name in names):
+        raise InputError(f'two files of the set are called "{twice}"', file=folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
             new = Path(temporary) / "new"
-            new.mkdir()
-            for name, content in (files or {}).items():
-                write_file(within(new, name), content)
-            for group, entry in zip(groups, document["groups"], strict=True):
-                path = within(new, entry["file"])
-                if path.exists():
-                    raise InputError(f'two files of the set are called "{entry["file"]}"', file=folder)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                write_table(path, table_of(group, joints, single))
-            write_file(new / FILE_NAME, toml.dumps(document))
+            fill_folder(new, document, groups, files or {}, single)
             if folder.exists():
                 os.replace(folder, Path(temporary) / "old")
             os.replace(new, folder)
@@ -144,55 +136,40 @@ def write_set(
     return folder
 
 
-def copy_set(measurements: MeasurementSet, folder: str | Path, *, table_format: str = "parquet") -> Path:
-    """Write a set that was read to another folder, with its robot description."""
-    source = measurements.robot.source
-    local = ":" not in source
-    return write_set(
-        folder,
-        robot=source,
-        joints=measurements.joints,
-        groups=[
-            GroupTable.of(group)
-            if group.file.suffix == SUFFIXES[table_format]
-            else renamed(group, table_format)
-            for group in measurements.groups
-        ],
-        payloads=measurements.payloads,
-        torque_hold=measurements.torque_hold,
-        initial_stiffness=measurements.initial_stiffness,
-        initial_motor_inertia=measurements.initial_motor_inertia,
-        kp=measurements.kp,
-        kd=measurements.kd,
-        effects=measurements.effects,
-        files={source: measurements.robot.urdf_path} if local else None,
-        table_format=table_format,
-    )
+def fill_folder(
+    new: Path,
+    document: dict[str, Any],
+    groups: Sequence[GroupTable],
+    files: Mapping[str, str | bytes | Path],
+    single: bool,
+) -> None:
+    """Write `measurements.toml`, the tables and further files into the folder `new`."""
+    new.mkdir()
+    for name, content in files.items():
+        write_file(within(new, name), content)
+    for group, entry in zip(groups, document["groups"], strict=True):
+        path = within(new, entry["file"])
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_table(path, table_of(group, document["joints"], single))
+    write_file(new / FILE_NAME, toml.dumps(document))
 
 
-def renamed(group: Group, table_format: str) -> GroupTable:
-    """A group whose table gets the suffix of another format."""
-    return replace(GroupTable.of(group), file=group.file.stem + SUFFIXES[table_format])
-
-
-def make_way(folder: Path, overwrite: bool) -> None:
-    """InputError unless `folder` is free, empty, or a measurement set that may be replaced."""
+def check_free(folder: Path, overwrite: bool = False) -> None:
+    """InputError unless `folder` is new, empty, or a measurement set that may be replaced."""
     if not folder.exists():
         return
     if not folder.is_dir():
-        raise InputError("this is a file, a new folder would be right", file=folder)
+        raise InputError("this is a file, expected a new folder", file=folder)
     if not any(folder.iterdir()):
         return
     if not (folder / FILE_NAME).is_file():
-        raise InputError("the folder is not empty, a new or empty folder would be right", file=folder)
+        raise InputError("the folder is not empty, expected a new or empty folder", file=folder)
     if not overwrite:
-        raise InputError(
-            "a measurement set is already there, a new or empty folder would be right", file=folder
-        )
+        raise InputError("a measurement set is already there, expected a new or empty folder", file=folder)
 
 
 def numbers(**lists: Sequence[float] | Array | None) -> dict[str, list[float]]:
-    """Those of the lists that there are."""
+    """The lists that are given, as plain numbers."""
     return {key: [float(x) for x in value] for key, value in lists.items() if value is not None}
 
 
@@ -212,16 +189,14 @@ def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table
     """The group's columns, in the format's names."""
     kind = pa.float32() if single else pa.float64()
     columns: dict[str, pa.Array] = {"time": pa.array(np.asarray(group.time, dtype=float))}
-    for name in ("theta", "tau", "q", "tau_joint", "theta_ref"):
+    for name in ("theta", "tau", *OPTIONAL_SIGNALS):
         signal = getattr(group, name)
         if signal is None:
             continue
         signal = np.asarray(signal, dtype=float)
-        if signal.shape != (len(group.time), len(joints)):
-            wanted = (len(group.time), len(joints))
-            raise InputError(
-                f'group "{group.name}": {name} has shape {signal.shape}, {wanted} would be right'
-            )
+        expected = (len(group.time), len(joints))
+        if signal.shape != expected:
+            raise InputError(f'group "{group.name}": {name} has shape {signal.shape}, expected {expected}')
         for j, joint in enumerate(joints):
             if not np.isnan(signal[:, j]).all():
                 columns[f"{name}_{joint}"] = pa.array(np.ascontiguousarray(signal[:, j])).cast(kind)
@@ -252,5 +227,5 @@ def within(folder: Path, name: str) -> Path:
     """The path of a file of the set; InputError when it would lie outside."""
     path = Path(os.path.normpath(folder / name))
     if Path(name).is_absolute() or folder not in path.parents:
-        raise InputError(f'"{name}" lies outside the set\'s folder, a path inside it would be right')
+        raise InputError(f'"{name}" lies outside the set\'s folder, expected a path inside it')
     return path

@@ -8,8 +8,7 @@ from pathlib import Path
 from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
-from flexviz.measurements import MeasurementSet
-from flexviz.measurements.fingerprint import Fingerprint, fingerprint
+from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session
 from flexviz.view.verdict import effect_text_name
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from flexviz.errors import InputError
 from flexviz.identification import Identification, ParameterEstimate
-from flexviz.measurements.fingerprint import fingerprint
+from flexviz.measurements import fingerprint
 from flexviz.session.loading import OpenedSession
 
 if TYPE_CHECKING:

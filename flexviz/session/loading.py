@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, read_set
-from flexviz.measurements.schema import FILE_NAME
+from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
 from flexviz.session import results
 from flexviz.session.migrating import Document, migrated
 from flexviz.session.reference import SetReference

@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet
-from flexviz.measurements.fingerprint import FileHash, Fingerprint, fingerprint
-from flexviz.measurements.schema import FILE_NAME
+from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
 
 HERE = "."
 

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.errors import InputError, choose_from
-from flexviz.measurements import GroupTable, read_set, write_set
-from flexviz.measurements.writing import make_way
+from flexviz.measurements import GroupTable, check_free, read_set, write_set
 from flexviz.progress import ProgressCallback, StopCallback, part
 from flexviz.simulation.from_urdf import plan_from_urdf
 from flexviz.simulation.hiding import hide
@@ -64,7 +63,7 @@ def simulate_preset(
 
     Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
     """
-    make_way(Path(out).absolute(), overwrite)  # before the work, not after it
+    check_free(Path(out).absolute(), overwrite)  # before the work, not after it
     plan = make_plan(preset_or_set, effects, start)
     runs = simulate_plan(plan, seed, progress, should_stop)
     return SimulatedSet(

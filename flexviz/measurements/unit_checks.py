@@ -1,0 +1,282 @@
+"""Find wrong units without ever refusing plausible data.
+
+The reference is the robot itself: τ is compared with the rigid inverse dynamics of the CAD model along the
+recorded motion, pooled over the joints, with offset, viscous and Coulomb friction free on each. The slope of
+that comparison is near 1 whatever the friction (0.6–2.2 on all sets tried), and 1000 times that for torques
+in mNm. Angles in degrees make the comparison fail, and reading them as degrees makes it succeed. Data that
+only look odd give a warning; data that the dynamics contradict as well are refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from flexviz._pinocchio import pin
+from flexviz.errors import InputError
+from flexviz.measurements.data import Array
+from flexviz.robot import PayloadBody, Robot
+
+DEGREE = np.pi / 180  # [rad]
+WINDOW = 0.05  # [s] half width of the local parabolas that give velocity and acceleration
+INSTANTS = 200  # at which the dynamics are compared
+
+Warn = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class UnitThresholds:
+    """When data look odd and when they are refused; `pytest tests/test_bad_measurements.py` supports them.
+
+    All sets of the practice cases, the presets and the real recordings pass without a warning.
+
+    Attributes:
+        slowest_step: [s] slower sampling cannot show a flexible joint, so time is not in seconds.
+        slow_step, resting_speed: [s], [rad/s] slower sampling of a robot that hardly moves is refused, too.
+        fast_step: [s] faster sampling is uncommon.
+        widest, fastest: [rad], [rad/s] assumed limits where the robot description has none.
+        excess_checked, excess_odd, excess_refused: span or speed, in units of the joint's limits, at which
+            degrees are tried, a warning is given, and θ that no dynamics explain is refused.
+        explained: share of τ that the rigid model must explain before its slope is believed.
+        explained_alone: the same for a single joint.
+        odd_slope: τ beyond this factor of the rigid model (or its inverse) is odd.
+        milli_slope, milli_slope_alone: slopes of mNm (1000), for all joints and for a single one.
+        kilo_slope: slopes of kNm (1/1000) or of torques before a gear.
+        effort: times the joint's effort limit above which τ is odd.
+        deflection_odd, deflection_refused: [rad] deflection by `initial.stiffness` that is odd, and that
+            refuses τ above the effort limits.
+        optional_follows, optional_slope: squared correlation and factor (or its inverse) from which an
+            optional column is its measured one in another unit.
+    """
+
+    slowest_step: float = 0.2
+    slow_step: float = 0.05
+    resting_speed: float = 5e-3
+    fast_step: float = 2e-5
+    widest: float = 8 * np.pi
+    fastest: float = 40.0
+    excess_checked: float = 2.0
+    excess_odd: float = 3.0
+    excess_refused: float = 20.0
+    explained: float = 0.2
+    explained_alone: float = 0.5
+    odd_slope: float = 20.0
+    milli_slope: float = 100.0
+    milli_slope_alone: float = 200.0
+    kilo_slope: float = 1 / 200
+    effort: float = 20.0
+    deflection_odd: float = 1.0
+    deflection_refused: float = 0.3
+    optional_follows: float = 0.7
+    optional_slope: float = 20.0
+
+
+UNITS = UnitThresholds()
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How τ follows the rigid model.
+
+    Attributes:
+        slope, share: of τ against the model, and the share of τ's variance explained; all joints pooled.
+        slopes, shares: (n,) the same per joint.
+    """
+
+    slope: float
+    share: float
+    slopes: Array
+    shares: Array
+
+
+@dataclass(frozen=True)
+class SampledMotion:
+    """Positions, velocities, accelerations and torques at a few instants, all (M, n)."""
+
+    q: Array
+    v: Array
+    a: Array
+    torque: Array
+
+
+def wrong_time_unit(step: float, speed: float) -> str | None:
+    """The unit that a time with this median step seems to be in; None where it can be seconds.
+
+    Args:
+        step: as if it were in seconds.
+        speed: largest joint speed that it implies [rad/s].
+    """
+    if step > UNITS.slowest_step or (step > UNITS.slow_step and speed < UNITS.resting_speed):
+        return "milliseconds" if step < 100 else "microseconds" if step < 1e5 else "nanoseconds"
+    return None
+
+
+def check_units(
+    robot: Robot,
+    bodies: Sequence[PayloadBody],
+    stiffness: Array | None,
+    time: Array,
+    theta: Array,
+    tau: Array,
+    file: Path,
+    warn: Warn,
+) -> None:
+    """Refuse θ (N, n) that is not in rad and τ (N, n) that is not in Nm; warn where that is not certain."""
+    motion = sample_motion(time, theta, tau)
+    check_step(float(np.median(np.diff(time))), float(np.max(np.abs(motion.v))), file, warn)
+    check_theta(robot, bodies, motion, np.ptp(theta, axis=0), file, warn)
+    check_tau(robot, bodies, motion, stiffness, np.maximum(tau.max(axis=0), -tau.min(axis=0)), file, warn)
+
+
+def check_step(step: float, speed: float, file: Path, warn: Warn) -> None:
+    """Refuse a time that is not in seconds: median step [s], largest joint speed it implies [rad/s]."""
+    if unit := wrong_time_unit(step, speed):
+        message = f"the median step is {step:g}: is time in {unit}? expected seconds"
+        raise InputError(message, file=file, place="column time")
+    if step > UNITS.slow_step:
+        warn(f"the step is {step:g} s, slow for flexible joints: is time in seconds?")
+    if step < UNITS.fast_step:
+        warn(f"the step is {step:g} s, uncommonly short: is time in seconds?")
+
+
+def check_theta(
+    robot: Robot, bodies: Sequence[PayloadBody], motion: SampledMotion, span: Array, file: Path, warn: Warn
+) -> None:
+    """Angles in degrees, or of the motor before the gear."""
+    speed = np.max(np.abs(motion.v), axis=0)
+    ranges = robot.upper_limit - robot.lower_limit
+    limits = np.where(ranges > 0.5, ranges, np.inf)
+    speeds = np.where(robot.velocity_limit > 0.1, robot.velocity_limit, np.inf)
+    excess = np.maximum(span / np.minimum(limits, UNITS.widest), speed / np.minimum(speeds, UNITS.fastest))
+    worst = int(np.argmax(excess))
+    if excess[worst] < UNITS.excess_checked:
+        return
+    found = (
+        f"spans {span[worst]:.3g} at up to {speed[worst]:.3g} /s; the joint's limits are "
+        f"{limits[worst]:.3g} rad and {speeds[worst]:.3g} rad/s"
+    )
+    column = f"column theta_{robot.joints[worst]}"
+
+    def refuse(hint: str) -> NoReturn:
+        raise InputError(f"{found}: {hint}", file=file, place=column)
+
+    in_radians = agreement(robot, bodies, motion, 1.0)
+    odd_joints = np.where(excess > UNITS.excess_checked, DEGREE, 1.0)
+    for unit in (DEGREE, odd_joints):
+        in_degrees = agreement(robot, bodies, motion, unit)
+        plausible = 1 / UNITS.odd_slope < in_degrees.slope < UNITS.odd_slope
+        if plausible and in_degrees.share > max(0.1, 2 * in_radians.share):
+            refuse("are these degrees? expected radians (after the gear)")
+    impossible = (span > np.maximum(2.5 * limits, 4 * np.pi)) & (speed > np.maximum(6.0 * speeds, 15.0))
+    if impossible[worst] or (excess[worst] > UNITS.excess_refused and in_radians.share < 0.1):
+        refuse("degrees, or the motor's angle before the gear? expected radians at the joint side")
+    if excess[worst] > UNITS.excess_odd:
+        warn(f"{column} {found}: radians at the joint side?")
+
+
+def check_tau(
+    robot: Robot,
+    bodies: Sequence[PayloadBody],
+    motion: SampledMotion,
+    stiffness: Array | None,
+    largest: Array,
+    file: Path,
+    warn: Warn,
+) -> None:
+    """Torques in mNm or kNm, or of the motor before the gear."""
+    rigid = agreement(robot, bodies, motion, 1.0)
+    limits = robot.from_pin(robot.model.upperEffortLimit)
+    strong = largest > UNITS.effort * np.where(limits > 0.0, limits, np.inf)
+    deflection = largest / (np.inf if stiffness is None else stiffness)  # [rad]
+    worst = int(np.argmax(largest))
+
+    def refuse(joint: int, why: str, unit: str) -> NoReturn:
+        message = f"reaches {largest[joint]:.4g}, {why}: is this {unit}? expected Nm at the joint side"
+        raise InputError(message, file=file, place=f"column tau_{robot.joints[joint]}")
+
+    believed = rigid.share > UNITS.explained
+    if believed and rigid.slope > UNITS.milli_slope:
+        refuse(worst, f"{rigid.slope:.0f} times the torque of the rigid model", "mNm")
+    if believed and 0.0 < rigid.slope < UNITS.kilo_slope:
+        why = f"1/{1 / rigid.slope:.0f} of the torque of the rigid model"
+        refuse(worst, why, "kNm, or the motor's torque before the gear")
+    for j in (int(j) for j in np.flatnonzero(strong | (deflection > UNITS.deflection_odd))):
+        slope, alone = rigid.slopes[j], rigid.shares[j] > UNITS.explained_alone
+        if alone and slope > UNITS.milli_slope_alone:
+            refuse(j, f"{slope:.0f} times the torque of the rigid model", "mNm")
+        explained = alone and slope < UNITS.odd_slope
+        if strong[j] and deflection[j] > UNITS.deflection_refused and not explained:
+            why = f"far above the effort limit, and the joint would deflect by {deflection[j]:.2g} rad"
+            refuse(j, why, "mNm")
+    column = f"column tau_{robot.joints[worst]} reaches {largest[worst]:.4g}"
+    if believed and not 1 / UNITS.odd_slope < abs(rigid.slope) < UNITS.odd_slope:
+        warn(f"{column}, {rigid.slope:.3g} times the torque of the rigid model: Nm at the joint side?")
+    elif strong.any():
+        warn(f"{column}, far above the joints' effort limits: Nm at the joint side?")
+    elif np.any(deflection > UNITS.deflection_odd):
+        warn(f"{column}: with initial.stiffness a joint would deflect by more than 1 rad; Nm and Nm/rad?")
+
+
+def check_optional(name: str, values: Array, reference: Array, file: Path, warn: Warn) -> None:
+    """Refuse an optional column (N,) that is its measured one (N,) in another unit."""
+    values, reference = values - np.mean(values), reference - np.mean(reference)
+    power = float(reference @ reference)
+    if power == 0.0 or not values.any():
+        return
+    slope = float(values @ reference) / power
+    follows = float(values @ reference) ** 2 > UNITS.optional_follows * power * float(values @ values)
+    if follows and not 1 / UNITS.optional_slope <= abs(slope) <= UNITS.optional_slope:
+        message = f"is {slope:.3g} times its measured column, expected rad and Nm at the joint side"
+        raise InputError(message, file=file, place=f"column {name}")
+    if not name.startswith("tau_") and not 0.5 < slope < 2.0:
+        warn(f"column {name} hardly follows theta (slope {slope:.2g}): same sign, unit and joint?")
+
+
+def agreement(
+    robot: Robot, bodies: Sequence[PayloadBody], motion: SampledMotion, unit: float | Array
+) -> Agreement:
+    """Compare τ with the rigid CAD model along the motion, whose angles are in `unit` [rad], (n,) or one."""
+    n = robot.n
+    nothing = Agreement(1.0, 0.0, np.ones(n), np.zeros(n))
+    try:
+        model = robot.model_with(robot.cad_parameters, bodies)
+    except InputError:
+        return nothing  # bodies without mass
+    data = model.createData()
+    state = [robot.to_pin(x * unit) for x in (motion.q, motion.v, motion.a)]
+    rigid = robot.from_pin(np.array([pin.rnea(model, data, *row) for row in zip(*state, strict=True)]))
+    if not np.isfinite(rigid).all():
+        return nothing
+    cross, own, total = np.zeros(n), np.full(n, 1e-30), np.full(n, 1e-30)
+    for j in range(n):
+        v = motion.v[:, j] / (np.max(np.abs(motion.v[:, j])) + 1e-12)
+        friction, _ = np.linalg.qr(np.stack([np.ones_like(v), v, np.tanh(30 * v)], axis=1))
+        torque = motion.torque[:, j] - friction @ (friction.T @ motion.torque[:, j])
+        model_torque = rigid[:, j] - friction @ (friction.T @ rigid[:, j])
+        cross[j] = torque @ model_torque
+        own[j] += model_torque @ model_torque
+        total[j] += torque @ torque
+    slope = float(cross.sum() / own.sum())
+    return Agreement(slope, slope * float(cross.sum() / total.sum()), cross / own, cross**2 / (own * total))
+
+
+def sample_motion(time: Array, theta: Array, tau: Array) -> SampledMotion:
+    """The motion at up to `INSTANTS` instants: local parabolas through θ (N, n), local means of τ (N, n)."""
+    count = len(time)
+    step = float(np.median(np.diff(time)))
+    half = int(np.clip(round(WINDOW / step), 3, max(3, count // 20)))
+    centres = np.linspace(half, count - 1 - half, min(INSTANTS, count - 2 * half)).astype(int)
+    offsets = np.arange(-half, half + 1)
+    # a gap inside the window would be taken for a fast motion
+    regular = time[centres + half] - time[centres - half] < 2.5 * half * step
+    centres = centres[regular] if regular.any() else centres
+    x = offsets / half
+    parabola = np.linalg.pinv(np.stack([np.ones_like(x), x, x**2 / 2], axis=1))  # (3, 2 half + 1)
+    rows = centres[:, None] + offsets
+    q, v, a = np.einsum("kw,mwn->kmn", parabola, theta[rows])
+    width = half * step  # [s]
+    return SampledMotion(q, v / width, a / width**2, np.mean(tau[rows], axis=1))

@@ -1,0 +1,92 @@
+"""Read TOML files with one-line errors, and write the small part of TOML that flexviz needs."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from flexviz.errors import InputError
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def read(file: Path) -> dict[str, Any]:
+    """The content of a TOML file."""
+    try:
+        return tomllib.loads(file.read_bytes().decode("utf-8-sig").replace("\r\n", "\n"))
+    except UnicodeDecodeError as error:
+        found = f"byte {error.start} is {error.object[error.start]:#04x}"
+        raise InputError(f"not a text in UTF-8 ({found})", file=file) from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"not valid TOML: {error}", file=file) from None
+    except RecursionError:
+        raise InputError("not valid TOML: its tables are nested too deeply", file=file) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", file=file) from None
+
+
+def dumps(document: Mapping[str, Any]) -> str:
+    """A document as TOML: plain values first, then its tables."""
+    return "\n".join(_lines(document, ())) + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    lines = [f"{key_text(key)} = {value_text(value)}" for key, value in table.items() if not _is_table(value)]
+    for key, value in table.items():
+        here = (*path, key)
+        name = ".".join(key_text(part) for part in here)
+        if isinstance(value, Mapping):
+            inside = _lines(value, here)
+            only_tables = bool(value) and all(_is_table(child) for child in value.values())
+            lines += inside if only_tables else ["", f"[{name}]", *inside]
+        elif _is_table(value):
+            for entry in value:
+                lines += ["", f"[[{name}]]", *_lines(entry, here)]
+    return lines
+
+
+def _is_table(value: Any) -> bool:
+    """Tables and lists of tables; lists of payload bodies stay inline."""
+    if isinstance(value, Mapping):
+        return True
+    return (
+        isinstance(value, list) and bool(value) and isinstance(value[0], Mapping) and "link" not in value[0]
+    )
+
+
+def key_text(key: str) -> str:
+    """A key, quoted where TOML demands it."""
+    return key if _BARE.fullmatch(key) else value_text(key)
+
+
+def value_text(value: Any) -> str:
+    """A value on one line; tables inside it stay inline."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return '"' + "".join(_character(character) for character in value) + '"'
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{value} cannot be written as TOML")
+        return repr(value)
+    if isinstance(value, list):
+        return "[" + ", ".join(value_text(entry) for entry in value) + "]"
+    if isinstance(value, Mapping):
+        return (
+            "{ " + ", ".join(f"{key_text(key)} = {value_text(entry)}" for key, entry in value.items()) + " }"
+        )
+    raise TypeError(f"{type(value).__name__} cannot be written as TOML")
+
+
+def _character(character: str) -> str:
+    if character in _ESCAPES:
+        return _ESCAPES[character]
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 0x20 or code == 0x7F else character
