@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
+from flexviz.diagnosis.acceptance import GAIN, at_bound, credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.confidence import MOST_SURE, probability
-from flexviz.diagnosis.errors import ErrorBand
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve_test import free_curve
-from flexviz.diagnosis.judging import GAIN, at_bound, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import ChosenEffect
@@ -220,7 +220,7 @@ def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> 
 
 
 def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:
-    errors = ErrorBand(demo).errors(base[1])
+    errors = PredictionErrorBand(demo).errors(base[1])
     assert [name for name, _, _ in errors.groups] == [g.name for g in demo.groups]
     assert [held for _, _, held in errors.groups] == [g.validation for g in demo.groups]
     held_out = [rms for _, rms, held in errors.groups if held]

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.bands import compared, plain_bands, refined_bands, seconds, slow_noise, spans
 from flexviz.diagnosis.bandwidth_check import BandwidthCheck, check_bandwidth
+from flexviz.diagnosis.bandwidths import compared, plain_bands, refined_bands, seconds, slow_noise, spans
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.errors import InputError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.bands import Band, fit_refined, unfitted
+from flexviz.diagnosis.bandwidths import BandwidthData, fit_refined, unfitted
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, layout_of
@@ -152,7 +152,7 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     measured = read_set(write_plan(plan, record(plan, move(plan, 1), 1), tmp_path / "set"))
     layout = layout_of(measured, ())
     context = FitContext(measured, layout)
-    prior, bounds = context.assumptions(layout)
+    prior, bounds = context.prior_and_bounds(layout)
     start = layout.vector(plan.model)
 
     def check(two_band: TwoBandData, x: Array, window: NDArray[np.bool_] | None = None) -> None:
@@ -174,7 +174,7 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     assert refined.converged
     check(alone, refined.x)
 
-    band = Band(2 * np.pi * 14, alone.wide.signals, alone.narrow, alone)
+    band = BandwidthData(2 * np.pi * 14, alone.wide.signals, alone.narrow, alone)
     seconds = np.arange(band.signals.count) * 20 // band.signals.count
     seconds[: band.signals.count // 8] = -1  # a window
     fitted = fit_refined(band, prior, bounds, replace(unfitted(layout, start), x=start), seconds, True)

@@ -12,8 +12,8 @@ import pytest
 from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.curves import DIRECTED
 from flexviz.diagnosis.records import FreeCurve
+from flexviz.diagnosis.residual_location import UNITS, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
-from flexviz.diagnosis.where import UNITS, ResidualMap
 from flexviz.effects import EFFECTS
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effect_card import card_html, picture

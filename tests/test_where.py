@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.crossval import explained, make_folds, mean_and_error
+from flexviz.diagnosis.cross_validation import explained, make_folds, mean_and_error
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.records import NOTE, UNITS
+from flexviz.diagnosis.residual_location import maps, residual_locations
 from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
-from flexviz.diagnosis.where import maps, residual_locations
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
 from flexviz.estimation.noise_paths import NoisePath

@@ -12,8 +12,8 @@ from flexviz.diagnosis.records import (
     ParameterCurve,
     ResidualMap,
 )
+from flexviz.diagnosis.residual_location import maps_of, residual_locations
 from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, ResidualLocation, Step, Tie
-from flexviz.diagnosis.where import maps_of, residual_locations
 
 __all__ = [
     "CLEARLY",

@@ -20,8 +20,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.bands import (
-    Fitted,
+from flexviz.diagnosis.bandwidths import (
+    BandwidthFit,
     compared,
     difference,
     fit_plain,
@@ -34,7 +34,7 @@ from flexviz.diagnosis.bands import (
     unfitted,
     without_own_error,
 )
-from flexviz.diagnosis.fit_context import loosened
+from flexviz.diagnosis.fit_context import search_bounds
 from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
 from flexviz.equation import Layout
 from flexviz.estimation import WIDE_HERTZ, Prior, base_parameters, start_values
@@ -86,12 +86,12 @@ def check_bandwidth(
     else:
         bands, in_use = plain_bands(measurements, chosen, layout, observer, tried), tried.index(1.0)
     start = start_values(measurements, bands[in_use].equation)
-    prior, bounds = start.prior, loosened(start, layout)
+    prior, bounds = start.prior, search_bounds(start, layout)
     common_spans = spans(bands)
     when = [seconds(band, common_spans) for band in bands]
     fit = fit_refined if observer is None else fit_plain
     begin = fit(bands[in_use], prior, bounds, unfitted(layout, x), when[in_use], False)
-    fitted: list[Fitted] = []
+    fitted: list[BandwidthFit] = []
     for band, used in zip(bands, when, strict=True):
         check()
         if observer is None and FlatZeroPhase.ratio * band.bandwidth <= bands[in_use].bandwidth:
@@ -133,7 +133,7 @@ def check_bandwidth(
 def _curves(
     measurements: MeasurementSet,
     layout: Layout,
-    fitted: list[Fitted],
+    fitted: list[BandwidthFit],
     in_use: int,
     prior: Prior,
     wider: bool,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexviz.diagnosis.acceptance import excess, removed
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.judging import excess, removed
 
 WEIGHTS = (1.294, 0.598, 0.0, 0.546, -2.372)  # of one and of the features
 MOST_SURE = 0.99  # of the findings that are stated highest the study shows no more to be right

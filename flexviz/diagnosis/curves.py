@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flexviz.diagnosis.crossval import Explained, Folds, judged
+from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
 from flexviz.diagnosis.records import DIRECTED
-from flexviz.diagnosis.residuals import SLOW, Samples
+from flexviz.diagnosis.residuals import SLOW, SlowResidual
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ STIFFNESSES = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
 SMOOTH, SMALL = 0.03, 0.5  # what the law is held by, in samples: neighbouring knots alike, no knot large
 
 
-class Shape(Protocol):
+class CurveBasis(Protocol):
     """Functions of one variable, which may jump with the direction of motion."""
 
     @property
@@ -45,7 +45,7 @@ class Shape(Protocol):
 
 
 @dataclass(frozen=True)
-class Law:
+class PiecewiseLinear:
     """Hat functions of one variable, once for each direction of motion where there are two.
 
     Attributes:
@@ -89,17 +89,17 @@ def in_directions(one: Array, velocity: Array, sides: int) -> Array:
     return out
 
 
-def make_law(values: Array, name: str) -> Law:
+def piecewise_linear(values: Array, name: str) -> PiecewiseLinear:
     """Knots half way between equally spaced and equally filled, for values of shape (N,)."""
     sides = 2 if name in (DIRECTED, "velocity") else 1
     count = int(np.clip(len(values) // (SAMPLES_PER_KNOT * sides), 4, KNOTS))
     share = np.linspace(0, 1, count)
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     knots = 0.5 * (np.quantile(values, share) + low + share * (high - low)) if len(values) else share
-    return Law(knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), count), sides)
+    return PiecewiseLinear(knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), count), sides)
 
 
-def columns(data: Samples, joint: int, values: Array, law: Shape) -> tuple[Array, Array]:
+def columns(data: SlowResidual, joint: int, values: Array, law: CurveBasis) -> tuple[Array, Array]:
     """The law's columns u and ü, low-passed like the residual; shape (N, size) each, zero where not shown.
 
     The variable's values have shape (N,).
@@ -119,11 +119,11 @@ def columns(data: Samples, joint: int, values: Array, law: Shape) -> tuple[Array
     return out[0], out[1]
 
 
-def explained_by_law(data: Samples, folds: Folds, joint: int, name: str) -> Explained:
+def explained_by_law(data: SlowResidual, folds: Folds, joint: int, name: str) -> ExplainedShare:
     """Share of a joint's residual that a torque following one of its variables explains, out of sample."""
     residual = data.residual[:, joint]
     values = data.variable("position" if name == DIRECTED else name, joint)
-    law = make_law(values[data.shown], name)
+    law = piecewise_linear(values[data.shown], name)
     u, curved = columns(data, joint, values, law)
     held = SMOOTH * folds.gap * law.penalty() + SMALL * np.eye(law.size)
     prediction = np.zeros(len(residual))
@@ -140,4 +140,4 @@ def explained_by_law(data: Samples, folds: Folds, joint: int, name: str) -> Expl
         assert found is not None
         test = folds.fold == k
         prediction[test] = (u[test] + found[0] * curved[test]) @ found[1]
-    return judged(prediction, residual, folds)
+    return explained_by_prediction(prediction, residual, folds)

@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.diagnosis.acceptance import BEYOND, excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.errors import ErrorBand, Errors
-from flexviz.diagnosis.explaining import explain, fit_covariance
+from flexviz.diagnosis.evidence import explain, fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
-from flexviz.diagnosis.judging import BEYOND, excess, verdict
 from flexviz.diagnosis.model_error import STEPS, ModelErrorSearch
 from flexviz.diagnosis.notes import notes
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
+from flexviz.diagnosis.residual_location import where_it_fails
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
-from flexviz.diagnosis.where import where_it_fails
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
@@ -93,7 +93,7 @@ class _Diagnosing:
         self.layout = layout_of(measurements)
         self.context = FitContext(measurements, self.layout)
         self.search = Search(self.context, self.say)
-        self.band = ErrorBand(measurements)
+        self.band = PredictionErrorBand(measurements)
         self.share, self.stopped = 0.0, False
         self.chain: list[SearchStep] = []
         self.tolerance: Array | None = None  # of a model error, where there was one
@@ -115,7 +115,7 @@ class _Diagnosing:
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         began = time.perf_counter()
         base = self.fitted()
-        final, self.reference = base, self.context.bare(base)
+        final, self.reference = base, self.context.without_effects(base)
         try:
             base, final = self.rounds(base, apply)
             if verdict(final, self.reference) == "unknown":
@@ -152,7 +152,7 @@ class _Diagnosing:
                     last = self.chain[-1]
                     self.chain[-1] = replace(last, chosen=replace(last.chosen, fit=again))
                 else:
-                    base, self.reference = again, self.context.bare(again)
+                    base, self.reference = again, self.context.without_effects(again)
                 continue
             link = SearchStep(fit, best, objectives(tried), scores.shortened())
             self.chain.append(link)
@@ -237,7 +237,7 @@ class _Diagnosing:
             self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
             for k, (finding, fit, error) in enumerate(zip(added, fits, errors, strict=False))
         ]
-        prior, _ = self.context.assumptions(final.layout)
+        prior, _ = self.context.prior_and_bounds(final.layout)
         estimates = parameter_estimates(
             final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
         )
@@ -278,7 +278,7 @@ class _Diagnosing:
         fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
         return fit, closer.covariance, closer.prior_share
 
-    def step(self, added: Finding | None, fit: Fit, errors: Errors, verdict_now: str) -> Step:
+    def step(self, added: Finding | None, fit: Fit, errors: PredictionErrors, verdict_now: str) -> Step:
         return Step(
             added,
             errors.rms,

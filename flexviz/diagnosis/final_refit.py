@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.explaining import fit_covariance
-from flexviz.diagnosis.fit_context import JUDGING, Fit, FitContext
+from flexviz.diagnosis.evidence import fit_covariance
+from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
 # chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
 # of more joints, what can be paid for gains a fortieth (Panda, UR5) for half a minute
-SHARP = replace(JUDGING, hertz=16.0, orders={1: 40, 2: 40, 3: 32}, ridge=1e-8)
+FINAL_WEIGHTING = replace(SEARCH_WEIGHTING, hertz=16.0, orders={1: 40, 2: 40, 3: 32}, ridge=1e-8)
 ITERATIONS = 8
 WORSE = 1.5  # times the mean square of the whitened residual, from which on traces weigh too much
 
@@ -50,9 +50,9 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
         fit: a model that explains everything.
         check: called before each step; may raise to stop.
     """
-    if fit.layout.n not in SHARP.orders:
+    if fit.layout.n not in FINAL_WEIGHTING.orders:
         return None
-    context = FitContext(measurements, fit.layout, SHARP)
+    context = FitContext(measurements, fit.layout, FINAL_WEIGHTING)
     closer = context.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
     if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
         return None

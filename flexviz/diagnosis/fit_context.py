@@ -43,7 +43,7 @@ EFFECT_MOVED = 0.1  # relative change of an effect after which its reversals are
 
 
 @dataclass(frozen=True)
-class Weighing:
+class WeightingSettings:
     """How closely the weighting follows the noise's spectrum: closer is nearer to the most that the data say,
     but a trace of a law that is only nearly right weighs more, too.
 
@@ -69,7 +69,7 @@ class Weighing:
         return two_band
 
 
-JUDGING = Weighing(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)  # enough to tell models apart
+SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,9 @@ class Fit:
 class FitContext:
     """The data of one diagnosis, shared by every model that is tried."""
 
-    def __init__(self, measurements: MeasurementSet, layout: Layout, weighing: Weighing = JUDGING) -> None:
+    def __init__(
+        self, measurements: MeasurementSet, layout: Layout, weighing: WeightingSettings = SEARCH_WEIGHTING
+    ) -> None:
         self.measurements = measurements
         fit = [g for g in measurements.groups if not g.validation]
         held_out = [g for g in measurements.groups if g.validation]
@@ -130,7 +132,7 @@ class FitContext:
             other.validation.tolerance = tolerance
         return other
 
-    def assumptions(self, layout: Layout) -> tuple[Prior, Bounds]:
+    def prior_and_bounds(self, layout: Layout) -> tuple[Prior, Bounds]:
         """Prior and bounds of a layout.
 
         A joint that hardly deflects, such as a light wrist, says nothing of its stiffness, and a soft joint
@@ -142,7 +144,7 @@ class FitContext:
             spread = prior.spread.copy()
             spread[layout.compliance] = STIFFNESS_KNOWN * start.x[layout.compliance]
             prior = replace(prior, spread=spread)
-        return prior, loosened(start, layout)
+        return prior, search_bounds(start, layout)
 
     def fit(
         self,
@@ -193,13 +195,13 @@ class FitContext:
             (noise_at, noise_there),
         )  # fmt: skip
 
-    def bare(self, fit: Fit) -> Fit:
+    def without_effects(self, fit: Fit) -> Fit:
         """The same values without the effects: what these take is what their laws may leave traces of."""
         if not fit.layout.effects:
             return fit
         return self.fit(Layout(fit.layout.joints), fit.x[: fit.layout.effect_start], iterations=0, near=fit)
 
-    def roughly(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
+    def plain_fit(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
         """A plain fit of a layout: weighted by its own residual, it finds its way from far off.
 
         Args:
@@ -217,7 +219,7 @@ class FitContext:
         start = other_effects(bare_start, layout, signals)
         begin = start.x.copy()
         begin[layout.effect_start :] = x[layout.effect_start :]
-        _, bounds = self.assumptions(layout)
+        _, bounds = self.prior_and_bounds(layout)
         solution = gauss_newton(
             equation, start.prior, bounds, bounds.clip(begin), reweightings=2, max_iterations=14,
             report=lambda *_: check(),
@@ -230,7 +232,7 @@ class FitContext:
         return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.narrow.link)
 
 
-def loosened(start: Start, layout: Layout) -> Bounds:
+def search_bounds(start: Start, layout: Layout) -> Bounds:
     """The diagnosis' own bounds of a layout."""
     lower, upper = start.bounds.lower.copy(), start.bounds.upper.copy()
     # viscous friction may be negative while something is still missing
@@ -261,7 +263,7 @@ class _Descent:
     ) -> None:
         self.layout, self.check = layout, check
         self.two_band = context.two_band.with_layout(layout)
-        self.prior, self.bounds = context.assumptions(layout)
+        self.prior, self.bounds = context.prior_and_bounds(layout)
         self.whitened = _Whitened(layout, near)
 
     def run(

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from flexviz._scipy import fft
-from flexviz.diagnosis.crossval import Folds, judged, make_folds, remainder_spectrum
+from flexviz.diagnosis.cross_validation import Folds, explained_by_prediction, make_folds, remainder_spectrum
 from flexviz.diagnosis.curves import STIFFNESSES, columns, in_directions
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, FreeCurve
-from flexviz.diagnosis.residuals import Absorption, Samples, absorption, joint_residuals, samples
+from flexviz.diagnosis.residual_location import joint_maps
+from flexviz.diagnosis.residuals import Absorption, SlowResidual, absorption, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
-from flexviz.diagnosis.where import joint_maps
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
     ridge = RIDGE * size * np.eye(splines.size)
     weight, kappa, prediction = _chosen(*shapes, penalty * size, ridge, residual, folds)
     shown = shapes[0] + kappa * shapes[1]
-    found = judged(prediction, residual, folds)
+    found = explained_by_prediction(prediction, residual, folds)
     matrix = weight * size * penalty + ridge
     hessian = shown.T @ shown + matrix
     coefficients = np.linalg.solve(hessian, shown.T @ residual)
@@ -113,7 +113,7 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
     )
 
 
-def _variable(data: Samples, joint: int, wanted: str) -> tuple[str, int]:
+def _variable(data: SlowResidual, joint: int, wanted: str) -> tuple[str, int]:
     """The variable to draw against, and how many curves."""
     if wanted in ("velocity",):
         return wanted, 2  # what depends on speed may jump where it turns
@@ -136,7 +136,7 @@ def _splines(values: Array, sides: int) -> _Splines:
     return _Splines(knots, sides)
 
 
-def _take_off(out: Array, data: Samples, joint: int, taken: Absorption, fitted: int) -> None:
+def _take_off(out: Array, data: SlowResidual, joint: int, taken: Absorption, fitted: int) -> None:
     """Take off columns, in place, what the model's parameters would take off them."""
     own = np.concatenate([j[:, joint] for j in taken.jacobians])
     weight = taken.weight[joint] ** 2

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from flexviz.diagnosis.acceptance import NAMED
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.judging import NAMED
 from flexviz.diagnosis.search import Scores, Search
 from flexviz.effects import ChosenEffect, JointMotion
 from flexviz.effects.base import smooth_sign

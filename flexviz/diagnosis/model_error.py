@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
-from flexviz.diagnosis.judging import credible
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
@@ -78,7 +78,7 @@ class ModelErrorSearch:
         """
         check = self.search.check
         context = self.search.context.with_tolerance(self.tolerance)
-        rough = context.roughly(layout, x, check)
+        rough = context.plain_fit(layout, x, check)
         starts = [context.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
         x = min(starts, key=lambda f: f.objective).x
         fit = None

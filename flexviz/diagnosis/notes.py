@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.errors import Errors
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
 
 SPIKES = 5.0  # times the noise: an rms that needs a word where nothing is missing
@@ -15,7 +15,7 @@ SPIKES = 5.0  # times the noise: an rms that needs a word where nothing is missi
 def notes(
     final: Fit,
     verdict: str,
-    errors: Errors,
+    errors: PredictionErrors,
     tolerance: NDArray[np.float64] | None,
     curve: FreeCurve | None,
     watch: BandwidthCheck | None,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.crossval import Ints
+from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import Chain, pulses
 from flexviz.estimation import (
@@ -204,7 +204,7 @@ def noise_density(
 
 
 @dataclass(frozen=True)
-class Samples:
+class SlowResidual:
     """The slow residual of all groups of a context, with what it is held against.
 
     Attributes:
@@ -240,7 +240,9 @@ class Samples:
         return self.theta[("position", "velocity", "acceleration").index(name), :, joint]
 
 
-def samples(context: FitContext, fit: Fit, parts: list[JointResiduals], group: str | None = None) -> Samples:
+def samples(
+    context: FitContext, fit: Fit, parts: list[JointResiduals], group: str | None = None
+) -> SlowResidual:
     """Fit and validation groups, one after the other; only one group's are shown where it is named."""
     names = tuple(g.name for g in context.measurements.groups)
     index, stretches, steps, at = [], [], [], 0
@@ -258,7 +260,7 @@ def samples(context: FitContext, fit: Fit, parts: list[JointResiduals], group: s
     shown = np.concatenate([p.shown for p in parts])
     if group is not None:
         shown = shown & (of_group == names.index(group))
-    return Samples(
+    return SlowResidual(
         fit.layout.joints, names, of_group, tuple(stretches), shown,
         np.concatenate([p.two_band.narrow.signals.time for p in parts]),
         np.concatenate(steps),
@@ -291,7 +293,7 @@ class Absorption:
 
 def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Absorption:
     """From the fit groups' slow residual."""
-    prior, bounds = context.assumptions(fit.layout)
+    prior, bounds = context.prior_and_bounds(fit.layout)
     gradient, prior_hessian = prior.gradient_and_hessian(fit.x)
     shown = parts[0].shown
     jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]

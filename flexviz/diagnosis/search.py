@@ -8,9 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
-from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.judging import (
+from flexviz.diagnosis.acceptance import (
     GAIN,
     WORTH,
     credible,
@@ -20,6 +18,8 @@ from flexviz.diagnosis.judging import (
     removed,
     structured,
 )
+from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import Projection, Scored, Weigh, best_intervals, score
 
@@ -93,7 +93,7 @@ class Search:
         layout, point = fit.layout, fit.point
         narrow = self.context.two_band.with_layout(layout).narrow
         narrow.prepare(fit.x)
-        prior, _ = self.context.assumptions(layout)
+        prior, _ = self.context.prior_and_bounds(layout)
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
         projection = Projection(point.r.ravel(), flat, hessian)
@@ -151,7 +151,7 @@ class Search:
     def afresh(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
         """One candidate, from where the data of a plain fit lead: the model may stand far off."""
         layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        x = self.context.roughly(layout, x, self.check)
+        x = self.context.plain_fit(layout, x, self.check)
         return Tried(scored, self.context.fit(layout, x, iterations=iterations, check=self.check))
 
     def attempts(self, fit: Fit, chosen: list[Scored]) -> list[Tried]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc
 
 from flexviz._scipy import fft
-from flexviz.diagnosis.crossval import carrying
+from flexviz.diagnosis.cross_validation import shortest_run
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import JointResiduals, joint_residuals
 
@@ -96,7 +96,7 @@ def spectra(context: FitContext, fit: Fit, parts: list[JointResiduals] | None = 
     )
     out = []
     for j, name in enumerate(fit.layout.joints):
-        run = carrying(density[:, j] - floor[:, j])
+        run = shortest_run(density[:, j] - floor[:, j])
         out.append(
             Spectrum(
                 joint=name,

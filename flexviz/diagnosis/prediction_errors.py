@@ -21,7 +21,7 @@ HERTZ = 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
+class PredictionErrors:
     """Residuals of one model.
 
     Attributes:
@@ -39,7 +39,7 @@ class Errors:
     residual: Array
 
 
-class ErrorBand:
+class PredictionErrorBand:
     """The signals of all groups in the band that errors are shown in."""
 
     def __init__(self, measurements: MeasurementSet) -> None:
@@ -55,7 +55,7 @@ class ErrorBand:
             for k, group in enumerate(self.signals.groups)
         }
 
-    def errors(self, fit: Fit) -> Errors:
+    def errors(self, fit: Fit) -> PredictionErrors:
         """Residuals of a model."""
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
         equation.prepare(fit.x)
@@ -66,11 +66,11 @@ class ErrorBand:
             (name, _rms(residual[rows]), held_out[name]) for name, rows in self.rows.items() if len(rows)
         )
         fitted = np.concatenate([self.rows[n] for n, _, validation in groups if not validation])
-        judged = [self.rows[n] for n, _, validation in groups if validation]
+        held = [self.rows[n] for n, _, validation in groups if validation]
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, evaluation.link, self.noise))
-        return Errors(
+        return PredictionErrors(
             _rms(residual[fitted]),
-            _rms(residual[np.concatenate(judged)]) if judged else None,
+            _rms(residual[np.concatenate(held)]) if held else None,
             groups,
             tuple(map(float, floor)),
             residual,

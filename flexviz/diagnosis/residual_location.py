@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.crossval import (
-    Explained,
+from flexviz.diagnosis.cross_validation import (
+    ExplainedShare,
     Folds,
     Ints,
-    carrying,
     explained,
     make_folds,
     mean_and_error,
+    shortest_run,
 )
 from flexviz.diagnosis.curves import explained_by_law
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, ResidualMap
-from flexviz.diagnosis.residuals import SLOW, Samples, joint_residuals, samples
+from flexviz.diagnosis.residuals import SLOW, SlowResidual, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
 from flexviz.equation import layout_of
@@ -60,7 +60,7 @@ class _Against:
     bins: int
 
 
-def joint_maps(data: Samples, joint: int) -> list[ResidualMap]:
+def joint_maps(data: SlowResidual, joint: int) -> list[ResidualMap]:
     """A joint's residual against position, velocity, … and group."""
     residual = data.residual[:, joint]
     folds = make_folds(residual, data.shown, data.stretches)
@@ -77,7 +77,7 @@ def joint_maps(data: Samples, joint: int) -> list[ResidualMap]:
     return out
 
 
-def binned(data: Samples, folds: Folds, joint: int, name: str) -> _Against:
+def binned(data: SlowResidual, folds: Folds, joint: int, name: str) -> _Against:
     """Bins of a variable."""
     bins = int(np.clip(data.shown.sum() // SAMPLES_PER_BIN, 4, BINS))
     if name == "group":
@@ -112,7 +112,7 @@ def _edges(values: Array, bins: int, at_zero: bool) -> Array:
 
 
 def _map(
-    data: Samples, joint: int, name: str, against: _Against, found: Explained, folds: Folds
+    data: SlowResidual, joint: int, name: str, against: _Against, found: ExplainedShare, folds: Folds
 ) -> ResidualMap:
     residual, shown = data.residual[:, joint], data.shown
     shape = (len(against.curves), against.bins)
@@ -121,11 +121,11 @@ def _map(
     with np.errstate(invalid="ignore"):
         centres = np.bincount(against.index[shown], against.values[shown], total) / count
     strength = np.bincount(against.index, found.product, total).reshape(shape)
-    run = carrying(strength.sum(axis=0))
+    run = shortest_run(strength.sum(axis=0))
     inside = (against.index % against.bins >= run.start) & (against.index % against.bins < run.stop) & shown
     if name == "time":  # a time means something within one group only
         best = int(np.argmax(np.maximum(strength, 0).sum(axis=1)))
-        run = carrying(strength[best])
+        run = shortest_run(strength[best])
         inside = (against.index >= best * shape[1] + run.start) & (against.index < best * shape[1] + run.stop)
         inside &= shown
     values = against.values[inside]
@@ -147,7 +147,7 @@ def _map(
     )
 
 
-def frequency_map(data: Samples, joint: int, spectrum: Spectrum) -> ResidualMap:
+def frequency_map(data: SlowResidual, joint: int, spectrum: Spectrum) -> ResidualMap:
     """A joint's spectrum as a map: the residual's and its noise floor's."""
     density = np.array([spectrum.density, spectrum.floor])
     root = np.sqrt(density)
@@ -169,7 +169,9 @@ def frequency_map(data: Samples, joint: int, spectrum: Spectrum) -> ResidualMap:
     )
 
 
-def band_share(data: Samples, joint: int, spectrum: Spectrum) -> tuple[float, float, tuple[float, float]]:
+def band_share(
+    data: SlowResidual, joint: int, spectrum: Spectrum
+) -> tuple[float, float, tuple[float, float]]:
     """Share of the strongest band beyond the motion's frequencies, its standard error, and the band [Hz].
 
     The band is chosen on one half of every stretch and judged on the other, and the other way round.

@@ -102,7 +102,7 @@ def make_folds(residual: Array, used: NDArray[np.bool_], stretches: Sequence[sli
 
 
 @dataclass(frozen=True)
-class Explained:
+class ExplainedShare:
     """What was explained out of sample.
 
     Attributes:
@@ -122,7 +122,7 @@ class Explained:
         return float(self.product[here].sum()) * whole / size if size > 0 else 0.0
 
 
-def explained(index: Ints, residual: Array, folds: Folds) -> Explained:
+def explained(index: Ints, residual: Array, folds: Folds) -> ExplainedShare:
     """Share of a residual that its mean in bins explains.
 
     Args:
@@ -137,10 +137,10 @@ def explained(index: Ints, residual: Array, folds: Folds) -> Explained:
         count = np.bincount(index[train], minlength=bins)
         mean = np.bincount(index[train], residual[train], bins) / np.maximum(count, 1)
         prediction[test] = mean[index[test]]
-    return judged(prediction, residual, folds)
+    return explained_by_prediction(prediction, residual, folds)
 
 
-def judged(prediction: Array, residual: Array, folds: Folds) -> Explained:
+def explained_by_prediction(prediction: Array, residual: Array, folds: Folds) -> ExplainedShare:
     """A prediction, each sample's from other folds, held against the residual; shape (N,) each."""
     used = folds.used
     size = max(float(np.sum(residual[used] ** 2)), 1e-300)
@@ -150,10 +150,10 @@ def judged(prediction: Array, residual: Array, folds: Folds) -> Explained:
     block = np.cumsum(np.r_[0, np.diff(folds.fold) != 0])
     sums = np.bincount(block, product)
     spread = float(np.sqrt(2 * len(sums) / max(len(sums) - 1, 1) * np.sum((sums - sums.mean()) ** 2)))
-    return Explained(float(product.sum()), spread, product)
+    return ExplainedShare(float(product.sum()), spread, product)
 
 
-def carrying(strength: Array, share: float = 0.5) -> slice:
+def shortest_run(strength: Array, share: float = 0.5) -> slice:
     """The shortest run of bins that carries `share` of what is positive in `strength`, shape (B,)."""
     total = np.concatenate(([0.0], np.cumsum(np.maximum(strength, 0.0))))
     wanted = share * total[-1]

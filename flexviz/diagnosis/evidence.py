@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.acceptance import score_of
 from flexviz.diagnosis.confidence import features, probability
-from flexviz.diagnosis.errors import ErrorBand, Errors
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.judging import score_of
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
 from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
@@ -29,7 +29,7 @@ MENTIONED = 6  # parameters
 
 def fit_covariance(context: FitContext, fit: Fit) -> tuple[Array, Array]:
     """Covariance (P, P) of a fit and the prior's share of each variance (P,)."""
-    prior, _ = context.assumptions(fit.layout)
+    prior, _ = context.prior_and_bounds(fit.layout)
     flat = fit.point.z.reshape(-1, fit.layout.size)
     rows = [b.rows for b in context.two_band.blocks]
     colour = score_covariance(fit.point.r, fit.point.z, rows)
@@ -48,7 +48,7 @@ def explain(
     objectives: Mapping[ChosenEffect, float],
     scores: Scores | None,
     final: Fit,
-    errors: tuple[ErrorBand, Errors, Errors] | None = None,
+    errors: tuple[PredictionErrorBand, PredictionErrors, PredictionErrors] | None = None,
 ) -> Finding:
     """A candidate as a finding.
 
@@ -144,7 +144,9 @@ def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
     return tuple(sorted(out, key=lambda m: -m.deviations)[:MENTIONED])
 
 
-def evidence(best: Tried, band: ErrorBand, before: Errors, after: Errors) -> Evidence:
+def evidence(
+    best: Tried, band: PredictionErrorBand, before: PredictionErrors, after: PredictionErrors
+) -> Evidence:
     """The residual of the joint that the effect changes most, before it and what it takes away."""
     change = before.residual - after.residual
     joint = best.effect.joint

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from flexviz.diagnosis.fit_context import JUDGING
+from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING
 from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, Signals, build_signals, equation_stride
 from flexviz.errors import InputError
@@ -44,7 +44,7 @@ NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
 
 
 @dataclass(frozen=True)
-class Band:
+class BandwidthData:
     """One bandwidth's data.
 
     Attributes:
@@ -69,7 +69,7 @@ class Band:
 
 
 @dataclass(frozen=True)
-class Fitted:
+class BandwidthFit:
     """Parameters at one bandwidth.
 
     Attributes:
@@ -93,18 +93,18 @@ class Fitted:
 
 def refined_bands(
     measurements: MeasurementSet, groups: list[Group], layout: Layout, factors: list[float]
-) -> list[Band]:
-    found: dict[float, Band] = {}  # coarse records hold no wide band: there some factors mean the same one
+) -> list[BandwidthData]:
+    found: dict[float, BandwidthData] = {}  # in coarse records some factors give the same wide band
     for factor in factors:
-        weighing = replace(JUDGING, hertz=JUDGING.hertz * factor, ridge=0.0)
+        weighing = replace(SEARCH_WEIGHTING, hertz=SEARCH_WEIGHTING.hertz * factor, ridge=0.0)
         two_band = weighing.two_band(measurements, groups, layout)
         signals = two_band.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
-        found.setdefault(bandwidth, Band(bandwidth, signals, two_band.narrow, two_band))
+        found.setdefault(bandwidth, BandwidthData(bandwidth, signals, two_band.narrow, two_band))
     return list(found.values())
 
 
-def without_own_error(band: Band, wider: Band, x: Array) -> Band:
+def without_own_error(band: BandwidthData, wider: BandwidthData, x: Array) -> BandwidthData:
     """The band as if its residual had been formed in the wider band and low-passed afterwards.
 
     Products of narrowly filtered signals are not the filtered products. That is an error of the narrow band;
@@ -130,7 +130,7 @@ def plain_bands(
     layout: Layout,
     observer: Observer,
     factors: list[float],
-) -> list[Band]:
+) -> list[BandwidthData]:
     made = [type(observer)(np.asarray(observer.bandwidth) * f) for f in factors]
     settling = np.array([o.settling() for o in made]).max(axis=0)
     step = min(s.step * equation_stride(s, o, 0.025) for o in made for g in groups for s in g.segments)
@@ -140,17 +140,17 @@ def plain_bands(
             measurements, groups, each, sample_step=step, exact_step=True, drop=(settling[0], settling[1])
         )
         equation = Equation(measurements.robot, signals, layout)
-        out.append(Band(float(np.max(each.bandwidth)), signals, equation, None))
+        out.append(BandwidthData(float(np.max(each.bandwidth)), signals, equation, None))
     return out
 
 
-def key_of(band: Band, index: int) -> tuple[int, float]:
+def key_of(band: BandwidthData, index: int) -> tuple[int, float]:
     """Which stretch a block is: its group and when it begins."""
     block = band.signals.blocks[index]
     return block.group, float(block.segment.time[0])
 
 
-def spans(bands: list[Band]) -> Spans:
+def spans(bands: list[BandwidthData]) -> Spans:
     """First and last instant of every stretch that all bandwidths have [s]."""
     found: dict[tuple[int, float], list[Array]] = {}
     for band in bands:
@@ -163,7 +163,7 @@ def spans(bands: list[Band]) -> Spans:
     }
 
 
-def seconds(band: Band, common: Spans) -> Ints:
+def seconds(band: BandwidthData, common: Spans) -> Ints:
     """Which second of what every bandwidth has a sample belongs to, shape (N,); −1 outside.
 
     On other samples at every bandwidth, stretches would be compared, not bandwidths.
@@ -188,7 +188,9 @@ def seconds(band: Band, common: Spans) -> Ints:
 # -- fits ---------------------------------------------------------------------------------------------
 
 
-def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
+def fit_refined(
+    band: BandwidthData, prior: Prior, bounds: Bounds, begin: BandwidthFit, seconds: Ints, last: bool
+) -> BandwidthFit:
     """Gauss–Newton on Zᵀ W r = b from where `begin` is.
 
     Unless it is the last fit, it also finds the model error that has to be allowed for where the noise cannot
@@ -241,10 +243,12 @@ def fit_refined(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds
     for block, mean in zip(blocks, shared_part(two_band, point, counted), strict=True):
         each[block.rows] -= counted[block.rows, None] * mean
     influence = _influence(each, hessian, ~at_bound, seconds)
-    return Fitted(x, *cov, at_bound, two_band.tolerance, influence)
+    return BandwidthFit(x, *cov, at_bound, two_band.tolerance, influence)
 
 
-def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: Ints, last: bool) -> Fitted:
+def fit_plain(
+    band: BandwidthData, prior: Prior, bounds: Bounds, begin: BandwidthFit, seconds: Ints, last: bool
+) -> BandwidthFit:
     """Least squares weighted by the residual's own size, from where `begin` is."""
     layout = band.equation.layout
     mask = np.broadcast_to((seconds >= 0)[:, None], band.signals.tau.shape[1:])
@@ -268,7 +272,7 @@ def fit_plain(band: Band, prior: Prior, bounds: Bounds, begin: Fitted, seconds: 
     cov = _covariance(information, score_covariance(r, z, rows), prior_hessian, free)
     each = np.einsum("tjp,tj->tp", z, r)
     influence = _influence(each, information + prior_hessian, free, seconds)
-    return Fitted(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
+    return BandwidthFit(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
 
 
 def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
@@ -285,10 +289,10 @@ def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array
     return out
 
 
-def unfitted(layout: Layout, x: Array) -> Fitted:
+def unfitted(layout: Layout, x: Array) -> BandwidthFit:
     """Where the first fit begins."""
     size = layout.size
-    return Fitted(
+    return BandwidthFit(
         x,
         np.zeros((size, size)),
         np.ones(size),
@@ -308,7 +312,7 @@ def _covariance(information: Array, colour: Array, prior: Array, free: Bools) ->
 # -- comparisons --------------------------------------------------------------------------------------
 
 
-def compared(band: Band, x: Array, other: Band, common: Spans, low: FlatZeroPhase) -> Array:
+def compared(band: BandwidthData, x: Array, other: BandwidthData, common: Spans, low: FlatZeroPhase) -> Array:
     """The residual's slow part at the other band's samples, where all bands have some, shape (N', n).
 
     Each stretch is faded in and out: cut off hard, the quick noise at its ends would leak into what is slow.
@@ -336,12 +340,12 @@ def compared(band: Band, x: Array, other: Band, common: Spans, low: FlatZeroPhas
     return np.concatenate(out)
 
 
-def difference(one: Band, other: Band) -> Transfer:
+def difference(one: BandwidthData, other: BandwidthData) -> Transfer:
     a, b = one.signals.observer, other.signals.observer
     return lambda omega, k: a.transfer(omega, k) - b.transfer(omega, k)
 
 
-def slow_noise(band: Band, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
+def slow_noise(band: BandwidthData, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation that white measurement noise leaves in the slow residual, shape (n,) [Nm]."""
     paths = noise_paths(band.equation.layout, x, band.equation.link_terms(x))
     noise = segments_noise([b.segment for b in band.signals.blocks])
