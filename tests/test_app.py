@@ -16,7 +16,7 @@ from flexviz.app.keys import COMMANDS
 from flexviz.app.work import open_set, sets_beside
 from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
-from flexviz.view.effects import COMMON
+from flexviz.view.effects import COMMON_EFFECTS
 from flexviz.view.sweep import COUNT
 from tests.app_running import running
 from tests.small_set import write_small_set
@@ -234,7 +234,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
 def test_every_effect_that_can_be_named_has_a_checkbox_and_a_hint(app: Application, folder: Path) -> None:
     app.open(open_set(folder))
     boxes = app.identify.effects.boxes
-    assert set(boxes) == set(EFFECTS) - {"external_contact"} and set(COMMON) < set(boxes)
+    assert set(boxes) == set(EFFECTS) - {"external_contact"} and set(COMMON_EFFECTS) < set(boxes)
     assert all(EFFECTS[name].title in box.hint for name, box in boxes.items())
     assert boxes["payload_error"].disabled == (not any(group.bodies for group in app.measurements.groups))
     assert "stays in" in boxes["coulomb_friction"].hint

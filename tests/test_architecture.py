@@ -30,6 +30,7 @@ LAYERS = (
     ("identification",),
     ("diagnosis",),
     ("simulation", "session", "importing"),
+    ("charts", "wording", "scene"),
     ("view",),
     ("report",),
     ("app", "recording", "exporting"),

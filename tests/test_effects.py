@@ -24,7 +24,7 @@ from flexviz.equation.reversal_nuisance import undecided
 from flexviz.simulation import building
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl
-from flexviz.view.effect_text import bounds_text, effect_json, simulated_text
+from flexviz.wording import bounds_text, effect_json, simulated_text
 
 VALUES = {
     "coulomb_friction": (3.0,),

@@ -25,7 +25,7 @@ from flexviz.session import Session, open_session, save_session
 from flexviz.simulation import replay
 from flexviz.simulation.laws import LAWS
 from flexviz.simulation.sets import simulate_preset
-from flexviz.view.effects import addable, more_effects
+from flexviz.view.effects import addable_effects, more_effects
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "examples" / "user_effects.py"
@@ -81,7 +81,7 @@ def test_example_appears_everywhere(hidden: Path) -> None:
     effects = load_effects(EXAMPLE)
     assert tuple(e.name for e in effects) == NAMES == known_names()[-2:] and loaded_files() == (EXAMPLE,)
     assert load_effects(str(EXAMPLE)) == effects and len(EFFECTS) == len(EFFECT_NAMES) + 2
-    assert set(NAMES) <= set(LAWS) and set(NAMES) <= set(addable()) <= set(EFFECTS)
+    assert set(NAMES) <= set(LAWS) and set(NAMES) <= set(addable_effects()) <= set(EFFECTS)
     assert set(NAMES) <= {name for names in more_effects().values() for name in names}
     measurements = read_set(hidden)
     tried = candidates(Layout(measurements.joints), measurements.groups)

@@ -20,8 +20,8 @@ from flexviz.recording.paths import path
 from flexviz.recording.scene import normals, quaternions
 from flexviz.recording.texts import escaped
 from flexviz.resources import sessions_dir
+from flexviz.scene import measured_motion, with_replay
 from flexviz.simulation import replay
-from flexviz.view.motion import measured_motion, with_replay
 from tests.recorded import Read, blueprint_of
 from tests.small_set import write_small_set
 

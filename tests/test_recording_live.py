@@ -24,7 +24,7 @@ from flexviz.recording.drawings import treads
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.web import free_port, rerun_program
 from flexviz.simulation.run import Run
-from flexviz.view.where_maps import COLUMNS
+from flexviz.view.where_maps import MAP_COLUMNS
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
 from tests.small_session import small_session
@@ -115,7 +115,7 @@ def test_maps_are_drawn(small: Any, tmp_path: Path) -> None:
     one = DIAGNOSIS.maps[0]
     assert (
         one.joint in texts
-        and COLUMNS[one.variable] in texts
+        and MAP_COLUMNS[one.variable] in texts
         and f"{100 * max(one.explained, 0.0):.0f} %" in texts
     )
     strips = content.component(f"/results/1/curves/{one.joint}/position/lines", "LineStrips2D:strips")

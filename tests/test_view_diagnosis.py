@@ -20,17 +20,10 @@ from flexviz.view.effect_card import card_html, picture
 from flexviz.view.evidence import evidence_plot
 from flexviz.view.next_step import next_step, steps_done
 from flexviz.view.staircase import EMPTY, staircase_html, staircase_plots
-from flexviz.view.verdict import (
-    effect_text_name,
-    finding_html,
-    heading_html,
-    share_text,
-    values_text,
-    verdict_html,
-    verdict_text,
-)
-from flexviz.view.where import instants, limits, range_html, samples, shaded, time_residual
-from flexviz.view.where_maps import COLUMNS, free_html, free_plot, map_html, map_of, map_plots
+from flexviz.view.verdict import finding_html, heading_html, verdict_html
+from flexviz.view.where import ResidualSamples, range_html, shaded, time_residual
+from flexviz.view.where_maps import MAP_COLUMNS, free_html, free_plot, map_html, map_of, map_plots
+from flexviz.wording import effect_text_name, share_text, values_text, verdict_text
 
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
@@ -154,24 +147,24 @@ def residuals(n: int = 2000) -> Any:
 
 
 def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:
-    found = samples(residuals(), 0)
+    found = ResidualSamples.of(residuals(), 0)
     plot = time_residual(found, "joint1", "g1")
     assert plot.bands == ((1, 2),) and plot.lines[1].values[0] == pytest.approx(0.196)
     assert np.abs(plot.lines[0].values).max() == 2.0 and plot.span == (0.0, 10.0)
-    assert samples(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
+    assert ResidualSamples.of(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
     assert "left g9 out" in time_residual(found, "joint1", "g9").note
 
 
 def test_a_range_marks_its_instants() -> None:
-    found = samples(residuals(), 0)
+    found = ResidualSamples.of(residuals(), 0)
     assert found is not None
-    low, high = limits(found, "position") or (0.0, 0.0)
-    assert (low, high) == pytest.approx((-1.0, 1.0), abs=0.11) and limits(found, "nothing") is None
-    time, inside = instants(found, "position", 0.5, 1.0, "g2")
+    low, high = found.limits("position") or (0.0, 0.0)
+    assert (low, high) == pytest.approx((-1.0, 1.0), abs=0.11) and found.limits("nothing") is None
+    time, inside = found.instants("position", 0.5, 1.0, "g2")
     assert np.mean(inside) == pytest.approx(np.mean(np.sin(np.linspace(0, 10, 2000)) >= 0.5), abs=0.01)
     plot = time_residual(found, "joint1", "g2")
     assert set(shaded(plot, time, inside)) == {0.0, 1.0}
-    nowhere = instants(found, "position", 0.5, 1.0, "g9")
+    nowhere = found.instants("position", 0.5, 1.0, "g9")
     assert not len(nowhere[0]) and range_html("position", 0.5, 1.0, nowhere[1]) == ""
 
 
@@ -186,11 +179,11 @@ def residual_map(joint: str, variable: str, explained: float, curves: tuple[str,
 
 
 def test_the_maps_are_the_diagnosis_own() -> None:
-    assert set(COLUMNS) == set(UNITS)
+    assert set(MAP_COLUMNS) == set(UNITS)
     maps = [residual_map("joint2", name, 0.1) for name in UNITS if name != DIRECTED]
     maps.append(residual_map("joint2", DIRECTED, 0.4, ("forward", "backward")))
     text = map_html(maps, ("joint1", "joint2"), 1)
-    assert text.count("<td style") == len(COLUMNS) and text.count("<td>–</td>") == len(COLUMNS)
+    assert text.count("<td style") == len(MAP_COLUMNS) and text.count("<td>–</td>") == len(MAP_COLUMNS)
     assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_html((), ("joint1",)) == ""
     assert map_of(maps, "joint1", "load") is None
     plots = {plot.key: plot for plot in map_plots(maps, "joint2")}

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flexviz.charts.plots import POINTS, finite, playhead, thin, time_plot
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
+from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, sample, scene_labels, with_replay
 from flexviz.view.convergence import convergence_plots, progress_text
-from flexviz.view.motion import Motion, measured_motion, nice_factor, sample, scene_labels, with_replay
-from flexviz.view.plots import POINTS, finite, playhead, thin, time_plot
 from flexviz.view.signals import signals_plots
 from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots, stretch
 from tests.small_set import write_small_set
@@ -170,7 +170,7 @@ def test_deflection_from_the_best_source(measurements: MeasurementSet) -> None:
 
 def test_motion_exaggerates_deflection_and_error() -> None:
     t = np.array([0.0, 1.0])
-    motion = Motion("g", t, np.array([[0.0], [1.0]]), np.array([[0.1], [0.1]]), "link encoders")
+    motion = RobotMotion("g", t, np.array([[0.0], [1.0]]), np.array([[0.1], [0.1]]), "link encoders")
     measured, model = motion.pose(0.5, deflection=10.0)
     assert measured == pytest.approx([-0.5]) and model == pytest.approx([0.5])
 

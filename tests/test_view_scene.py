@@ -12,14 +12,14 @@ from flexviz.app.clock import Clock
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
+from flexviz.scene.motion import measured_motion, scene_labels, with_replay
+from flexviz.scene.torque import PIECES, WIDEST, torque_arrow, torque_axes
 from flexviz.view.identifiability import NAMED, check_html
-from flexviz.view.motion import measured_motion, scene_labels, with_replay
-from flexviz.view.torque_arrows import PIECES, WIDEST, arrow, axes
 
 
 def test_an_arrow_turns_as_its_joint_does() -> None:
     robot = Robot.load("robots:planar_2r")
-    for joint, axis in enumerate(axes(robot)):
+    for joint, axis in enumerate(torque_axes(robot)):
         assert axis is not None and robot.joint_of_link(axis.link) == joint
         q = np.zeros(robot.n)
         before = robot.link_poses(q)[axis.link]
@@ -28,12 +28,12 @@ def test_an_arrow_turns_as_its_joint_does() -> None:
         assert np.allclose(
             turned @ (np.cos(0.3) * axis.across + np.sin(0.3) * axis.along), axis.across, atol=1e-6
         )
-        points = arrow(axis, 0.5, 0.2)
+        points = torque_arrow(axis, 0.5, 0.2)
         assert points.shape == (PIECES + 2, 2, 3) and np.isfinite(points).all()
         assert np.allclose(np.linalg.norm(points[:PIECES], axis=2), 0.2, atol=1e-6)
         end = points[PIECES - 1, 1] / 0.2
         assert np.arctan2(end @ axis.along, end @ axis.across) == pytest.approx(0.5 * WIDEST, abs=1e-5)
-        assert np.isfinite(arrow(axis, 0.0, 0.2)).all()
+        assert np.isfinite(torque_arrow(axis, 0.0, 0.2)).all()
 
 
 def test_the_link_side_is_compared_with_the_link_side() -> None:

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
-from flexviz.view import colours, status
-from flexviz.view.geometry import FACES, robot_shape, thinned
-from flexviz.view.stage import stage
+from flexviz.scene.layout import scene_layout
+from flexviz.scene.shape import FACES, robot_shape, thinned_mesh
+from flexviz.view import status
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
-from flexviz.view.text import escape, number, short_names, title, with_error
+from flexviz.wording import escape, number, plain_name, short_names, with_error
 from tests.small_set import write_small_set
 
 
@@ -49,9 +50,9 @@ def test_value_and_error_end_at_the_same_digit(value: float, error: Any, texts: 
 
 
 def test_titles() -> None:
-    assert title("coulomb_friction.coulomb") == "coulomb friction"
-    assert title("torque_ripple.amplitude") == "torque ripple · amplitude"
-    assert title("motor_inertia") == "motor inertia"
+    assert plain_name("coulomb_friction.coulomb") == "coulomb friction"
+    assert plain_name("torque_ripple.amplitude") == "torque ripple · amplitude"
+    assert plain_name("motor_inertia") == "motor inertia"
 
 
 @dataclass
@@ -161,12 +162,12 @@ def test_legend_has_numbers_and_colours() -> None:
     assert "0.10" in text and "0.25" in text and "g&lt;1&gt;" in text and "closed &lt;loop&gt;" in text
     low, high = status.joint_colours(np.array([0.0, 0.25]), 2)
     assert low == colours.cividis(0.0) and high == colours.cividis(1.0)
-    assert status.joint_colours(None, 2) == [colours.BODY] * 2
+    assert status.joint_colours(None, 2) == [colours.COLOURS.body] * 2
 
 
 def test_colours() -> None:
     assert colours.cividis(0.0) == (0, 34, 78) and colours.cividis(9.9) == (254, 232, 56)
-    assert colours.cividis(float("nan")) == colours.BODY
+    assert colours.cividis(float("nan")) == colours.COLOURS.body
     assert colours.shares([0.0, float("nan"), 2.0])[2] == 1.0 and colours.shares([0.0, 0.0]) == [0.0, 0.0]
     assert colours.rgb("#0072B2") == (0, 114, 178) and colours.css((0, 114, 178)) == "#0072b2"
     assert escape("<a>") == "&lt;a&gt;"
@@ -216,14 +217,14 @@ def test_a_heavy_mesh_is_thinned() -> None:
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=6)
-    light = thinned(ball)
+    light = thinned_mesh(ball)
     assert len(light.faces) <= FACES and np.allclose(light.bounds, ball.bounds, atol=0.05)
 
 
 def test_a_planar_motion_is_looked_at_squarely() -> None:
     robot = Robot.load("robots:planar_2r")
     theta = np.outer(np.sin(np.linspace(0, 6, 100)), [0.8, 0.5])
-    placed = stage(robot, robot_shape(robot), theta)
+    placed = scene_layout(robot, robot_shape(robot), theta)
     axis = np.array([0.0, 1.0, 0.0])
     assert abs(placed.towards @ axis) > 0.9 and abs(placed.right @ axis) < 0.1
     left, right = placed.offsets("Side by side")

@@ -9,7 +9,7 @@ import pytest
 
 from flexviz.effects import EFFECTS
 from flexviz.identification import SweepResult
-from flexviz.view.effects import COMMON, addable, effects_note, more_effects, why_fixed
+from flexviz.view.effects import COMMON_EFFECTS, addable_effects, effects_note, more_effects, why_fixed
 from flexviz.view.sweep import (
     COUNT,
     LEAST_SPAN,
@@ -95,8 +95,8 @@ def test_large_numbers_get_a_prefix() -> None:
 
 
 def test_every_effect_is_offered_once_except_episodes() -> None:
-    listed = [*COMMON, *(name for names in more_effects().values() for name in names)]
-    assert sorted(listed) == sorted(addable()) == sorted(set(EFFECTS) - {"external_contact"})
+    listed = [*COMMON_EFFECTS, *(name for names in more_effects().values() for name in names)]
+    assert sorted(listed) == sorted(addable_effects()) == sorted(set(EFFECTS) - {"external_contact"})
 
 
 def test_what_is_said_about_effects() -> None:

@@ -8,14 +8,7 @@ from pathlib import Path
 from benchmarks.effect_pages.pictures import caption, draw
 from flexviz.effects import EFFECTS, Effect
 from flexviz.effects.base import SIGN_VELOCITY
-from flexviz.view.effect_text import (
-    BELONGS_TO,
-    bounds_text,
-    enters_text,
-    parameter_text,
-    relation_text,
-    simulated_text,
-)
+from flexviz.wording import SCOPES, bounds_text, enters_text, parameter_text, relation_text, simulated_text
 
 FOLDER = Path(__file__).resolve().parent.parent.parent / "docs" / "effects"
 NOTE = "<!-- made from the classes in flexviz/effects by `python -m benchmarks.effect_pages --write` -->"
@@ -60,7 +53,7 @@ def page(effect: Effect) -> str:
     blocks = [
         f"# {effect.title}",
         NOTE,
-        f"`{name}` · {effect.where} · belongs to {BELONGS_TO[effect.scope]}",
+        f"`{name}` · {effect.where} · belongs to {SCOPES[effect.scope]}",
         _wrapped(effect.explanation),
         f"    {effect.equation}",
         _wrapped(f"{enters_text(effect)}. {relation_text(effect)}".strip()),

@@ -30,7 +30,7 @@ from flexviz.app.work import WARM, Opened
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import Job, JobEvent, Worker, load_modules
 from flexviz.session import Analysis, Session
-from flexviz.view.status import error_text
+from flexviz.view import error_text
 
 TICK = 0.1  # [s] playheads, the time slider and live plots follow this often
 NOT_CONTROLS = ("job", "command", "client", "resized", "gone", "upload", "recording")

@@ -6,11 +6,10 @@ from typing import Any
 
 import viser
 
-from flexviz.view.colours import PLAYHEAD, REFERENCE
-from flexviz.view.plots import LEVELS, Plot
-from flexviz.view.text import escape
+from flexviz.charts import COLOURS, LEVELS, Plot
+from flexviz.wording import escape
 
-SHADE = f"{PLAYHEAD}40"
+SHADE = f"{COLOURS.playhead}40"
 
 
 class Chart:
@@ -119,11 +118,23 @@ def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
         )
     if plot.mark is not None:
         series.append(
-            {"label": "least", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
+            {
+                "label": "least",
+                "stroke": COLOURS.playhead,
+                "width": 1.5,
+                "scale": "now",
+                "points": {"show": False},
+            }
         )
     if plot.playhead is not None:
         series.append(
-            {"label": "now", "stroke": PLAYHEAD, "width": 1.5, "scale": "now", "points": {"show": False}}
+            {
+                "label": "now",
+                "stroke": COLOURS.playhead,
+                "width": 1.5,
+                "scale": "now",
+                "points": {"show": False},
+            }
         )
     return tuple(series)
 
@@ -154,5 +165,5 @@ def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
 
 
 def _bands(plot: Plot) -> tuple[dict[str, Any], ...] | None:
-    fill = f"{REFERENCE}40"
+    fill = f"{COLOURS.reference}40"
     return tuple({"series": [high + 1, low + 1], "fill": fill} for high, low in plot.bands) or None

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.style import CSS, next_button, next_option, no_label, pressed, style
-from flexviz.view.next_step import next_step, steps_done
-from flexviz.view.status import STEPS, status_html, step_line_html
+from flexviz.view import STEPS, next_step, status_html, step_line_html, steps_done
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from flexviz.app.controls import command
-from flexviz.view.status import STEPS
+from flexviz.view import STEPS
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from flexviz.app.clock import Clock
 from flexviz.app.scene import Scene
-from flexviz.view.motion import Motion
+from flexviz.scene import RobotMotion
 
 RATE = 30.0  # [1/s]
 
@@ -18,7 +18,7 @@ RATE = 30.0  # [1/s]
 class Showing:
     """What is drawn and by how much it is exaggerated; replaced as a whole."""
 
-    motion: Motion
+    motion: RobotMotion
     deflection: float
     error: float
     link_side: bool = False

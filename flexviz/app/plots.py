@@ -6,10 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.where_tab import WhereTab
-from flexviz.view.convergence import convergence_plots
-from flexviz.view.signals import signals_plots
-from flexviz.view.staircase import staircase_html, staircase_plots
-from flexviz.view.states import observer_for, states_plots
+from flexviz.view import (
+    convergence_plots,
+    observer_for,
+    signals_plots,
+    staircase_html,
+    staircase_plots,
+    states_plots,
+)
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

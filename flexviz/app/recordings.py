@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from flexviz.app.gate import is_loopback
 from flexviz.app.workspace import new_recording
 from flexviz.errors import FlexvizError, InputError, one_line
-from flexviz.view.verdict import effect_text_name
+from flexviz.wording import effect_text_name
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -10,11 +10,9 @@ import numpy as np
 import viser
 import viser.transforms as tf
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.robot import PayloadBody, Robot
-from flexviz.view.colours import BODY, MEASURED, MODEL, PLAYHEAD, TORQUE, rgb
-from flexviz.view.geometry import Shape
-from flexviz.view.stage import FIELD_OF_VIEW, Stage
-from flexviz.view.torque_arrows import RADIUS, arrow, axes
+from flexviz.scene import ARROW_RADIUS, FIELD_OF_VIEW, RobotShape, SceneLayout, torque_arrow, torque_axes
 
 GHOST_OPACITY = 0.45
 LOOKED_AROUND = 0.02  # of the stage: a camera moved by less was not moved by a person
@@ -27,8 +25,8 @@ class RobotNodes:
     """One robot in the scene: a mesh for each body under `/<name>`."""
 
     def __init__(
-        self, server: viser.ViserServer, name: str, robot: Robot, shape: Shape, colour: tuple[int, int, int],
-        opacity: float | None, on_click: Callable[[int], None],
+        self, server: viser.ViserServer, name: str, robot: Robot, shape: RobotShape,
+        colour: tuple[int, int, int], opacity: float | None, on_click: Callable[[int], None],
     ) -> None:  # fmt: skip
         self.name = name
         self._server = server
@@ -46,7 +44,7 @@ class RobotNodes:
             if body.joint is not None:
                 _on_click(mesh, body.joint, on_click)
             self._bodies.append(mesh)
-        self._axes = axes(robot)
+        self._axes = torque_axes(robot)
         self._arrows: list[Any] = []
         self._trail: Any = None
         self._marked: Any = None
@@ -66,7 +64,7 @@ class RobotNodes:
     def colour(self, colours: Sequence[tuple[int, int, int]]) -> None:
         """Give each joint's body its colour; the base stays grey."""
         for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
-            handle.color = BODY if body.joint is None else colours[body.joint]
+            handle.color = COLOURS.body if body.joint is None else colours[body.joint]
 
     def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
         """Show the payload's bodies as balls of their mass (density of stone)."""
@@ -99,15 +97,15 @@ class RobotNodes:
         there = [
             (axis, float(share)) for axis, share in zip(self._axes, shares, strict=True) if axis is not None
         ]
-        radius = RADIUS * self._shape.reach
+        radius = ARROW_RADIUS * self._shape.reach
         for index, (axis, share) in enumerate(there):
-            points = arrow(axis, share, radius)
+            points = torque_arrow(axis, share, radius)
             if index == len(self._arrows):
                 self._arrows.append(
                     self._server.scene.add_line_segments(
                         f"/{self.name}/torque{index}",
                         points,
-                        colors=rgb(TORQUE),
+                        colors=rgb(COLOURS.torque),
                         thickness=3.0,
                         thickness_units="screen",
                     )
@@ -130,7 +128,11 @@ class RobotNodes:
             self._marked = None
         if pieces is not None and len(pieces):
             self._marked = self._server.scene.add_line_segments(
-                f"/{self.name}/marked", pieces, colors=rgb(PLAYHEAD), thickness=5.0, thickness_units="screen"
+                f"/{self.name}/marked",
+                pieces,
+                colors=rgb(COLOURS.playhead),
+                thickness=5.0,
+                thickness_units="screen",
             )
 
     def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
@@ -167,7 +169,7 @@ class Scene:
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(cast_shadow=False)
 
-    def build(self, robot: Robot, shape: Shape, stage: Stage, layout: str) -> None:
+    def build(self, robot: Robot, shape: RobotShape, stage: SceneLayout, layout: str) -> None:
         """Put a new set's robot on the stage, twice."""
         self.clear()
         self._stage = stage
@@ -176,9 +178,9 @@ class Scene:
             "/floor", width=size, height=size, cell_size=size / 24, section_size=size / 6,
             position=(stage.centre[0], stage.centre[1], stage.floor), plane="xy",
         )  # fmt: skip
-        self.measured = RobotNodes(self._server, "measured", robot, shape, BODY, None, self._on_click)
+        self.measured = RobotNodes(self._server, "measured", robot, shape, COLOURS.body, None, self._on_click)
         self.identified = RobotNodes(
-            self._server, "identified", robot, shape, rgb(MODEL), GHOST_OPACITY, self._on_click
+            self._server, "identified", robot, shape, rgb(COLOURS.model), GHOST_OPACITY, self._on_click
         )
         self.place(layout)
 
@@ -303,4 +305,4 @@ def _on_click(mesh: Any, joint: int, on_click: Callable[[int], None]) -> None:
         on_click(joint)
 
 
-__all__ = ["MEASURED", "RobotNodes", "Scene"]
+__all__ = ["RobotNodes", "Scene"]

@@ -12,11 +12,10 @@ from flexviz.app.playback import Playback, Showing
 from flexviz.app.plots import PlotPanel
 from flexviz.app.scene import Scene
 from flexviz.app.work import Opened, map_set, replay_group
+from flexviz.charts import COLOURS, rgb
 from flexviz.jobs import Job, JobEvent
-from flexviz.view.colours import BODY, MEASURED, MODEL, rgb
-from flexviz.view.motion import measured_motion, nice_factor, scene_labels, with_replay
-from flexviz.view.stage import stage
-from flexviz.view.status import joint_colours, joint_rms
+from flexviz.scene import measured_motion, nice_factor, scene_labels, scene_layout, with_replay
+from flexviz.view import joint_colours, joint_rms
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -64,7 +63,7 @@ class Show:
         self._app.view.suggest_deflection(nice_factor(self.motion), anew=True)
         self.playback.show(None)
         with self.playback.hold():
-            placed = stage(measurements.robot, opened.shape, self.motion.theta)
+            placed = scene_layout(measurements.robot, opened.shape, self.motion.theta)
             self.scene.build(measurements.robot, opened.shape, placed, self._app.view.layout)
 
     def select(self, joint: int | None = None, group: str | None = None) -> None:
@@ -96,7 +95,10 @@ class Show:
         """Draw the present group from its beginning."""
         start, end = self.group.segments[0].time[0], self.group.segments[-1].time[-1]
         self._app.view.span(float(start), float(end))
-        for nodes, colour in ((self.scene.measured, BODY), (self.scene.identified, rgb(MODEL))):
+        for nodes, colour in (
+            (self.scene.measured, COLOURS.body),
+            (self.scene.identified, rgb(COLOURS.model)),
+        ):
             if nodes is not None:
                 nodes.carry(self.group.bodies, colour)
         self.show_model()
@@ -192,8 +194,8 @@ class Show:
         every = self.motion.time[:: max(len(self.motion.time) // TRAIL, 1)]
         drawn = [self.motion.pose(float(t), deflection, error, link_side) for t in every]
         for nodes, index, colour in (
-            (self.scene.measured, 0, MEASURED),
-            (self.scene.identified, 1, MODEL),
+            (self.scene.measured, 0, COLOURS.measured),
+            (self.scene.identified, 1, COLOURS.model),
         ):
             if nodes is not None:
                 nodes.trail([pair[index] for pair in drawn], rgb(colour))

@@ -9,18 +9,19 @@ import numpy as np
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.controls import watch
-from flexviz.view.where import (
+from flexviz.view import (
     VARIABLES,
-    Samples,
+    ResidualSamples,
+    free_html,
+    free_plot,
     groups_html,
-    instants,
-    limits,
+    map_html,
+    map_of,
+    map_plots,
     range_html,
-    samples,
     shaded,
     time_residual,
 )
-from flexviz.view.where_maps import free_html, free_plot, map_html, map_of, map_plots
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -35,7 +36,7 @@ class WhereTab:
     def __init__(self, app: Application, tab: Any) -> None:
         self._app = app
         self._of: tuple[Any, int] | None = None  # the result and the joint the samples belong to
-        self._samples: Samples | None = None
+        self._samples: ResidualSamples | None = None
         gui = app.server.gui
         with tab:
             self._map = gui.add_html("")
@@ -62,7 +63,7 @@ class WhereTab:
         app = self._app
         result, joint = app.session.analysis.identification, app.show.joint
         if self._of is None or self._of[0] is not result or self._of[1] != joint:
-            self._samples, self._of = samples(result, joint), (result, joint)
+            self._samples, self._of = ResidualSamples.of(result, joint), (result, joint)
         name = app.measurements.joints[joint]
         maps = app.show.maps
         self._map.content = map_html(maps, app.measurements.joints, joint)
@@ -90,16 +91,16 @@ class WhereTab:
     def _instants(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Times and whether each is in the chosen range; None where nothing is to be highlighted."""
         key = self._variable.value
-        if self._samples is None or limits(self._samples, key) is None:
+        if self._samples is None or self._samples.limits(key) is None:
             self._about.content = ""
             return None
         low, high = self._range.value
-        time, inside = instants(self._samples, key, low, high, self._app.show.group.name)
+        time, inside = self._samples.instants(key, low, high, self._app.show.group.name)
         self._about.content = range_html(key, low, high, inside)
         return time, inside
 
     def _chosen(self, key: str) -> None:
-        ends = limits(self._samples, key)
+        ends = None if self._samples is None else self._samples.limits(key)
         if ends is not None:
             low, high = ends
             low, high = float(f"{low:.6g}"), float(f"{high:.6g}")

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from flexviz.errors import Cancelled, InputError
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
+from flexviz.scene import RobotShape, robot_shape
 from flexviz.session import SESSION_FILE, Analysis, Session, is_session, open_session, with_roles
-from flexviz.view.geometry import Shape, robot_shape
-from flexviz.view.tables import truth_values
+from flexviz.view import truth_values
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap
@@ -28,7 +28,7 @@ class Opened:
     """A measurement set, ready to be shown."""
 
     measurements: MeasurementSet
-    shape: Shape
+    shape: RobotShape
     truth: dict[tuple[str, str | None], float] | None
     session: Session | None = None  # where a saved one was opened
     folder: Path | None = None  # where that lies

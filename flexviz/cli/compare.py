@@ -82,7 +82,7 @@ def source(one: Summary) -> str:
 def errors(found: Comparison) -> Table:
     """Held-out (else fitted) error of each joint, a column a session."""
     from flexviz.cli.tables import plain_table
-    from flexviz.view.text import number
+    from flexviz.wording import number
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
     table = plain_table("rms [Nm]", numbers=[s.name for s in found.sessions])
@@ -101,7 +101,7 @@ def errors(found: Comparison) -> Table:
 def parameters(found: Comparison, every: bool) -> Table:
     """Each parameter with its 95 % interval, a column a session, and how far first and last are apart."""
     from flexviz.cli.tables import interval, plain_table
-    from flexviz.view.tables import INERTIAL
+    from flexviz.wording import INERTIAL
 
     names = [s.name for s in found.sessions]
     table = plain_table("parameter", "joint", numbers=[*names, "difference / std"], end=["unit"])

@@ -119,7 +119,7 @@ def sentence(result: Diagnosis) -> str:
 def described(finding: Finding) -> str:
     """An effect with its place and values."""
     from flexviz.cli.tables import interval
-    from flexviz.view.text import unit_text
+    from flexviz.wording import unit_text
 
     place = finding.joint or finding.payload or "the whole robot"
     group = f" in group {finding.group}" if finding.group else ""

@@ -34,7 +34,7 @@ def effects(
     from flexviz.cli import output
     from flexviz.effects import EFFECTS
     from flexviz.errors import InputError, choose_from
-    from flexviz.view.effect_text import effect_json
+    from flexviz.wording import effect_json
 
     load_own(effects_from)
     if name is not None and name not in EFFECTS:
@@ -67,7 +67,7 @@ def list_all(console: Console, shown: Iterable[Effect]) -> None:
     from rich.table import Table
 
     from flexviz.cli.tables import WIDE
-    from flexviz.view.effect_text import parameter_text
+    from flexviz.wording import parameter_text
 
     wide = console.width >= WIDE
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
@@ -91,8 +91,8 @@ def show_one(console: Console, effect: Effect) -> None:
     """Everything about one effect, as lines of text."""
     from rich.table import Table
 
-    from flexviz.view.effect_text import (
-        BELONGS_TO,
+    from flexviz.wording import (
+        SCOPES,
         bounds_text,
         enters_text,
         parameter_text,
@@ -100,7 +100,7 @@ def show_one(console: Console, effect: Effect) -> None:
         simulated_text,
     )
 
-    belongs = f"{effect.where}; belongs to {BELONGS_TO[effect.scope]}"
+    belongs = f"{effect.where}; belongs to {SCOPES[effect.scope]}"
     rows = [
         ("", effect.explanation),
         ("where", belongs),

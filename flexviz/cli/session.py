@@ -48,7 +48,7 @@ def session(
 
 def identified(analysis: Analysis) -> str:
     """The error of the identification; without one, whether there is a model at all."""
-    from flexviz.view.status import error_text
+    from flexviz.view import error_text
 
     if analysis.identification is not None:
         return error_text(analysis.identification)

@@ -65,7 +65,7 @@ def simulate(
 def summary(done: SimulatedSet) -> list[str]:
     """What was written where, in a few lines of text."""
     from flexviz.simulation.laws import LAWS
-    from flexviz.view.text import unit_text
+    from flexviz.wording import unit_text
 
     plan = done.plan
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rich import box
 from rich.table import Table
 
-from flexviz.view.text import number, with_error
+from flexviz.wording import number, with_error
 
 if TYPE_CHECKING:
     import numpy as np

@@ -12,7 +12,7 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.exporting.xml_text import number_text
 from flexviz.robot import Robot
-from flexviz.view.geometry import geometry_mesh, thinned
+from flexviz.scene import geometry_mesh, thinned_mesh
 
 FACES = 100_000  # of one mesh; MuJoCo takes no more than 200,000
 GREY = (0.7, 0.7, 0.72, 1.0)
@@ -72,7 +72,7 @@ class Shapes:
 
     def _mesh(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
         try:
-            mesh = thinned(geometry_mesh(geometry, self._robot), FACES)
+            mesh = thinned_mesh(geometry_mesh(geometry, self._robot), FACES)
         except InputError as error:
             self.missing.append(f"mesh {geometry.mesh.filename}: {error.message}")
             return False

@@ -14,10 +14,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, Plot, cividis, rgb
 from flexviz.recording.stream import Stream
-from flexviz.view.colours import REFERENCE, cividis, rgb
-from flexviz.view.plots import Plot
-from flexviz.view.text import number
+from flexviz.wording import number
 
 Array = NDArray[np.float64]
 HEIGHT = 300.0  # of a frame
@@ -129,7 +128,7 @@ def _words(
     shown = ticks or [(value, number(value, 3)) for value in x] + [(sum(x) / 2, plot.x_label)]
     for value, text in shown:
         found.append(((value - x[0]) / (x[1] - x[0]) * width, HEIGHT + 0.7 * ROW, text, WORDS))
-    named = [line for line in plot.lines if line.colour != REFERENCE or len(plot.lines) < 3]
+    named = [line for line in plot.lines if line.colour != COLOURS.reference or len(plot.lines) < 3]
     for place, line in enumerate(named):
         x_at, y_at = width + (0.6 + place // ROWS) * COLUMN, (0.3 + place % ROWS) * ROW
         found.append((x_at, y_at, line.label, rgb(line.colour)))

@@ -9,9 +9,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.recording.paths import TIME, path
 from flexviz.recording.stream import Stream
-from flexviz.view.colours import SERIES, rgb
 
 Array = NDArray[Any]
 GAP = 2.5  # an interval longer than this many median ones is a gap: the line is broken there
@@ -87,4 +87,4 @@ def send_line(
 
 def series(number: int) -> str:
     """The colour of the number-th line."""
-    return SERIES[number % len(SERIES)]
+    return COLOURS.series[number % len(COLOURS.series)]

@@ -8,6 +8,7 @@ from typing import Any
 import rerun as rr
 import rerun.blueprint as rrb
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.recording.layout import plot
 from flexviz.recording.paths import (
     TAU_STATES,
@@ -20,7 +21,6 @@ from flexviz.recording.paths import (
     result_path,
 )
 from flexviz.recording.reading import Recording
-from flexviz.view.colours import REFERENCE, rgb
 
 SIDES = ("/A", "/B")
 
@@ -112,7 +112,7 @@ def states(sides: Sequence[tuple[str, Recording]], group: str) -> rrb.Container:
                 entity = side + observer_path(observer, group, name, joint)
                 contents.append(entity)
                 if side == SIDES[0]:
-                    style = rr.SeriesLines(colors=rgb(REFERENCE), names=f"A {joint}", widths=3.0)
+                    style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"A {joint}", widths=3.0)
                     overrides[entity] = style.visualizer()
         views.append(plot(TITLES[name], "/", contents, legend=False, overrides=overrides))
     return rrb.Grid(*views, grid_columns=4, name=f"States {group}")

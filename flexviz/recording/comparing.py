@@ -17,8 +17,8 @@ from flexviz.recording.compare_layout import compare_blueprint
 from flexviz.recording.paths import APPLICATION, result_path
 from flexviz.recording.reading import Recording
 from flexviz.recording.texts import escaped
-from flexviz.view.status import total_rms
-from flexviz.view.text import number
+from flexviz.view import total_rms
+from flexviz.wording import number
 
 SIDES = ("A", "B")
 SCALARS = "Scalars:scalars"

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
+from flexviz.charts import COLOURS
 from flexviz.recording.charts import send_charts, send_map
 from flexviz.recording.columns import send_line
 from flexviz.recording.paths import TIME, diagnosis_path, path
 from flexviz.recording.stream import Stream
 from flexviz.session import ModelStep
-from flexviz.view.colours import MODEL, RESIDUAL
-from flexviz.view.staircase import staircase_plots
-from flexviz.view.verdict import effect_text_name, finding_name
-from flexviz.view.where_maps import COLUMNS, free_plot, map_of, map_plots
+from flexviz.view import MAP_COLUMNS, free_plot, map_of, map_plots, staircase_plots
+from flexviz.wording import effect_text_name, finding_name
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
@@ -28,14 +27,14 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
     """Where a model fails: `where`/map of all joints, and `where`/curves/<joint>."""
     if not maps:
         return
-    shares = np.full((len(joints), len(COLUMNS)), np.nan)
+    shares = np.full((len(joints), len(MAP_COLUMNS)), np.nan)
     for i, joint in enumerate(joints):
-        for j, variable in enumerate(COLUMNS):
+        for j, variable in enumerate(MAP_COLUMNS):
             one = map_of(maps, joint, variable)
             if one is not None:
                 shares[i, j] = max(one.explained, 0.0)
     title = "share of each joint's residual that each variable explains, out of sample"
-    send_map(recording, f"{where}/map", title, joints, list(COLUMNS.values()), shares)
+    send_map(recording, f"{where}/map", title, joints, list(MAP_COLUMNS.values()), shares)
     for joint in joints:
         send_charts(recording, where + path("curves", joint), map_plots(maps, joint), columns=3)
 
@@ -75,8 +74,8 @@ def send_evidence(recording: Stream, number: int, rank: int, finding: Finding) -
     for group, first, last in evidence.groups:
         index = rr.TimeColumn(TIME, duration=evidence.time[first:last])
         for name, values, colour, width in (
-            ("residual", evidence.residual, RESIDUAL, 4.0),
-            ("signature", evidence.signature, MODEL, 1.5),
+            ("residual", evidence.residual, COLOURS.residual, 4.0),
+            ("signature", evidence.signature, COLOURS.model, 1.5),
         ):
             entity = diagnosis_path(number, "evidence", str(rank), group, name)
             label = f"{name} {evidence.joint}"

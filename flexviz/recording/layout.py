@@ -15,6 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.components import AbsoluteTimeRange
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.drawings import EVIDENCE
 from flexviz.recording.paths import (
@@ -35,7 +36,6 @@ from flexviz.recording.paths import (
 )
 from flexviz.recording.scene import Stage
 from flexviz.recording.texts import group_title
-from flexviz.view.colours import REFERENCE, rgb
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -197,7 +197,7 @@ def residual(group: Group, shown: Shown) -> rrb.TimeSeriesView:
         for joint in shown.first:
             before = result_path(1, "groups", group.name, "residual") + path(joint)
             contents.append(before)
-            style = rr.SeriesLines(colors=rgb(REFERENCE), names=f"{joint}, result 1", widths=1.0)
+            style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"{joint}, result 1", widths=1.0)
             overrides[before] = style.visualizer()
     name = f"Residual [Nm] {group_title(group)}, result {shown.result}"
     return plot(name, origin, contents, overrides=overrides)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
+from flexviz.charts import rgb
 from flexviz.recording.columns import send_line, series
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, result_path
 from flexviz.recording.stream import Stream
-from flexviz.view.colours import rgb
 
 if TYPE_CHECKING:
     from flexviz.progress import Iteration

@@ -29,8 +29,7 @@ from flexviz.recording.paths import (
 )
 from flexviz.recording.scene import Stage, send_robot, set_stage
 from flexviz.recording.stream import Stream
-from flexviz.view.geometry import robot_shape
-from flexviz.view.motion import Motion, measured_motion, with_replay
+from flexviz.scene import RobotMotion, measured_motion, robot_shape, with_replay
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
@@ -72,7 +71,7 @@ class Recorder:
         self.solves: list[Solve] = []
         self.diagnoses: list[Diagnosis] = []
         self._observers: dict[str, Observer] = {}
-        self._motions: dict[str, Motion] = {}
+        self._motions: dict[str, RobotMotion] = {}
         self._drawn: set[tuple[str, str]] = set()  # robots whose shape was sent: group, name
         self._groups = {group.name: group for group in measurements.groups}
 
@@ -248,7 +247,7 @@ class Recorder:
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()
 
-    def _robot(self, group: Group, name: str, motion: Motion) -> None:
+    def _robot(self, group: Group, name: str, motion: RobotMotion) -> None:
         assert self._stage is not None
         first = (group.name, name) not in self._drawn
         self._drawn.add((group.name, name))
@@ -263,7 +262,7 @@ class Recorder:
         ]
         self.stream.text(ABOUT, texts.about_text(self.measurements, done, self.diagnoses))
 
-    def _describe_group(self, group: Group, motion: Motion, reason: str = "") -> None:
+    def _describe_group(self, group: Group, motion: RobotMotion, reason: str = "") -> None:
         stride = stride_for(group.samples, self.samples)
         text = texts.group_text(self.measurements, group, motion, stride, reason)
         self.stream.text(group_path(group.name, "about"), text)

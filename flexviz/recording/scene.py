@@ -8,17 +8,16 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.paths import TIME, group_path
 from flexviz.recording.stream import Stream
 from flexviz.robot import Robot
-from flexviz.view.colours import MEASURED, MODEL, rgb
-from flexviz.view.geometry import Shape
-from flexviz.view.motion import Motion
+from flexviz.scene import RobotMotion, RobotShape
 
 Array = NDArray[np.float64]
 RADIUS_PER_KG = 0.03  # [m/kg^⅓] of the ball that shows a payload
-COLOURS = {"measured": MEASURED, "identified": MODEL}
+ROBOT_COLOURS = {"measured": COLOURS.measured, "identified": COLOURS.model}
 VIEW = np.array([0.42, -0.84, 0.34])  # from the robots towards the eye
 POSES = 20  # of each group, from which the size of the scene is taken
 
@@ -41,7 +40,7 @@ class Stage:
     eye: Array
 
 
-def set_stage(measurements: MeasurementSet, shape: Shape, both: bool = True) -> Stage:
+def set_stage(measurements: MeasurementSet, shape: RobotShape, both: bool = True) -> Stage:
     """Room for one robot, or for both side by side as the eye sees them, in all their motion."""
     robot = measurements.robot
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -68,11 +67,11 @@ def set_stage(measurements: MeasurementSet, shape: Shape, both: bool = True) -> 
 def send_robot(
     recording: Stream,
     measurements: MeasurementSet,
-    shape: Shape,
+    shape: RobotShape,
     stage: Stage,
     group: Group,
     name: str,
-    motion: Motion,
+    motion: RobotMotion,
     first: bool,
     result: int,
 ) -> None:
@@ -87,7 +86,7 @@ def send_robot(
     label = f"identified, result {result}"
     if name == "measured":
         label = "measured (simulated data)" if measurements.simulated else "measured"
-    poses, place = [robot.link_poses(row) for row in theta], list(COLOURS).index(name)
+    poses, place = [robot.link_poses(row) for row in theta], list(ROBOT_COLOURS).index(name)
     if first:
         offset = rr.Transform3D(translation=stage.offsets[place])
         recording.log(group_path(group.name, "robots", name), offset, static=True)
@@ -100,7 +99,7 @@ def send_robot(
                 translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
             )
             recording.send_columns(group_path(group.name, "robots", name, body.link), [index], columns)
-    colour = rgb(COLOURS[name])
+    colour = rgb(ROBOT_COLOURS[name])
     trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
     recording.log(group_path(group.name, "robots", name, "trail"), trail, static=True)
     above = rr.Points3D([[0.0, 0.0, stage.tops[place]]], labels=[label], radii=[0.0], colors=[colour])
@@ -108,7 +107,7 @@ def send_robot(
 
 
 def send_shapes(
-    recording: Stream, robot: Robot, shape: Shape, group: Group, name: str, pose: dict[str, Array]
+    recording: Stream, robot: Robot, shape: RobotShape, group: Group, name: str, pose: dict[str, Array]
 ) -> None:
     """What does not change: the bodies' meshes, where the base stands, the payload; `pose` is any one."""
     for body in shape.bodies:
@@ -117,7 +116,7 @@ def send_shapes(
             vertex_positions=body.vertices.astype(np.float32),
             triangle_indices=body.faces,
             vertex_normals=normals(body.vertices, body.faces),
-            albedo_factor=(*rgb(COLOURS[name]), 255),
+            albedo_factor=(*rgb(ROBOT_COLOURS[name]), 255),
         )
         recording.log(entity, mesh, static=True)
         if body.joint is None:

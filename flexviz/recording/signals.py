@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from flexviz.charts import COLOURS
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer, ObserverStates
 from flexviz.recording.columns import send_signal, stride_for
 from flexviz.recording.paths import DISTURBANCE, TAU_STATES, THETA_STATES, observer_name
 from flexviz.recording.stream import Stream
-from flexviz.view.colours import REFERENCE
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -25,7 +25,7 @@ def send_measured(recording: Stream, measurements: MeasurementSet, group: Group,
     time = np.concatenate([segment.time[::stride] for segment in group.segments])
     for name in ("theta", "tau"):
         values = np.concatenate([getattr(segment, name)[::stride] for segment in group.segments])
-        send_signal(recording, (*where, name), joints, time, values, "measured", REFERENCE)
+        send_signal(recording, (*where, name), joints, time, values, "measured", COLOURS.reference)
     stride = stride_for(len(group.time), most)
     for name in ("q", "tau_joint", "theta_ref"):
         optional = getattr(group, name)

@@ -9,10 +9,17 @@ import numpy as np
 
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
-from flexviz.view.motion import Motion
-from flexviz.view.status import total_rms
-from flexviz.view.text import number
-from flexviz.view.verdict import absorbed_text, finding_name, share_text, tie_text, values_text, verdict_text
+from flexviz.scene import RobotMotion
+from flexviz.view import total_rms
+from flexviz.wording import (
+    absorbed_text,
+    finding_name,
+    number,
+    share_text,
+    tie_text,
+    values_text,
+    verdict_text,
+)
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
@@ -137,7 +144,7 @@ def _finding_lines(finding: Finding, rank: int) -> list[str]:
 
 
 def group_text(
-    measurements: MeasurementSet, group: Group, motion: Motion, stride: int, reason: str = ""
+    measurements: MeasurementSet, group: Group, motion: RobotMotion, stride: int, reason: str = ""
 ) -> str:
     """One group: what it is, how its model was simulated (or, `reason`, why not), what was left out."""
     lines = [f"## {escaped(group_title(group))}", ""]

@@ -10,7 +10,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session
-from flexviz.view.verdict import effect_text_name
+from flexviz.wording import effect_text_name
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import count
 
+from flexviz.charts import COLOURS, css, rgb
 from flexviz.report.blocks import (
     Block,
     Callout,
@@ -26,8 +27,7 @@ from flexviz.report.blocks import (
 )
 from flexviz.report.style import CSS
 from flexviz.report.svg import svg
-from flexviz.view.colours import MEASURED, css, rgb
-from flexviz.view.text import escape
+from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 DARK = 0.9  # shade from which white ink is read better
@@ -152,7 +152,7 @@ def _cell(cell: Cell, number: bool) -> str:
 
 def shaded(share: float) -> str:
     """White for 0, the colour of measured data for 1: little ink where there is little to see."""
-    red, green, blue = (round(255 + share * (value - 255)) for value in rgb(MEASURED))
+    red, green, blue = (round(255 + share * (value - 255)) for value in rgb(COLOURS.measured))
     return css((red, green, blue))
 
 

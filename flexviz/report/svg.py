@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.report.chart import Array, Band, Chart, Curve, limits
-from flexviz.view.text import escape
+from flexviz.wording import escape
 
 WIDTH = 720
 LEFT, RIGHT, TOP, BOTTOM = 74, 12, 10, 46  # [px] around the plot, legend not counted

@@ -23,7 +23,7 @@ from flexviz.report.sections.telling_apart import telling_apart
 from flexviz.report.sections.where import where
 from flexviz.session import Session
 from flexviz.session.state import now
-from flexviz.view.text import plural
+from flexviz.wording import plural
 
 SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     summary, staircase, effects, parameters, where, telling_apart, guard, reproduce,

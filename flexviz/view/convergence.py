@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexviz.view.colours import MEASURED, MODEL, SERIES
-from flexviz.view.plots import Line, Plot, no_plot
+from flexviz.charts import COLOURS, Line, Plot, no_plot
 
 if TYPE_CHECKING:
     from flexviz.progress import Iteration
@@ -40,7 +39,7 @@ def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
             "cost",
             "Cost (weights are renewed on the way)",
             x,
-            (Line("cost", MEASURED, cost),),
+            (Line("cost", COLOURS.measured, cost),),
             x_label,
             logarithmic=True,
         ),
@@ -48,7 +47,7 @@ def convergence_plots(iterations: Sequence[Iteration]) -> tuple[Plot, ...]:
             "step",
             "Step (relative; 0.001 and less at the bottom)",
             x,
-            (Line("step", MODEL, step),),
+            (Line("step", COLOURS.model, step),),
             x_label,
             logarithmic=True,
         ),
@@ -68,7 +67,12 @@ def scaled(iterations: Sequence[Iteration], length: int) -> tuple[Line, ...]:
     shares = np.clip(np.nan_to_num(values / scale), -5.0, 5.0)
     chosen = sorted(range(len(names)), key=lambda i: (rank(names[i]), i))[:LINES]
     return tuple(
-        Line(short(names[i]), SERIES[place % len(SERIES)], shares[:, i], dashed=place >= len(SERIES))
+        Line(
+            short(names[i]),
+            COLOURS.series[place % len(COLOURS.series)],
+            shares[:, i],
+            dashed=place >= len(COLOURS.series),
+        )
         for place, i in enumerate(chosen)
     )
 
@@ -84,10 +88,10 @@ def rank(name: str) -> int:
 
 def short(name: str) -> str:
     """ "stiffness:panda_joint1" as it fits a legend: K panda_joint1."""
-    from flexviz.view.text import SHORT
+    from flexviz.wording import SYMBOLS
 
     parameter, _, joint = name.partition(":")
-    return f"{SHORT.get(parameter, parameter)} {joint}".strip()
+    return f"{SYMBOLS.get(parameter, parameter)} {joint}".strip()
 
 
 def positive(values: Sequence[float], floor: float = 1e-3) -> np.ndarray:

@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 
 from flexviz.effects import EFFECTS
 from flexviz.resources import data_dir
-from flexviz.view.effect_text import bounds_text, enters_text, parameter_text
-from flexviz.view.text import escape
+from flexviz.wording import bounds_text, enters_text, escape, parameter_text
 
 LARGEST = 60_000  # bytes of a picture
 

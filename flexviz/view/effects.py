@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from flexviz.effects import EFFECTS, Effect
 
-COMMON = ("coulomb_friction", "link_coulomb_friction", "torque_offset")
+COMMON_EFFECTS = ("coulomb_friction", "link_coulomb_friction", "torque_offset")
 """The ones always in sight."""
 
 KINDS = {
@@ -18,7 +18,7 @@ KINDS = {
 }
 
 
-def addable() -> tuple[str, ...]:
+def addable_effects() -> tuple[str, ...]:
     """Names of the effects that can be added by name: not those that happen at an instant nobody named."""
     return tuple(name for name, effect in EFFECTS.items() if effect.scope != "episode")
 
@@ -27,7 +27,7 @@ def more_effects() -> dict[str, tuple[str, ...]]:
     """Kind -> names of the effects that are not among the common ones."""
     groups: dict[str, tuple[str, ...]] = {}
     for where, kind in KINDS.items():
-        names = tuple(n for n in addable() if EFFECTS[n].where == where and n not in COMMON)
+        names = tuple(n for n in addable_effects() if EFFECTS[n].where == where and n not in COMMON_EFFECTS)
         groups[kind] = (*groups.get(kind, ()), *names)
     return {kind: names for kind, names in groups.items() if names}
 

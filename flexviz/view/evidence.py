@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexviz.view.colours import MODEL, RESIDUAL
-from flexviz.view.plots import Plot, no_plot, time_plot
+from flexviz.charts import COLOURS, Plot, no_plot, time_plot
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Finding
@@ -18,7 +17,7 @@ KEY = "evidence"
 
 def evidence_plot(finding: Finding | None, group: str, height: int = 190) -> Plot:
     """Residual and signature over time, of the shown group where the finding has it, else of its first."""
-    from flexviz.view.verdict import finding_name
+    from flexviz.wording import finding_name
 
     evidence = None if finding is None else getattr(finding, "evidence", None)
     if finding is None or evidence is None or not len(evidence.time):
@@ -36,8 +35,8 @@ def evidence_plot(finding: Finding | None, group: str, height: int = 190) -> Plo
         "Nm",
         time,
         [
-            (f"residual of {evidence.joint}", RESIDUAL, np.asarray(evidence.residual[rows])),
-            ("signature", MODEL, np.asarray(evidence.signature[rows])),
+            (f"residual of {evidence.joint}", COLOURS.residual, np.asarray(evidence.residual[rows])),
+            ("signature", COLOURS.model, np.asarray(evidence.signature[rows])),
         ],
         height=height,
     )

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from flexviz.view.tables import INERTIAL
-from flexviz.view.text import SHORT, escape, plural, title
+from flexviz.wording import INERTIAL, SYMBOLS, escape, plain_name, plural
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification, ParameterEstimate
@@ -16,7 +15,7 @@ NAMED = 8  # parameters named at most
 
 def parameter_name(p: ParameterEstimate) -> str:
     """ "K joint1"."""
-    return f"{SHORT.get(p.name, title(p.name))} {p.joint or ''}".strip()
+    return f"{SYMBOLS.get(p.name, plain_name(p.name))} {p.joint or ''}".strip()
 
 
 def listed(parameters: Sequence[ParameterEstimate]) -> str:

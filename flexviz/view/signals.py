@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, Plot, aligned, no_plot, time_plot
 from flexviz.measurements import Group
-from flexviz.view.colours import MEASURED, MODEL, RESIDUAL
-from flexviz.view.motion import Motion
-from flexviz.view.plots import Plot, aligned, no_plot, time_plot
+from flexviz.scene import RobotMotion
 from flexviz.view.where import left_out
 
 if TYPE_CHECKING:
@@ -41,14 +40,14 @@ def model_torque(
 
 
 def signals_plots(
-    group: Group, joint: int, name: str, result: Identification | None, motion: Motion | None
+    group: Group, joint: int, name: str, result: Identification | None, motion: RobotMotion | None
 ) -> tuple[Plot, ...]:
     """Torque, residual and motor-angle error of one joint."""
     time, measured = torque(group, joint)
     model = model_torque(group, joint, result)
     if model is None:
         first = time_plot(
-            "torque", f"Torque, {name}", "Nm", time, [("measured", MEASURED, measured)], height=200
+            "torque", f"Torque, {name}", "Nm", time, [("measured", COLOURS.measured, measured)], height=200
         )
         why = "Model torque and residual appear here after Run (step 3, Identify)."
         waiting = no_plot("residual", why if result is None else left_out(group.name))
@@ -56,23 +55,33 @@ def signals_plots(
     model_time, explained, residual = model
     inside = (time >= model_time[0]) & (time <= model_time[-1])
     lines = [
-        ("measured", MEASURED, measured[inside]),
-        ("model", MODEL, np.interp(time[inside], model_time, explained)),
+        ("measured", COLOURS.measured, measured[inside]),
+        ("model", COLOURS.model, np.interp(time[inside], model_time, explained)),
     ]
     plots = (
         time_plot("torque", f"Torque, {name}", "Nm", time[inside], lines, height=200),
         time_plot(
-            "residual", f"Residual, {name}", "Nm", model_time, [("residual", RESIDUAL, residual)], height=200
+            "residual",
+            f"Residual, {name}",
+            "Nm",
+            model_time,
+            [("residual", COLOURS.residual, residual)],
+            height=200,
         ),
         _error_plot(joint, name, motion),
     )
     return aligned(plots, time[0], time[-1])
 
 
-def _error_plot(joint: int, name: str, motion: Motion | None) -> Plot:
+def _error_plot(joint: int, name: str, motion: RobotMotion | None) -> Plot:
     if motion is None or motion.model_theta is None:
         return no_plot("error", "")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
     return time_plot(
-        "error", f"Simulated − measured θ, {name}", "rad", motion.time, [("error", MODEL, error)], height=200
+        "error",
+        f"Simulated − measured θ, {name}",
+        "rad",
+        motion.time,
+        [("error", COLOURS.model, error)],
+        height=200,
     )

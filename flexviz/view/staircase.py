@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, Line, Plot, no_plot
 from flexviz.session import ModelStep
-from flexviz.view.colours import REFERENCE, SERIES
-from flexviz.view.plots import Line, Plot, no_plot
 from flexviz.view.status import total_rms
-from flexviz.view.text import escape, number
-from flexviz.view.verdict import effect_text_name
+from flexviz.wording import effect_text_name, escape, number
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Step
@@ -69,7 +67,7 @@ def _plot(key: str, title: str, steps: Sequence[Step], joint: int | None) -> Plo
     lines = [
         Line(
             f"{group} (validation)" if held_out and group != HELD_OUT else group,
-            SERIES[place % (len(SERIES) - 1)],
+            COLOURS.series[place % (len(COLOURS.series) - 1)],
             stepped(np.maximum(values, FLOOR)),
             2.6 if held_out else 1.6,
             dashed=held_out,
@@ -81,7 +79,7 @@ def _plot(key: str, title: str, steps: Sequence[Step], joint: int | None) -> Plo
     if all(len(floor) for floor in floors):
         low = [total_rms(np.asarray(f)) if joint is None else float(np.asarray(f)[joint]) for f in floors]
         if np.isfinite(low).all():
-            lines.append(Line("noise floor", REFERENCE, stepped(np.maximum(low, FLOOR)), 1.6))
+            lines.append(Line("noise floor", COLOURS.reference, stepped(np.maximum(low, FLOOR)), 1.6))
     x = treads(len(steps))
     return Plot(
         key, title, x, tuple(lines), "effects added", logarithmic=True, height=230,

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.charts import COLOURS, Line, Plot, aligned, no_plot, thin
 from flexviz.measurements import Group, Segment
 from flexviz.observers import Observer, make_observer
-from flexviz.view.colours import MEASURED, MODEL
-from flexviz.view.plots import Line, Plot, aligned, no_plot, thin
-from flexviz.view.text import number
+from flexviz.wording import number
 
 Array = NDArray[np.float64]
 
@@ -61,8 +60,14 @@ def states_plots(
     time, valid, columns = estimate(segments, joint, observer, torque_hold)
     x, thinned = thin(time, [*columns, *(measured(segments, joint, name) for name in ("theta", "tau"))])
     inside, note = settled(x, time[valid])
-    theta = Line("measured", MEASURED, thinned[-2], 2.6), Line("observer", MODEL, thinned[0], 1.3)
-    tau = Line("measured", MEASURED, thinned[-1], 2.6), Line("observer", MODEL, thinned[5], 1.3)
+    theta = (
+        Line("measured", COLOURS.measured, thinned[-2], 2.6),
+        Line("observer", COLOURS.model, thinned[0], 1.3),
+    )
+    tau = (
+        Line("measured", COLOURS.measured, thinned[-1], 2.6),
+        Line("observer", COLOURS.model, thinned[5], 1.3),
+    )
     plots = [Plot(KEYS[0], ORDERS[0], x, theta, height=HEIGHT, note=f"{cut}{note}")]
     for k in range(1, 5):
         plots.append(_derivative(KEYS[k], ORDERS[k], x[inside], thinned[k][inside]))
@@ -75,7 +80,7 @@ def states_plots(
 
 
 def _derivative(key: str, title: str, x: Array, values: Array) -> Plot:
-    return Plot(key, title, x, (Line("observer", MODEL, values),), height=HEIGHT)
+    return Plot(key, title, x, (Line("observer", COLOURS.model, values),), height=HEIGHT)
 
 
 def estimate(

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flexviz.view.colours import BODY, MEASURED, MODEL, cividis, css, gradient, shares
-from flexviz.view.text import escape, number, short_names
+from flexviz.charts import COLOURS, cividis, css, gradient, shares
+from flexviz.wording import escape, number, short_names
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -63,7 +63,7 @@ def joint_rms(result: Identification | None, group: str) -> np.ndarray | None:
 def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, int]]:
     """The colour of each joint's link: cividis from 0 to the largest rms; grey before a result."""
     if rms is None:
-        return [BODY] * joints
+        return [COLOURS.body] * joints
     return [cividis(share) for share in shares([float(value) for value in rms])]
 
 
@@ -75,8 +75,8 @@ def legend_html(
     The `chosen` joint's number stands out.
     """
     robots = (
-        f'<div><span class="fv-box" style="background:{MEASURED}"></span>measured: solid, blue trail '
-        f'<span class="fv-box fv-ghost" style="background:{MODEL}"></span>identified: ghost</div>'
+        f'<div><span class="fv-box" style="background:{COLOURS.measured}"></span>measured: solid, blue trail '
+        f'<span class="fv-box fv-ghost" style="background:{COLOURS.model}"></span>identified: ghost</div>'
     )
     if note:
         robots += f'<div class="fv-dim">{escape(note)}</div>'

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.view.colours import MODEL, RESIDUAL, SERIES
-from flexviz.view.plots import Line, Plot
-from flexviz.view.text import escape, number
+from flexviz.charts import COLOURS, Line, Plot
+from flexviz.wording import escape, number
 
 if TYPE_CHECKING:
     from flexviz.identification import SweepResult
@@ -46,12 +45,14 @@ def sweep_plots(result: SweepResult, joint: int, name: str) -> tuple[Plot, ...]:
     x = result.bandwidths[rows]
     mark = np.zeros(len(x))
     mark[least + 1] = 1.0
-    lines = [Line("fit", SERIES[3], result.rms_fit[rows, joint], dashed=True, points=True)]
+    lines = [Line("fit", COLOURS.series[3], result.rms_fit[rows, joint], dashed=True, points=True)]
     if not np.isnan(result.rms_validation).any():
-        lines.append(Line("validation", RESIDUAL, result.rms_validation[rows, joint], 2.0, points=True))
+        lines.append(
+            Line("validation", COLOURS.residual, result.rms_validation[rows, joint], 2.0, points=True)
+        )
     low, high, logarithmic = axis(result.stiffness[:, joint])
     factor, prefix = scaled(math.sqrt(low * high) if logarithmic else high)
-    stiffness = Line("identified", MODEL, factor * result.stiffness[rows, joint], 2.0, points=True)
+    stiffness = Line("identified", COLOURS.model, factor * result.stiffness[rows, joint], 2.0, points=True)
     common: dict[str, Any] = {
         "x_label": X_LABEL,
         "height": HEIGHT,

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from flexviz.charts import COLOURS
 from flexviz.measurements import MeasurementSet
-from flexviz.view.colours import IDENTIFIABLE
-from flexviz.view.text import SHORT, escape, number, plural, title, with_error
+from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, number, plain_name, plural, with_error
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification, ParameterEstimate
 
-INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
-MARKS = {"yes": "●", "weak": "◐", "no": "○"}
+GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.playhead}
 
 
 def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
@@ -28,7 +27,7 @@ def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
         ("Robot", f"{escape(measurements.robot.name)}, {plural(measurements.n, 'joint')}"),
         ("Recorded", f"{plural(len(measurements.groups), 'group')}, {_minutes(measurements)}, {rate} Hz"),
         ("Controller", "known (closed-loop replay)" if measurements.kp is not None else "not given"),
-        ("Own effects", ", ".join(title(name) for name in measurements.effects) or "none"),
+        ("Own effects", ", ".join(plain_name(name) for name in measurements.effects) or "none"),
     ]
     body = "".join(f"<tr><th>{name}</th><td>{value}</td></tr>" for name, value in rows)
     warnings = [*measurements.warnings[:3]]
@@ -53,7 +52,7 @@ def parameters_html(
     parts = [
         f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth, payloads_of(result))}</table>'
     ]
-    legend = " ".join(f'<span style="color:{IDENTIFIABLE[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
+    legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
     if inertial:
         parts.append(
@@ -90,12 +89,13 @@ def _rows(
         payload, real = payloads.get(id(p)), ""
         if truth is not None:
             real = f'<td class="fv-truth">{number(truth.get((p.name, payload or p.joint)))}</td>'
-        label = SHORT.get(p.name, title(p.name)) + (f", {payload}" if payload else "")
-        colour = IDENTIFIABLE.get(p.identifiable, "#999999")
+        label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {payload}" if payload else "")
+        colour = GRADE_COLOURS.get(p.identifiable, "#999999")
         mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
         flag = " ⚑" if getattr(p, "at_bound", False) else ""
         rows.append(
-            f'<tr title="{escape(title(p.name))}"><td>{escape(label)}{flag}</td><td>{number(p.start, 3)}</td>'
+            f'<tr title="{escape(plain_name(p.name))}"><td>{escape(label)}{flag}</td>'
+            f"<td>{number(p.start, 3)}</td>"
             f"<td><b>{value}</b></td><td>{error}</td>{real}<td>{escape(p.unit)}</td>"
             f"<td>{mark} {escape(p.identifiable)}</td></tr>"
         )
@@ -138,7 +138,8 @@ def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
     if not hidden:
         return '<div class="fv fv-truth">Truth: no effect was hidden.</div>'
     listed = "; ".join(
-        f"{title(name)}{f' of {place}' if place else ''} {number(value)}" for name, place, value in hidden
+        f"{plain_name(name)}{f' of {place}' if place else ''} {number(value)}"
+        for name, place, value in hidden
     )
     return f'<div class="fv fv-truth">Truth: hidden were {escape(listed)}.</div>'
 

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.view.colours import REFERENCE, RESIDUAL
-from flexviz.view.plots import Line, Plot, aligned, no_plot, thin
-from flexviz.view.text import escape, number
+from flexviz.charts import COLOURS, Line, Plot, aligned, no_plot, thin
 from flexviz.view.where_maps import HEIGHT, NORMAL
+from flexviz.wording import escape, number
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -38,16 +37,15 @@ SHOWN_GROUPS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Samples:
-    """The residual of one joint with what it may depend on, over some groups.
+class ResidualSamples:
+    """The residual of one joint with the variables it may depend on, over all groups of a result.
 
-    Attributes
-    ----------
-    names: the groups.
-    group: (N,) index of the group each sample belongs to.
-    variables: name -> (N,): position [rad], velocity [rad/s], acceleration [rad/s²], load [Nm], time [s].
-    residual: (N,) [Nm].
-    floor: what measurement noise alone leaves, rms [Nm]; NaN where that is not known.
+    Attributes:
+        names: the groups.
+        group: (N,) index of the group each sample belongs to.
+        variables: name -> (N,): position [rad], velocity [rad/s], acceleration [rad/s²], load [Nm], time [s].
+        residual: (N,) [Nm].
+        floor: rms that measurement noise alone leaves [Nm]; NaN if unknown.
     """
 
     names: tuple[str, ...]
@@ -56,50 +54,71 @@ class Samples:
     residual: Array
     floor: float
 
+    @classmethod
+    def of(cls, result: Identification | None, joint: int) -> ResidualSamples | None:
+        """The samples of one joint; None where the result has no residuals."""
+        if result is None:
+            return None
+        names: list[str] = []
+        rows: list[tuple[Array, ...]] = []
+        group: list[Array] = []
+        for name, series in result.residuals.items():
+            if len(series.time) < 5:
+                continue
+            time, q = np.asarray(series.time), np.asarray(series.q[:, joint])
+            velocity = np.gradient(q, time)
+            steps = np.diff(time, prepend=2 * time[0] - time[1])
+            near_gap = steps > 2.5 * np.median(steps)
+            near_gap |= np.roll(near_gap, -1) | np.roll(near_gap, 1)
+            acceleration, load = np.gradient(velocity, time), series.torque[:, joint]
+            columns = (q, velocity, acceleration, load, time, series.residual[:, joint])
+            rows.append(tuple(np.asarray(column)[~near_gap] for column in columns))
+            group.append(np.full(np.count_nonzero(~near_gap), len(names)))
+            names.append(name)
+        if not rows:
+            return None
+        columns = [np.concatenate(pieces) for pieces in zip(*rows, strict=True)]
+        floors = np.asarray(result.residual.noise_floor, dtype=float)
+        floor = float(floors[joint]) if joint < len(floors) else float("nan")
+        variables = dict(zip(VARIABLES, columns[:-1], strict=True))
+        return cls(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
 
-def samples(result: Identification | None, joint: int) -> Samples | None:
-    """The samples of one joint from an identification's residuals; None where there are none."""
-    if result is None:
-        return None
-    names: list[str] = []
-    rows: list[tuple[Array, ...]] = []
-    group: list[Array] = []
-    for name, series in result.residuals.items():
-        if len(series.time) < 5:
-            continue
-        time, q = np.asarray(series.time), np.asarray(series.q[:, joint])
-        velocity = np.gradient(q, time)
-        steps = np.diff(time, prepend=2 * time[0] - time[1])
-        near_gap = steps > 2.5 * np.median(steps)
-        near_gap |= np.roll(near_gap, -1) | np.roll(near_gap, 1)
-        acceleration, load = np.gradient(velocity, time), series.torque[:, joint]
-        columns = (q, velocity, acceleration, load, time, series.residual[:, joint])
-        rows.append(tuple(np.asarray(column)[~near_gap] for column in columns))
-        group.append(np.full(np.count_nonzero(~near_gap), len(names)))
-        names.append(name)
-    if not rows:
-        return None
-    columns = [np.concatenate(pieces) for pieces in zip(*rows, strict=True)]
-    floors = np.asarray(result.residual.noise_floor, dtype=float)
-    floor = float(floors[joint]) if joint < len(floors) else float("nan")
-    variables = dict(zip(VARIABLES, columns[:-1], strict=True))
-    return Samples(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
+    def rows(self, group: str) -> NDArray[np.bool_]:
+        """(N,) which samples belong to a group."""
+        return self.group == (self.names.index(group) if group in self.names else -1)
+
+    def limits(self, variable: str) -> tuple[float, float] | None:
+        """Smallest and largest value of a variable, rounded outwards for the range slider."""
+        if variable not in self.variables:
+            return None
+        values = self.variables[variable]
+        low, high = float(values.min()), float(values.max())
+        if not high > low:
+            return None
+        digit = 10.0 ** (np.floor(np.log10(high - low)) - 1)
+        return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
+
+    def instants(self, variable: str, low: float, high: float, group: str) -> tuple[Array, NDArray[np.bool_]]:
+        """Times (M,) [s] in a group, and whether the variable is in the range there."""
+        rows = self.rows(group)
+        values = self.variables[variable][rows]
+        return self.variables["time"][rows], (values >= low) & (values <= high)
 
 
-def time_residual(found: Samples | None, name: str, shown: str) -> Plot:
+def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Plot:
     """One joint's residual over time in the shown group, with the band that noise fills."""
     if found is None:
         return no_plot("time", EMPTY)
-    rows = _rows(found, shown)
+    rows = found.rows(shown)
     time, residual = found.variables["time"][rows], found.residual[rows]
     if len(time) < 2:
         return no_plot("time", left_out(shown))
     x, (values,) = thin(time, [residual])
     half = np.full(len(x), NORMAL * found.floor if np.isfinite(found.floor) else 0.0)
     lines = (
-        Line("residual", RESIDUAL, values, 1.3),
-        Line("noise +95 %", REFERENCE, half, 1.0),
-        Line("noise −95 %", REFERENCE, -half, 1.0),
+        Line("residual", COLOURS.residual, values, 1.3),
+        Line("noise +95 %", COLOURS.reference, half, 1.0),
+        Line("noise −95 %", COLOURS.reference, -half, 1.0),
     )
     title = f"Residual of {name} [Nm] against time, {shown}"
     nowhere = np.zeros(len(x))
@@ -107,34 +126,9 @@ def time_residual(found: Samples | None, name: str, shown: str) -> Plot:
     return aligned([plot], time[0], time[-1])[0]
 
 
-def _rows(found: Samples, shown: str) -> NDArray[np.bool_]:
-    return found.group == (found.names.index(shown) if shown in found.names else -1)
-
-
 def left_out(group: str) -> str:
     """Why there is no residual of a group."""
     return f"The last Run left {group} out (Ignore in step Data): it has no residual."
-
-
-def limits(found: Samples | None, variable: str) -> tuple[float, float] | None:
-    """Smallest and largest value of a variable, for the range slider."""
-    if found is None or variable not in found.variables:
-        return None
-    values = found.variables[variable]
-    low, high = float(values.min()), float(values.max())
-    if not high > low:
-        return None
-    digit = 10.0 ** (np.floor(np.log10(high - low)) - 1)  # so that the slider's ends are short numbers
-    return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
-
-
-def instants(
-    found: Samples, variable: str, low: float, high: float, shown: str
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Times (M,) [s] of the shown group and whether the variable is in the range there."""
-    rows = _rows(found, shown)
-    values = found.variables[variable][rows]
-    return found.variables["time"][rows], (values >= low) & (values <= high)
 
 
 def shaded(plot: Plot, time: Array, inside: NDArray[np.bool_]) -> Array:
@@ -156,7 +150,7 @@ def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]
     )
 
 
-def groups_html(found: Samples | None, name: str) -> str:
+def groups_html(found: ResidualSamples | None, name: str) -> str:
     """The rms of the residual in every group."""
     if found is None:
         return ""

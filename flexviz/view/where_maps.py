@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.view.colours import MODEL, REFERENCE, RESIDUAL, cividis, css
-from flexviz.view.plots import Line, Plot, no_plot
-from flexviz.view.text import escape, short_names
+from flexviz.charts import COLOURS, Line, Plot, cividis, css, no_plot
+from flexviz.wording import escape, short_names
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import FreeCurve, ResidualMap
 
 Array = NDArray[np.float64]
 
-COLUMNS = {
+MAP_COLUMNS = {
     "position": "pos.",
     "velocity": "vel.",
     "acceleration": "acc.",
@@ -44,10 +43,10 @@ def map_html(maps: Sequence[ResidualMap], joints: Sequence[str], chosen: int = 0
     """Share of every joint's residual that each variable explains, in the colours of the scene."""
     if not maps:
         return ""
-    head = "".join(f'<th title="{escape(name)}">{short}</th>' for name, short in COLUMNS.items())
+    head = "".join(f'<th title="{escape(name)}">{short}</th>' for name, short in MAP_COLUMNS.items())
     rows = []
     for index, (joint, short) in enumerate(zip(joints, short_names(tuple(joints)), strict=True)):
-        cells = "".join(_cell(map_of(maps, joint, name), joint, name) for name in COLUMNS)
+        cells = "".join(_cell(map_of(maps, joint, name), joint, name) for name in MAP_COLUMNS)
         label = f"<b>{escape(short)}</b>" if index == chosen else escape(short)
         rows.append(f"<tr><td>{label}</td>{cells}</tr>")
     return (
@@ -103,15 +102,15 @@ def _against(key: str, one: ResidualMap | None) -> Plot:
     if np.count_nonzero(usable) < 2:
         return no_plot(key, f"The {key} of {one.joint} hardly changes.")
     x = one.centres.mean(axis=0)[usable]
-    colours = (RESIDUAL, MODEL)
+    colours = (COLOURS.residual, COLOURS.model)
     lines = [
         Line(name or "mean", colours[place % 2], mean[usable], 2.2, points=True)
         for place, (name, mean) in enumerate(zip(one.curves, one.mean, strict=True))
     ]
     half = NORMAL * one.std.max(axis=0)[usable]
     lines += [
-        Line("noise +95 %", REFERENCE, half, 1.0),
-        Line("noise −95 %", REFERENCE, -half, 1.0),
+        Line("noise +95 %", COLOURS.reference, half, 1.0),
+        Line("noise −95 %", COLOURS.reference, -half, 1.0),
     ]
     band = (len(lines) - 2, len(lines) - 1)
     title = f"Residual of {one.joint} [Nm] against {key}, {100 * max(one.explained, 0.0):.0f} %"
@@ -123,7 +122,9 @@ def _spectrum(one: ResidualMap | None) -> Plot:
         return no_plot("spectrum", "")
     lines = tuple(
         Line(name, colour, np.maximum(np.nan_to_num(values), LEAST))
-        for name, colour, values in zip(one.curves, (RESIDUAL, REFERENCE), one.mean, strict=False)
+        for name, colour, values in zip(
+            one.curves, (COLOURS.residual, COLOURS.reference), one.mean, strict=False
+        )
     )
     title = f"Spectrum of the residual of {one.joint} [Nm/√Hz]"
     x = one.centres[0]
@@ -147,7 +148,7 @@ def free_plot(curve: FreeCurve | None, height: int = 190) -> Plot:
     usable: NDArray[np.bool_] = np.all(seen, axis=0)
     if np.count_nonzero(usable) < 2:
         return no_plot(FREE, "")
-    colours = (RESIDUAL, MODEL)
+    colours = (COLOURS.residual, COLOURS.model)
     lines: list[Line] = []
     bands = []
     for place, (name, value, spread) in enumerate(zip(names, values, spreads, strict=True)):

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.charts import COLOURS, rgb
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.recording import record_set
 from flexviz.recording.web import free_port, web_viewer
 from flexviz.resources import sessions_dir
-from flexviz.view.colours import MEASURED, MODEL, rgb
 
 pytestmark = pytest.mark.browser
 
@@ -55,8 +55,10 @@ def test_recording_shows_everything(tmp_path: Path, chromium: Any, shot: Callabl
     demo = read_set(sessions_dir() / "planar-2r-demo")
     demo = replace(demo, groups=demo.groups[:1])
     record_set(demo, identify(demo), tmp_path / "demo.rrd", samples=400)
-    wanted = [(part, colour) for part in (SCENE, STATES, RESIDUAL) for colour in (MEASURED, MODEL)]
-    wanted += [(CONVERGENCE, MEASURED)]
+    wanted = [
+        (part, colour) for part in (SCENE, STATES, RESIDUAL) for colour in (COLOURS.measured, COLOURS.model)
+    ]
+    wanted += [(CONVERGENCE, COLOURS.measured)]
     asked: list[str] = []
     with web_viewer([tmp_path / "demo.rrd"], free_port()) as address:
         page = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})

@@ -11,7 +11,7 @@ from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, hideable, output_d
 from flexviz.errors import FlexvizError, InputError
 from flexviz.jobs import JobEvent
 from flexviz.robot import Robot
-from flexviz.view.text import escape, plural
+from flexviz.wording import escape, plural
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from flexviz.app.controls import off
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
-from flexviz.view.identifiability import check_html
+from flexviz.view import check_html
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -12,8 +12,8 @@ from flexviz.app.steps.unsaved import UnsavedWork
 from flexviz.app.style import label_width
 from flexviz.app.work import open_set, sets_beside
 from flexviz.session import ROLES
-from flexviz.view.tables import set_html
-from flexviz.view.text import number
+from flexviz.view import set_html
+from flexviz.wording import number
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -15,9 +15,8 @@ from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.progress import Progress
 from flexviz.session import Analysis
-from flexviz.view.text import number
-from flexviz.view.verdict import effect_text_name, heading_html, verdict_html
-from flexviz.view.where_maps import free_html, free_plot
+from flexviz.view import free_html, free_plot, heading_html, verdict_html
+from flexviz.wording import effect_text_name, number
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 from flexviz.app.controls import watch
 from flexviz.app.style import wide_label
 from flexviz.effects import EFFECTS
-from flexviz.view.effects import COMMON, addable, effect_hint, effects_note, more_effects, why_fixed
-from flexviz.view.text import escape
+from flexviz.view import COMMON_EFFECTS, addable_effects, effect_hint, effects_note, more_effects, why_fixed
+from flexviz.wording import escape
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application
@@ -22,7 +22,7 @@ class EffectList:
         self.boxes: dict[str, Any] = {}
         gui = app.server.gui
         with gui.add_folder("Effects in the model"):
-            for name in COMMON:
+            for name in COMMON_EFFECTS:
                 self._add(name)
             self._note = gui.add_html("", visible=False)
             with gui.add_folder("More effects", expand_by_default=False):
@@ -46,7 +46,7 @@ class EffectList:
         chosen = (*own, *added)
         for name, box in self.boxes.items():
             box.value = name in chosen
-        hidden = [name for name in addable() if name in chosen and name not in COMMON]
+        hidden = [name for name in addable_effects() if name in chosen and name not in COMMON_EFFECTS]
         hidden += [name for name in chosen if name not in self.boxes]
         text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
         text = f"{text} {effects_note(added, own)}".strip()

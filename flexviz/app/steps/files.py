@@ -11,7 +11,7 @@ from flexviz.app.style import half
 from flexviz.app.workspace import report, save, session_zip
 from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
-from flexviz.view.text import escape
+from flexviz.wording import escape
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexviz.app.charts import ChartColumn
 from flexviz.app.controls import off
-from flexviz.view.effect_card import card_html
-from flexviz.view.evidence import evidence_plot
-from flexviz.view.verdict import finding_html
+from flexviz.view import card_html, evidence_plot, finding_html
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -13,9 +13,8 @@ from flexviz.app.steps.task import Task
 from flexviz.app.work import identify_set
 from flexviz.jobs import JobEvent
 from flexviz.progress import Progress
-from flexviz.view.convergence import progress_text
-from flexviz.view.tables import parameters_html, truth_html
-from flexviz.view.text import number, plural
+from flexviz.view import parameters_html, progress_text, truth_html
+from flexviz.wording import number, plural
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from flexviz.app.controls import off as switch_off
-from flexviz.view.text import escape
-from flexviz.view.verdict import effect_text_name
+from flexviz.wording import effect_text_name, escape
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -10,9 +10,8 @@ from flexviz.app.controls import watch
 from flexviz.app.steps.sweep import Sweep
 from flexviz.app.style import no_number_box
 from flexviz.observers import OBSERVERS, Observer, make_observer
-from flexviz.view.states import numbers_html, observer_for, observer_numbers
-from flexviz.view.sweep import sweep_bandwidths
-from flexviz.view.text import escape, number
+from flexviz.view import numbers_html, observer_for, observer_numbers, sweep_bandwidths
+from flexviz.wording import escape, number
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

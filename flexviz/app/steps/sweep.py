@@ -13,8 +13,8 @@ from flexviz.errors import InputError
 from flexviz.jobs import JobEvent
 from flexviz.progress import Progress
 from flexviz.session import Analysis
-from flexviz.view.sweep import sweep_html, sweep_plots
-from flexviz.view.text import plural
+from flexviz.view import sweep_html, sweep_plots
+from flexviz.wording import plural
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from flexviz.app.clock import SPEEDS
 from flexviz.app.controls import choose, off, watch
 from flexviz.app.style import half, no_label
-from flexviz.view.stage import LAYOUTS
-from flexviz.view.status import joint_rms, legend_html
+from flexviz.scene import LAYOUTS
+from flexviz.view import joint_rms, legend_html
 
 if TYPE_CHECKING:
     from flexviz.app.application import Application

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexviz.charts import COLOURS, thin
 from flexviz.diagnosis import Evidence, Finding
 from flexviz.effects import EFFECTS
 from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.chart import Chart, Curve
 from flexviz.report.gathering import Subject
-from flexviz.view.colours import MODEL
-from flexviz.view.plots import thin
-from flexviz.view.text import number, plural
-from flexviz.view.verdict import absorbed_text, effect_text_name, finding_name, share_text, values_text
+from flexviz.wording import (
+    absorbed_text,
+    effect_text_name,
+    finding_name,
+    number,
+    plural,
+    share_text,
+    values_text,
+)
 
 RESIDUAL_COLOUR = "#0072B2"
 POINTS = 500  # of a drawn line
@@ -101,7 +107,7 @@ def evidence_chart(finding: Finding, evidence: Evidence) -> Chart:
         f"torque on {evidence.joint} [Nm]",
         (
             Curve(x, residual, "residual without the effect", RESIDUAL_COLOUR, "", 2.6),
-            Curve(x, signature, "what the effect takes away", MODEL, "6 3", 1.8),
+            Curve(x, signature, "what the effect takes away", COLOURS.model, "6 3", 1.8),
         ),
     )
 

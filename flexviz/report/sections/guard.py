@@ -7,7 +7,7 @@ import numpy as np
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
-from flexviz.view.text import number, title, unit_text
+from flexviz.wording import number, plain_name, unit_text
 
 MOST = 40  # parameters listed
 
@@ -65,7 +65,9 @@ def _parameters(found: BandwidthCheck) -> Table:
         place = ", ".join(part for part in (p.joint, p.place) if part) or "–"
         rows.append(
             [
-                p.name if p.joint is None and ":" in p.name else title(p.name),  # combinations as they are
+                p.name
+                if p.joint is None and ":" in p.name
+                else plain_name(p.name),  # combinations as they are
                 place,
                 number(float(p.values[found.in_use])),
                 *_span(p),

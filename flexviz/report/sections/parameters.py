@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
-from flexviz.view.tables import INERTIAL, MARKS
-from flexviz.view.text import number, plural, title, unit_text, with_error
+from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
 
 NORMAL = 1.96  # standard errors in half a 95 % interval
 WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
@@ -67,7 +66,7 @@ def _main(found: Sequence[ParameterEstimate]) -> Table:
         ties = ", ".join(map(tied, p.tied_to[:TIES])) + (" …" if len(p.tied_to) > TIES else "")
         mark = Cell(grade(p).text + (", at its bound" if p.at_bound else ""))
         rows.append(
-            [place_of(p), title(p.name), Cell(value, strong=True), half, unit_text(p.unit), mark, ties]
+            [place_of(p), plain_name(p.name), Cell(value, strong=True), half, unit_text(p.unit), mark, ties]
         )
     return table(
         ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to"), rows, (2, 3),
@@ -78,7 +77,7 @@ def _main(found: Sequence[ParameterEstimate]) -> Table:
 def tied(name: str) -> str:
     """ "izz:joint1" in words."""
     parameter, _, joint = name.partition(":")
-    return title(parameter) + (f" of {joint}" if joint else "")
+    return plain_name(parameter) + (f" of {joint}" if joint else "")
 
 
 def _first(found: Sequence[ParameterEstimate], p: ParameterEstimate) -> int:

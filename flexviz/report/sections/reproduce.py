@@ -11,7 +11,7 @@ from flexviz.effects import loaded_files
 from flexviz.report.blocks import Block, Cell, Code, Items, Listing, Section, Table, table, text
 from flexviz.report.gathering import Subject
 from flexviz.session import Analysis
-from flexviz.view.text import number, plural
+from flexviz.wording import number, plural
 
 LIBRARIES = ("numpy", "scipy", "pin", "pyarrow")
 USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexviz.charts import COLOURS
 from flexviz.diagnosis import Step
 from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.chart import Chart, Curve
 from flexviz.report.gathering import Subject
 from flexviz.report.sections.summary import fall
-from flexviz.view.colours import SERIES
-from flexviz.view.staircase import FLOOR, curves, stepped, treads
-from flexviz.view.status import total_rms
-from flexviz.view.text import number
-from flexviz.view.verdict import effect_text_name
+from flexviz.view import FLOOR, curves, stepped, total_rms, treads
+from flexviz.wording import effect_text_name, number
 
 DASHES = ("", "2 3", "8 3 2 3", "1 3")  # of the fitted groups, by turns
 HELD_OUT = "7 4"
@@ -62,8 +60,8 @@ def _chart(steps: tuple[Step, ...]) -> Chart:
     x = treads(len(steps))
     lines: list[Curve] = []
     for place, (group, (values, held_out)) in enumerate(curves(steps, None).items()):
-        dash = HELD_OUT if held_out else DASHES[place // len(SERIES) % len(DASHES)]
-        colour = SERIES[place % (len(SERIES) - 2)]  # the last two are pale on white
+        dash = HELD_OUT if held_out else DASHES[place // len(COLOURS.series) % len(DASHES)]
+        colour = COLOURS.series[place % (len(COLOURS.series) - 2)]  # the last two are pale on white
         label = f"{group} (held out)" if held_out and group != "validation" else group
         y = stepped(np.maximum(values, FLOOR))
         lines.append(Curve(x, y, label, colour, dash, 2.4 if held_out else 1.8))

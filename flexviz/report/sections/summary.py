@@ -7,9 +7,8 @@ import numpy as np
 from flexviz.diagnosis import Step
 from flexviz.report.blocks import Block, Callout, Section, Tile, Tiles, Tone, text
 from flexviz.report.gathering import Subject
-from flexviz.view.status import total_rms
-from flexviz.view.text import number, plural
-from flexviz.view.verdict import BEGINNINGS, effect_text_name, verdict_text
+from flexviz.view import total_rms
+from flexviz.wording import BEGINNINGS, effect_text_name, number, plural, verdict_text
 
 NOW = {
     "missing": "this is still missing",
@@ -137,6 +136,6 @@ def _sentence(note: str, names: tuple[str, ...] = ()) -> str:
 
 
 def _inertial() -> tuple[str, ...]:
-    from flexviz.view.tables import INERTIAL
+    from flexviz.wording import INERTIAL
 
     return INERTIAL

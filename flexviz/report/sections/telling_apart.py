@@ -6,10 +6,10 @@ from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS
 from flexviz.report.blocks import Block, Items, Section, table, text
 from flexviz.report.gathering import Subject
-from flexviz.view.identifiability import listed
-from flexviz.view.tables import INERTIAL
-from flexviz.view.verdict import (
+from flexviz.view import listed
+from flexviz.wording import (
     ALONG,
+    INERTIAL,
     effect_text_name,
     effect_title,
     finding_name,

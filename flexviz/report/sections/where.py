@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from flexviz.charts import COLOURS
 from flexviz.diagnosis import FreeCurve, ResidualMap
 from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.chart import Band, Chart, Curve
 from flexviz.report.gathering import Subject
-from flexviz.view.colours import MODEL, RESIDUAL
-from flexviz.view.text import number
+from flexviz.wording import number
 
 NORMAL = 1.96  # standard errors in half a 95 % interval
 COLUMNS = (
@@ -20,7 +20,7 @@ COLUMNS = (
 AGAINST = ("position", "velocity", "position × direction", "acceleration", "load", "time")
 FLOOR_COLOUR = "#595959"
 GREY = "#999999"
-COLOURS = (RESIDUAL, MODEL, "#0072B2", "#CC79A7")
+CURVE_COLOURS = (COLOURS.residual, COLOURS.model, "#0072B2", "#CC79A7")
 DASHES = ("", "7 4", "2 3", "8 3 2 3")
 MOST_CURVES = 4
 LEAST = 1e-9  # of a logarithmic axis
@@ -102,7 +102,7 @@ def against(found: ResidualMap) -> Chart:
             found.centres[i],
             found.mean[i],
             found.curves[i] or "mean residual",
-            COLOURS[i],
+            CURVE_COLOURS[i],
             DASHES[i],
             2.0,
             marks=found.centres.shape[1] <= 40,
@@ -140,7 +140,7 @@ def spectrum_chart(found: ResidualMap) -> Chart:
             found.centres[i],
             np.maximum(found.mean[i], LEAST),
             name,
-            RESIDUAL if i == 0 else FLOOR_COLOUR,
+            COLOURS.residual if i == 0 else FLOOR_COLOUR,
             "" if i == 0 else "7 4",
         )
         for i, name in enumerate(names)
@@ -164,10 +164,10 @@ def free_curve(found: FreeCurve) -> Chart:
     curves, bands = [], []
     for i, name in enumerate(found.directions):
         label = name or "free curve"
-        curves.append(Curve(found.centres, found.value[i], label, COLOURS[i], DASHES[i], 2.0))
+        curves.append(Curve(found.centres, found.value[i], label, CURVE_COLOURS[i], DASHES[i], 2.0))
         half = NORMAL * found.std[i]
         low, high = found.value[i] - half, found.value[i] + half
-        bands.append(Band(found.centres, low, high, "95 %" if i == 0 else "", COLOURS[i]))
+        bands.append(Band(found.centres, low, high, "95 %" if i == 0 else "", CURVE_COLOURS[i]))
     words = (
         f"A curve of free shape against the {found.variable} of {found.joint} would take "
         f"{100 * max(found.explained, 0.0):.0f} % of its residual: {found.note}. Largest torque: "

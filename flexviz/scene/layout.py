@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.robot import Robot
-from flexviz.view.geometry import Shape
+from flexviz.scene.shape import RobotShape
 
 Array = NDArray[np.float64]
 FIELD_OF_VIEW = np.radians(50.0)  # vertical
@@ -16,7 +16,7 @@ LAYOUTS = ("Side by side", "Overlaid")
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SceneLayout:
     """Placement for one set.
 
     Attributes
@@ -64,7 +64,7 @@ class Stage:
         return look + distance * self.towards, look
 
 
-def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
+def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:
     """The stage for positions theta (M, n) [rad] that the robot passes."""
     points, frames = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -86,10 +86,12 @@ def stage(robot: Robot, shape: Shape, theta: Array) -> Stage:
     width = max(float(np.abs(along).max()), 0.25 * shape.reach)
     size = max(float(np.abs((points - centre) @ np.cross(towards, right)).max()), 0.3 * shape.reach)
     depth = float(np.abs((points - centre) @ towards).max())
-    return Stage(right, towards, centre, size, width, depth, float(min(0.0, low[2] - 0.02 * shape.reach)))
+    return SceneLayout(
+        right, towards, centre, size, width, depth, float(min(0.0, low[2] - 0.02 * shape.reach))
+    )
 
 
-def _points(robot: Robot, shape: Shape, theta: Array) -> tuple[Array, Array]:
+def _points(robot: Robot, shape: RobotShape, theta: Array) -> tuple[Array, Array]:
     """At every position: corners of every body's box (P, 3), and the origins of all links (L, 3) [m]."""
     corners, frames = [], []
     for q in theta:

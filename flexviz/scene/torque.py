@@ -12,11 +12,11 @@ from flexviz.robot import Robot
 Array = NDArray[np.float64]
 PIECES = 16  # of an arc
 WIDEST = 1.6 * np.pi  # angle of the largest torque
-RADIUS = 0.16  # of the robot's reach
+ARROW_RADIUS = 0.16  # of the robot's reach
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class TorqueAxis:
     """Where a joint turns, seen from the link that it moves.
 
     Attributes
@@ -30,11 +30,11 @@ class Axis:
     along: Array
 
 
-def axes(robot: Robot) -> tuple[Axis | None, ...]:
+def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
     """One axis a joint of the set; None where a joint moves no link."""
     neutral = np.zeros(robot.n)
     poses = robot.link_poses(neutral)
-    found: list[Axis | None] = []
+    found: list[TorqueAxis | None] = []
     for joint in range(robot.n):
         link = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
         if link is None:
@@ -57,11 +57,11 @@ def axes(robot: Robot) -> tuple[Axis | None, ...]:
         axis /= size
         across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         across /= np.linalg.norm(across)
-        found.append(Axis(link, across, np.cross(axis, across)))
+        found.append(TorqueAxis(link, across, np.cross(axis, across)))
     return tuple(found)
 
 
-def arrow(axis: Axis, share: float, radius: float) -> NDArray[np.float32]:
+def torque_arrow(axis: TorqueAxis, share: float, radius: float) -> NDArray[np.float32]:
     """Segments (PIECES + 2, 2, 3) [m] of an arrow that turns by `share` (−1 … 1) of the widest angle."""
     share = float(np.clip(share, -1.0, 1.0))
     angle = np.linspace(0.0, share * WIDEST, PIECES + 1)

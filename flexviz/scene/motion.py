@@ -19,7 +19,7 @@ NICE = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class RobotMotion:
     """What is drawn of one group, at M instants for n joints.
 
     Attributes
@@ -89,7 +89,7 @@ class Motion:
 
 
 def scene_labels(
-    motion: Motion,
+    motion: RobotMotion,
     deflection: float,
     error: float,
     why: str = "not identified yet",
@@ -126,7 +126,7 @@ def sample(time: Array, values: Array, at: float) -> Array:
     return (1.0 - share) * values[right - 1] + share * values[right]
 
 
-def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> Motion:
+def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> RobotMotion:
     """The measured motion of a group with the best deflection that is known for it."""
     start, end = group.segments[0].time[0], group.segments[-1].time[-1]
     count = max(int((end - start) * RATE) + 1, 2)
@@ -138,7 +138,7 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     if group.q is not None and np.isfinite(group.q).all():
         link = _columns(time, group.time, group.q)
     torque = _columns(time, all_time, joined(group, "tau"))
-    return Motion(group.name, time, theta, deflection, source, link=link, torque=torque)
+    return RobotMotion(group.name, time, theta, deflection, source, link=link, torque=torque)
 
 
 def joined(group: Group, name: str) -> Array:
@@ -147,7 +147,7 @@ def joined(group: Group, name: str) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def with_replay(motion: Motion, run: Any) -> Motion:
+def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
     """The motion with a simulation of the identified model (a `simulation.Run`) beside it."""
     return replace(
         motion,
@@ -157,7 +157,7 @@ def with_replay(motion: Motion, run: Any) -> Motion:
     )
 
 
-def nice_factor(motion: Motion, target: float = 0.25) -> int:
+def nice_factor(motion: RobotMotion, target: float = 0.25) -> int:
     """The round factor that brings the largest deflection nearest to, but not far above, `target` [rad]."""
     if motion.deflection is None:
         return 1

@@ -20,7 +20,7 @@ SIMULATED = {
         "these it has; nothing within the play."
     ),
 }
-BELONGS_TO = {
+SCOPES = {
     "joint": "a joint",
     "set": "the whole set",
     "payload": "a payload",

@@ -3,18 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-MEASURED = "#0072B2"
-MODEL = "#E69F00"
-PLAYHEAD = "#D55E00"
-RESIDUAL = "#009E73"
-TORQUE = "#CC79A7"
-REFERENCE = "#999999"
-SERIES = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
-IDENTIFIABLE = {"yes": "#009E73", "weak": "#E69F00", "no": "#D55E00"}
-BODY = (176, 184, 192)  # a link that nothing is known about yet
+
+@dataclass(frozen=True)
+class Palette:
+    """Colours with a meaning, hexadecimal, from the Okabe-Ito set.
+
+    Attributes:
+        measured, model: the measured and the identified robot.
+        playhead: the present instant, and highlighted data.
+        residual, torque, reference: what they are named after; `reference` is grey.
+        series: for lines told apart by number.
+        body: RGB of a link without a residual yet.
+    """
+
+    measured: str = "#0072B2"
+    model: str = "#E69F00"
+    playhead: str = "#D55E00"
+    residual: str = "#009E73"
+    torque: str = "#CC79A7"
+    reference: str = "#999999"
+    series: tuple[str, ...] = (
+        "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999",
+    )  # fmt: skip
+    body: tuple[int, int, int] = (176, 184, 192)
+
+
+COLOURS = Palette()
 
 # Nine points of the cividis map, evenly spaced; readable with every kind of colour blindness.
 _CIVIDIS = np.array(
@@ -29,7 +47,7 @@ _CIVIDIS = np.array(
 def cividis(share: float) -> tuple[int, int, int]:
     """Red, green, blue 0-255 at `share` in [0, 1] of the cividis map; grey where it is not a number."""
     if not np.isfinite(share):
-        return BODY
+        return COLOURS.body
     at = float(np.clip(share, 0.0, 1.0)) * (len(_CIVIDIS) - 1)
     low = min(int(at), len(_CIVIDIS) - 2)
     rgb = _CIVIDIS[low] + (at - low) * (_CIVIDIS[low + 1] - _CIVIDIS[low])

@@ -23,7 +23,7 @@ FACES = 3000  # faces a link may have before it is thinned
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class BodyMesh:
     """The shape that moves with one joint.
 
     Attributes
@@ -41,7 +41,7 @@ class Body:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class RobotShape:
     """A whole robot: its bodies, its size, and how to look at it.
 
     Attributes
@@ -52,13 +52,13 @@ class Shape:
     missing: why meshes of the URDF are not drawn, one sentence each.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[BodyMesh, ...]
     tip: str
     reach: float
     missing: tuple[str, ...] = ()
 
 
-def robot_shape(robot: Robot) -> Shape:
+def robot_shape(robot: Robot) -> RobotShape:
     """The robot's bodies from its URDF."""
     import yourdfpy
 
@@ -85,10 +85,10 @@ def robot_shape(robot: Robot) -> Shape:
     bodies = [
         merged(joint, parts[joint], poses) for joint in sorted(parts, key=lambda j: -1 if j is None else j)
     ]
-    return Shape(tuple(bodies), tip_link(robot, poses), reach, tuple(dict.fromkeys(missing)))
+    return RobotShape(tuple(bodies), tip_link(robot, poses), reach, tuple(dict.fromkeys(missing)))
 
 
-def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Array]) -> Body:
+def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Array]) -> BodyMesh:
     """The meshes of one rigid body in the frame of its first link."""
     reference = np.linalg.inv(poses[parts[0][0]])
     vertices, faces, count = [], [], 0
@@ -97,7 +97,7 @@ def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Arr
         vertices.append(np.asarray(mesh.vertices) @ relative[:3, :3].T + relative[:3, 3])
         faces.append(np.asarray(mesh.faces) + count)
         count += len(mesh.vertices)
-    return Body(joint, parts[0][0], np.concatenate(vertices), np.concatenate(faces).astype(np.uint32))
+    return BodyMesh(joint, parts[0][0], np.concatenate(vertices), np.concatenate(faces).astype(np.uint32))
 
 
 def link_mesh(link: Any, robot: Robot, missing: list[str]) -> Any | None:
@@ -117,7 +117,7 @@ def link_mesh(link: Any, robot: Robot, missing: list[str]) -> Any | None:
         if mesh is not None:
             if element.origin is not None:
                 mesh.apply_transform(element.origin)
-            meshes.append(thinned(mesh))
+            meshes.append(thinned_mesh(mesh))
     return trimesh.util.concatenate(meshes) if meshes else None
 
 
@@ -145,7 +145,7 @@ def geometry_mesh(geometry: Any, robot: Robot) -> Any | None:
     return None
 
 
-def thinned(mesh: Any, faces: int = FACES) -> Any:
+def thinned_mesh(mesh: Any, faces: int = FACES) -> Any:
     """The mesh with about `faces` faces at most: vertices that share a cell of a grid become one."""
     import trimesh
 

@@ -50,7 +50,9 @@ def plural(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-SHORT = {
+INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+MARKS = {"yes": "●", "weak": "◐", "no": "○"}
+SYMBOLS = {
     "stiffness": "K",
     "motor_inertia": "B",
     "link_viscous_friction": "f_lv",
@@ -59,7 +61,7 @@ SHORT = {
 }
 
 
-def title(name: str) -> str:
+def plain_name(name: str) -> str:
     """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
     effect, dot, parameter = name.partition(".")
     if parameter in effect.split("_"):  # coulomb_friction.coulomb says it twice

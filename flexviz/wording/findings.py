@@ -1,0 +1,105 @@
+"""A diagnosis in plain text: the verdict's sentence, findings, their values, ties and what absorbed them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from flexviz.effects import EFFECTS
+from flexviz.wording.numbers import number, plain_name, unit_text, with_error
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Absorbed, Diagnosis, Finding, Tie
+
+BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
+ALONG = {
+    "position": "the position",
+    "velocity": "the velocity",
+    "acceleration": "the acceleration",
+    "load": "the load",
+    "time": "time",
+    "group": "the groups",
+    "frequency": "frequency",
+}
+INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
+    name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+}
+SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
+
+
+def effect_title(name: str) -> str:
+    """The effect's plain_name; of one that is not in the library its name in words."""
+    effect = EFFECTS.get(name)
+    return effect.title if effect is not None else plain_name(name)
+
+
+def where_text(joint: str | None, payload: str | None = None, group: str | None = None) -> str:
+    """ " on joint2", " in payload p2", " on joint1 in group g2", or nothing."""
+    text = f" on {joint}" if joint else f" in payload {payload}" if payload else ""
+    return text + (f" in group {group}" if group else "")
+
+
+def finding_name(finding: Finding) -> str:
+    """ "Coulomb friction on joint2"."""
+    return effect_title(finding.effect) + where_text(finding.joint, finding.payload, finding.group)
+
+
+def effect_text_name(text: str) -> str:
+    """The text of a chosen effect ("coulomb_friction:joint2") in words."""
+    name, _, where = text.partition(":")
+    place, _, group = where.partition("@")
+    return effect_title(name) + where_text(place or None, None, group or None)
+
+
+def share_text(share: float) -> str:
+    """0.994 as "99 %"; what would round to nothing or to certainty is said so."""
+    if share < 0.01:
+        return "< 1 %"
+    if share > 0.99:
+        return "> 99 %"
+    return f"{100 * share:.0f} %"
+
+
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """One sentence; begins with "Nothing is missing:", "Missing:" or "Unknown:"."""
+    beginning = BEGINNINGS.get(diagnosis.verdict, "Unknown:")
+    if diagnosis.verdict == "missing" and diagnosis.findings:
+        best = diagnosis.findings[0]
+        return (
+            f"{beginning} {finding_name(best)}. It explains {share_text(best.score)} of the error above the "
+            f"noise; confidence {share_text(best.confidence)}."
+        )
+    if diagnosis.verdict == "missing":
+        return f"{beginning} an effect that could not be named."
+    if diagnosis.verdict == "nothing-missing":
+        return f"{beginning} no effect of the library would explain what is left; it looks like noise."
+    place = next((p for p in diagnosis.where if p.explained > SMALLEST_SHARE), None)
+    if place is None:
+        return f"{beginning} something is left that no effect of the library explains."
+    return (
+        f"{beginning} something is left that no effect of the library explains, mostly on {place.joint} "
+        f"along {ALONG.get(place.variable, place.variable)} ({share_text(place.explained)} of it)."
+    )
+
+
+def values_text(finding: Finding) -> str:
+    """ "coulomb 3.000 ± 0.012 Nm"; the interval is 95 %."""
+    parts = []
+    for name, (value, std, unit) in finding.parameters.items():
+        shown, error = with_error(value, None if std is None else 1.96 * std)
+        parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(unit)}".rstrip())
+    return ", ".join(parts)
+
+
+def tie_text(tie: Tie) -> str:
+    """What a finding cannot be told from, and what would decide."""
+    other = effect_title(tie.effect) + where_text(tie.joint)
+    text = f"Hardly told from {other} (signatures alike to {share_text(min(abs(tie.correlation), 1.0))})."
+    breaks = getattr(tie, "breaks", "")
+    return f"{text} {breaks}".strip()
+
+
+def absorbed_text(absorbed: Absorbed) -> str:
+    """A parameter that had taken the effect up."""
+    place = f" of {absorbed.joint}" if absorbed.joint else ""
+    name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)
+    return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)} {unit}".rstrip()
