@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
-from flexviz.effects import EFFECTS, JointMotion
-from flexviz.effects.base import LawEffect
-from flexviz.effects.elastic import hardened
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects.elastic_joint import hardened
 from flexviz.exporting import Document, Subject, subject_of
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
-from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
-from flexviz.simulation.hiding import hide
+from flexviz.simulation import Plan, inject, make_plan, simulate_plan, write_plan
 from flexviz.simulation.truth import effects, parameters
 
 Array = NDArray[np.float64]
@@ -30,7 +28,7 @@ HARMONICS = 160  # of the period that are kept when a signal is differentiated
 @cache
 def plan(preset: str, *hidden: str) -> Plan:
     """A preset's plan with effects in it."""
-    return hide(make_plan(preset), hidden)
+    return inject(make_plan(preset), hidden)
 
 
 def short_set(preset: str, folder: Path) -> MeasurementSet:

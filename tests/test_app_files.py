@@ -130,7 +130,7 @@ def test_a_quiz_hides_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.chdir(tmp_path)
     assert "coulomb_friction" in hideable() and "external_contact" not in hideable()
     asked: list[Any] = []
-    monkeypatch.setattr("flexviz.simulation.sets.simulate_preset", lambda *args, **_: asked.append(args))
+    monkeypatch.setattr("flexviz.simulation.simulate_preset", lambda *args, **_: asked.append(args))
     folder = simulate_quiz("planar-2r", workspace.SURPRISE, progress=print, should_stop=bool)
     assert folder.name.startswith("quiz-planar-2r-") and asked[0][2][0].partition(":")[0] in hideable()
     simulate_quiz("panda", "coulomb_friction", progress=print, should_stop=bool)

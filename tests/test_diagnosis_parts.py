@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import GAIN, at_bound, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.acceptance import GAIN, credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.confidence import MOST_SURE, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -18,7 +18,7 @@ from flexviz.diagnosis.free_curve_test import free_curve
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.estimation.projection import Projection
 from flexviz.estimation.scoring import Scored, explained
@@ -144,7 +144,8 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
         layout, x = with_effect(fit.layout, fit.x, effect, np.array([value]))
         return replace(fit, layout=layout, x=x)
 
-    assert at_bound(with_value(effect, -0.8), effect) and not at_bound(with_value(effect, -0.1), effect)
+    gain = EFFECTS["torque_gain"]
+    assert gain.at_bound(np.array([-0.8])) and not gain.at_bound(np.array([-0.1]))
     assert credible(with_value(effect, -0.1), effect, 1e-3)
     assert not credible(with_value(effect, -0.6), effect, 1e-3)
     delay = ChosenEffect("torque_delay")

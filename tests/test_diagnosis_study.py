@@ -25,7 +25,7 @@ from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
 from flexviz.simulation import JointState
-from flexviz.simulation.laws import LAWS
+from flexviz.simulation.effect_laws import LAWS
 
 
 def hidden(effect: str, joint: str | None = "joint1", **parameters: float) -> dict[str, Any]:

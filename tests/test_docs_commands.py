@@ -21,7 +21,7 @@ import flexviz.cli
 import flexviz.diagnosis
 import flexviz.simulation.sets as sets
 from flexviz.diagnosis import diagnose
-from flexviz.effects.own import forget_effects
+from flexviz.effects import forget_effects
 from flexviz.measurements import read_set
 from flexviz.session import Session, save_session
 from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions

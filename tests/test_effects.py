@@ -17,15 +17,29 @@ from benchmarks.effect_pages.pictures import PICTURES, PLACE
 from benchmarks.effect_pages.svg import COLOURS, GREY
 from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
-from flexviz.effects.base import LawEffect, Scope, Where
-from flexviz.effects.load import tilted_gravity
-from flexviz.effects.trial import Made, Signal
+from flexviz.effects.base_tilt import tilted_gravity
+from flexviz.effects.law import LawEffect
+from flexviz.effects.terms import Scope, Where
+from flexviz.effects.trial import TrialMotion, TrialSignal
 from flexviz.equation.reversal_nuisance import undecided
-from flexviz.simulation import building
+from flexviz.model import EffectValue
+from flexviz.simulation import check_effect, laws
+from flexviz.simulation import tilted_gravity as simulated_gravity
+from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import LAWS, LINK_LAWS, MOTOR_LAWS, Dahl
+from flexviz.simulation.laws import Dahl
 from flexviz.wording import bounds_text, effect_json, simulated_text
 
+MOTOR_LAWS = (
+    "coulomb_friction",
+    "stribeck_friction",
+    "quadratic_friction",
+    "load_dependent_friction",
+    "friction_drift",
+    "torque_ripple",
+    "torque_offset",
+)
+LINK_LAWS = ("link_coulomb_friction", "cable_spring")
 VALUES = {
     "coulomb_friction": (3.0,),
     "stribeck_friction": (1.5, 0.3),
@@ -48,11 +62,11 @@ VALUES = {
     "external_contact": (2.0, 1.5107, 2.4713),
     "motor_coupling": (0.2,),
 }
-MOTION = Made(
+MOTION = TrialMotion(
     np.linspace(0.0, 6.0, 3001),
-    motor=Signal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4),
-    torque=Signal(((40.0, 1.1, 0.5), (25.0, 4.3, 2.0)), constant=5.0),
-    neighbour=Signal(((0.5, 2.0, 0.3),)),
+    motor=TrialSignal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4),
+    torque=TrialSignal(((40.0, 1.1, 0.5), (25.0, 4.3, 2.0)), constant=5.0),
+    neighbour=TrialSignal(((0.5, 2.0, 0.3),)),
     stiffness=1500.0,
     motor_viscous=0.9,
 )
@@ -63,7 +77,9 @@ def named(name: str) -> dict[str, float]:
     return {p.name: v for p, v in zip(EFFECTS[name].parameters, VALUES[name], strict=True)}
 
 
-def value(name: str, made: Made = MOTION, values: tuple[float, ...] | np.ndarray | None = None) -> np.ndarray:
+def value(
+    name: str, made: TrialMotion = MOTION, values: tuple[float, ...] | np.ndarray | None = None
+) -> np.ndarray:
     """u on joint 0, shape (N,)."""
     p = np.array(VALUES[name] if values is None else values, dtype=float)
     return EFFECTS[name].terms(made, PLACE, p).value[0, :, 0]
@@ -90,16 +106,17 @@ def test_everything_is_said(effect: Effect) -> None:
     assert simulated_text(effect).endswith(".")
     assert re.search(r"\b(19|20)\d\d$", effect.reference), "authors, title, where, year"
     assert type(effect).__doc__ and effect.where in get_args(Where) and effect.scope in get_args(Scope)
-    for other in (effect.beside, effect.replaces):
+    for other in (effect.beside, effect.replaces, *effect.twins):
         assert other is None or other in EFFECTS
+    assert all(effect.name in EFFECTS[twin].twins for twin in effect.twins)
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_parameters_are_those_of_the_simulator(effect: Effect) -> None:
+    values = dict(zip(effect.units, VALUES[effect.name], strict=True))
+    check_effect(EffectValue(effect.name, None, values), ("joint1",))
     law = LAWS[effect.name]
-    assert [(p.name, p.unit) for p in effect.parameters] == list(law.units.items())
-    assert effect.where == law.where
-    assert {"episode": "joint"}.get(effect.scope, effect.scope) == law.belongs_to
+    assert {*law.positive, *law.not_negative} <= set(effect.units)
     for p, example in zip(effect.parameters, VALUES[effect.name], strict=True):
         assert p.lower < p.upper and p.lower <= example <= p.upper and p.explanation
         assert p.symbol in effect.equation
@@ -111,7 +128,7 @@ def test_parameters_are_those_of_the_simulator(effect: Effect) -> None:
 @pytest.mark.parametrize("name", MOTOR_LAWS)
 def test_motor_law(name: str) -> None:
     extra = {"viscous": MOTION.motor_viscous} if name == "friction_drift" else {}
-    law = MOTOR_LAWS[name](**named(name), **extra)
+    law = getattr(laws, name)(**named(name), **extra)
     columns = (MOTION.time, MOTION.theta(0)[0], MOTION.theta(0)[1], MOTION.tau(0)[0])
     expected = [law(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
     np.testing.assert_allclose(value(name), expected, rtol=1e-12, atol=1e-12)
@@ -119,7 +136,7 @@ def test_motor_law(name: str) -> None:
 
 @pytest.mark.parametrize("name", LINK_LAWS)
 def test_link_law(name: str) -> None:
-    law = LINK_LAWS[name](**named(name))
+    law = getattr(laws, name)(**named(name))
     columns = (MOTION.time, *MOTION.link_state(0)[:2])
     expected = [law(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
     np.testing.assert_allclose(value(name), expected, rtol=1e-12, atol=1e-12)
@@ -213,9 +230,9 @@ def test_applied_torque() -> None:
 
 
 def test_load_effects() -> None:
-    np.testing.assert_allclose(tilted_gravity(0.05, -0.03)[0], building.tilted_gravity(0.05, -0.03))
+    np.testing.assert_allclose(tilted_gravity(0.05, -0.03)[0], simulated_gravity(0.05, -0.03))
     angle = MOTION.link_state(0)[0]
-    x, _, z = building.tilted_gravity(*VALUES["base_tilt"])
+    x, _, z = simulated_gravity(*VALUES["base_tilt"])
     tilted, level = MOTION.arm * (x * np.sin(angle) - z * np.cos(angle)), MOTION.arm * 9.81 * np.cos(angle)
     np.testing.assert_allclose(value("base_tilt"), tilted - level, atol=1e-12)
     weight = MOTION.payload_torque("p1")[:, 0]
@@ -306,7 +323,7 @@ def test_guesses_are_small_versions_of_the_effect(name: str) -> None:
         c = size * np.linspace(1.0, 0.6, len(size))
         u = value(name, values=guess.to_values(c))  # type: ignore[operator]
         rest = value(name, values=guess.to_values(0 * c))  # type: ignore[operator]
-        np.testing.assert_allclose(u - rest, c @ columns, atol=1e-8, err_msg=guess.label)
+        np.testing.assert_allclose(u - rest, c @ columns, atol=1e-8, err_msg=name)
 
 
 # -- the pages

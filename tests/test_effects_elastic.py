@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis.fit_context import FitContext
-from flexviz.effects import EFFECTS
-from flexviz.effects.base import JointMotion, LawEffect
-from flexviz.effects.elastic import ElasticJoint, hardened
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects.elastic_joint import DampedSpring, hardened
 from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.elastic import ElasticJoint as SimulatedJoint
+from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.sets import simulate_preset
 
 STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3
@@ -51,7 +50,7 @@ def law(name: str) -> LawEffect:
 def test_both_together_are_the_simulators_law(hardening: float, seconds: float) -> None:
     cubic, damping = hardening * STIFFNESS / 0.02**2, seconds * STIFFNESS
     x, rate = deflection_of(0.02)
-    joint = SimulatedJoint(STIFFNESS, cubic=cubic, damping=damping)
+    joint = ElasticJoint(STIFFNESS, cubic=cubic, damping=damping)
     torque = np.array([joint.torque(a, 0.0, b, 0.0) for a, b in zip(x, rate, strict=True)])
     present = {"stiffness_hardening": (cubic,), "joint_damping": (damping,)}
     seen = motion(torque, **present)
@@ -129,7 +128,7 @@ def test_hardened_spring_in_closed_form(cubic: float) -> None:
     torque = np.array([-300.0, -1e-3, 0.0, 1e-9, 2.0, 500.0])
     x = hardened(torque, STIFFNESS, cubic)
     np.testing.assert_allclose(STIFFNESS * x + cubic * x**3, torque, rtol=1e-11, atol=1e-300)
-    joint = ElasticJoint(torque, STEP, STIFFNESS, cubic, 0.0)
+    joint = DampedSpring(torque, STEP, STIFFNESS, cubic, 0.0)
     np.testing.assert_array_equal(joint.deflection, x)
 
 

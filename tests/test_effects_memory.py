@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS
-from flexviz.effects.base import JointMotion, LawEffect
-from flexviz.effects.hysteresis import dahl
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects.presliding_hysteresis import dahl
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation.sets import simulate_preset

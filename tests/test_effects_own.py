@@ -22,9 +22,8 @@ from flexviz.jobs import JobEvent, Worker
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.session import Session, open_session, save_session
-from flexviz.simulation import replay
-from flexviz.simulation.laws import LAWS
-from flexviz.simulation.sets import simulate_preset
+from flexviz.simulation import replay, simulate_preset, simulated_effects
+from flexviz.simulation.effect_laws import LAWS
 from flexviz.view.effects import addable_effects, more_effects
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -81,7 +80,7 @@ def test_example_appears_everywhere(hidden: Path) -> None:
     effects = load_effects(EXAMPLE)
     assert tuple(e.name for e in effects) == NAMES == known_names()[-2:] and loaded_files() == (EXAMPLE,)
     assert load_effects(str(EXAMPLE)) == effects and len(EFFECTS) == len(EFFECT_NAMES) + 2
-    assert set(NAMES) <= set(LAWS) and set(NAMES) <= set(addable_effects()) <= set(EFFECTS)
+    assert set(NAMES) <= set(simulated_effects()) and set(NAMES) <= set(addable_effects()) <= set(EFFECTS)
     assert set(NAMES) <= {name for names in more_effects().values() for name in names}
     measurements = read_set(hidden)
     tried = candidates(Layout(measurements.joints), measurements.groups)
@@ -284,7 +283,7 @@ def test_derivatives_and_simulation_are_checked(
 ) -> None:
     path = file_with(tmp_path, LAW.replace("SLOPES", slopes).replace("SIGN * ", f"{sign}1.0 * "))
     if message is None:
-        assert load_effects(path)[0].name == "my_friction" and "my_friction" in LAWS
+        assert load_effects(path)[0].name == "my_friction" and "my_friction" in simulated_effects()
         return
     with pytest.raises(InputError, match=message):
         load_effects(path)

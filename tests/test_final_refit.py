@@ -11,11 +11,10 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
-from flexviz.simulation import make_plan, simulate_plan, write_plan
-from flexviz.simulation.hiding import hide
+from flexviz.simulation import inject, make_plan, simulate_plan, write_plan
 
 HIDDEN = ("coulomb_friction:joint2", "stribeck_friction:joint2:stribeck=0.4,velocity=0.08")
-PLAN = hide(make_plan("planar-2r"), HIDDEN)
+PLAN = inject(make_plan("planar-2r"), HIDDEN)
 
 
 @pytest.fixture(scope="module")

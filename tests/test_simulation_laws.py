@@ -16,8 +16,8 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import Controller, Run, Sinusoid, simulate_run
-from flexviz.simulation.laws import LAWS
+from flexviz.simulation import PDController, Run, Sinusoid, simulate_run
+from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.presets import planar_inertial
 
 H = 0.00025
@@ -101,7 +101,7 @@ def run_with(robot: Robot, *effects: EffectValue, duration: float = 1.1, payload
         model,
         payload=() if payload == "p1" else (BODY,),
         reference=Sinusoid(0.6, 3.0),
-        controller=Controller(1e4, 500.0, H),
+        controller=PDController(1e4, 500.0, H),
         duration=duration,
         start="moving",
         group="g1",

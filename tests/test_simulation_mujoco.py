@@ -14,7 +14,7 @@ import pytest
 
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation import Controller, Reference, Run, Sinusoid, make_plan, simulate_run
+from flexviz.simulation import PDController, Reference, Run, Sinusoid, make_plan, simulate_run
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -97,7 +97,7 @@ def mujoco_run(
     model: FlexibleModel,
     ours: Run,
     reference: Reference,
-    controller: Controller,
+    controller: PDController,
     payload: list[PayloadBody],
     base_euler: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> tuple[np.ndarray, np.ndarray]:

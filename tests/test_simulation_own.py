@@ -9,24 +9,24 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from flexviz.simulation import JointState, OwnLaw, Plan, Pull, Run, make_plan
+from flexviz.simulation import ExtraLaw, JointState, Plan, Pull, Run, make_plan
 
 
-class Spring(OwnLaw):
+class Spring(ExtraLaw):
     """A cable spring of 3 Nm/rad at 0.2 rad."""
 
     def pull(self, at: JointState) -> Pull:
         return Pull(link=3.0 * (at.q - 0.2))
 
 
-class Drag(OwnLaw):
+class Drag(ExtraLaw):
     """Quadratic friction of 0.4 Nm s²/rad²."""
 
     def pull(self, at: JointState) -> Pull:
         return Pull(motor=0.4 * at.theta_velocity * abs(at.theta_velocity))
 
 
-class Hardening(OwnLaw):
+class Hardening(ExtraLaw):
     """A cubic spring of 1e6 Nm/rad³."""
 
     def pull(self, at: JointState) -> Pull:
@@ -34,7 +34,7 @@ class Hardening(OwnLaw):
 
 
 @dataclass(frozen=True)
-class Pendulum(OwnLaw):
+class Pendulum(ExtraLaw):
     """A mass on a spring, 2 Hz."""
 
     inertia: float = 0.3  # [kg m²]
@@ -57,7 +57,7 @@ def run(plan: Plan) -> Run:
         (Hardening(), "stiffness_hardening:joint1:cubic_stiffness=1e6"),
     ],
 )
-def test_same_law_same_motion(law: OwnLaw, text: str) -> None:
+def test_same_law_same_motion(law: ExtraLaw, text: str) -> None:
     own = run(replace(make_plan("planar-2r"), laws=(("joint1", law),)))
     library = run(make_plan("planar-2r", [text]))
     np.testing.assert_allclose(own.theta, library.theta, atol=1e-9)
@@ -77,7 +77,7 @@ def test_own_states() -> None:
 def test_at_rest_from_the_start() -> None:
     """The static equilibrium knows of them."""
 
-    class Load(OwnLaw):
+    class Load(ExtraLaw):
         def pull(self, at: JointState) -> Pull:
             return Pull(motor=2.0, link=3.0, joint=0.5)
 

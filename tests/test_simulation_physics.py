@@ -10,8 +10,8 @@ import pytest
 from flexviz._pinocchio import pin
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import Robot
-from flexviz.simulation import Controller, Sinusoid, make_plan, random_fourier, simulate_run
-from flexviz.simulation.building import Recorder, make_plant
+from flexviz.simulation import PDController, Sinusoid, make_plan, random_fourier, simulate_run
+from flexviz.simulation.building import TorquePath, make_plant
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.loop import Loop
 from flexviz.simulation.presets import planar_inertial
@@ -23,7 +23,7 @@ ROTOR = """<robot name="rotor"><link name="base"/>
 </robot>"""
 K, B, J = 300.0, 0.4, 0.8
 PLANAR = ((1000.0, 1100.0), (2.45, 1.55), (1.0, 1.4), (0.8, 0.66))
-PD = Controller(1e4, 500.0, 0.00025)
+PD = PDController(1e4, 500.0, 0.00025)
 
 
 @pytest.fixture(scope="module")
@@ -222,7 +222,7 @@ def test_joint_order_does_not_matter() -> None:
         robot,
         model,
         reference=Sampled(time, position[:, at]),
-        controller=Controller(plan.controller.kp[at], plan.controller.kd[at], 0.00025),
+        controller=PDController(plan.controller.kp[at], plan.controller.kd[at], 0.00025),
         duration=0.5,
     )
     for name in ("theta", "q", "tau", "tau_joint", "theta_ref", "q_velocity"):
@@ -256,7 +256,7 @@ def test_random_fourier_stays_within_limits() -> None:
 
 def test_recorder_is_plain_without_sensing_effects(planar: Robot) -> None:
     _, recorder = make_plant(planar, planar_model(planar))
-    assert isinstance(recorder, Recorder) and not recorder.delay.any() and not recorder.gain_error.any()
+    assert isinstance(recorder, TorquePath) and not recorder.delay.any() and not recorder.gain_error.any()
 
 
 def kinetic(model: object, states: np.ndarray) -> np.ndarray:

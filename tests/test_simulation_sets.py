@@ -16,7 +16,7 @@ from flexviz.resources import sessions_dir
 from flexviz.robot import SETTINGS, Robot, load_settings
 from flexviz.simulation import (
     PRESETS,
-    Controller,
+    PDController,
     Plan,
     Sensors,
     Sinusoid,
@@ -27,7 +27,7 @@ from flexviz.simulation import (
     simulate_preset,
     write_plan,
 )
-from flexviz.simulation.laws import LAWS
+from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.presets import PAPER_GROUPS, PLANAR_TRUTH, paper, paper_payloads, planar_inertial
 from flexviz.simulation.truth import truth
 
@@ -136,7 +136,7 @@ def test_noise_and_resolution_in_the_loop() -> None:
 def test_torque_filter_smooths_and_still_controls() -> None:
     plan = short(make_plan("paper-a", start="moving"), 1.0)
     controller = plan.controller
-    smooth = Controller(controller.kp, controller.kd, controller.cycle, torque_filter=50.0)
+    smooth = PDController(controller.kp, controller.kd, controller.cycle, torque_filter=50.0)
     plain, filtered = (plan.run(plan.groups[0]), replace(plan, controller=smooth).run(plan.groups[0]))
     assert np.abs(filtered.theta - plain.theta).max() < 0.01
     assert not np.array_equal(plain.tau, filtered.tau)
@@ -234,9 +234,9 @@ def test_none_hides_nothing() -> None:
         ("backlash:joint1:width=1", 'no parameter "width"; did you mean'),
         ("backlash:joint1:half_width", "not of the form param=value"),
         ("backlash:joint1:half_width=wide", "half_width=wide is not a number"),
-        ("backlash:joint1:half_width=nan", "a finite number would be right"),
-        ("backlash:joint1:half_width=-1", "a number ≥ 0 would be right"),
-        ("stribeck_friction:joint1:velocity=0", "a positive number would be right"),
+        ("backlash:joint1:half_width=nan", "expected a finite number"),
+        ("backlash:joint1:half_width=-1", "expected a number ≥ 0"),
+        ("stribeck_friction:joint1:velocity=0", "expected a positive number"),
         ("base_tilt:joint1", "belongs to no joint"),
         ("payload_error:p7", 'payload "p7" does not exist'),
         ("external_contact:joint1:group=g7", 'group "g7" does not exist'),

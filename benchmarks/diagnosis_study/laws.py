@@ -8,17 +8,18 @@ from math import cos, exp, pi, sin, tanh
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexviz.simulation import JointState, OwnLaw, Plan, Pull
-from flexviz.simulation.hiding import Scale
-from flexviz.simulation.plant import Array
+from flexviz.simulation import ExtraLaw, JointState, MotionScale, Plan, Pull
+
+Array = NDArray[np.float64]
 
 WIDTH = 0.005  # [rad/s] of the sign of velocity, as everywhere in the simulator
 LARGE = (0.05, 1.0)  # sizes in rms torques of the joint, or the like
 
 
 @dataclass(frozen=True)
-class FrictionBump(OwnLaw):
+class FrictionBump(ExtraLaw):
     """A rough spot: p exp(−((θ − θ₀)/w)²) sign(θ̇)."""
 
     peak: float  # [Nm]
@@ -31,7 +32,7 @@ class FrictionBump(OwnLaw):
 
 
 @dataclass(frozen=True)
-class OneWayPatch(OwnLaw):
+class OneWayPatch(ExtraLaw):
     """Something rubs on one side of an angle, and only on the way up: p for θ > θ₀ and θ̇ > 0."""
 
     torque: float  # [Nm]
@@ -43,7 +44,7 @@ class OneWayPatch(OwnLaw):
 
 
 @dataclass(frozen=True)
-class SawtoothCogging(OwnLaw):
+class SawtoothCogging(ExtraLaw):
     """Cogging with many harmonics: Σ_k sin(knθ)/k · 2p/π, k ≤ 8."""
 
     torque: float  # [Nm] half of the jump
@@ -55,7 +56,7 @@ class SawtoothCogging(OwnLaw):
 
 
 @dataclass(frozen=True)
-class Vibration(OwnLaw):
+class Vibration(ExtraLaw):
     """A machine beside it shakes the link: p sin(2πft + φ), whatever the robot does."""
 
     torque: float  # [Nm]
@@ -67,7 +68,7 @@ class Vibration(OwnLaw):
 
 
 @dataclass(frozen=True)
-class Saturation(OwnLaw):
+class Saturation(ExtraLaw):
     """The motor gives less the more it has to carry: c τ_j (τ_j/τ₀)² is lost."""
 
     share: float  # [-] lost at τ₀
@@ -78,7 +79,7 @@ class Saturation(OwnLaw):
 
 
 @dataclass(frozen=True)
-class GrowingLostMotion(OwnLaw):
+class GrowingLostMotion(ExtraLaw):
     """A clamp works loose: a backlash that grows from nothing to b during the run."""
 
     stiffness: float  # K of the joint [Nm/rad]
@@ -91,7 +92,7 @@ class GrowingLostMotion(OwnLaw):
 
 
 @dataclass(frozen=True)
-class WobblingMass(OwnLaw):
+class WobblingMass(ExtraLaw):
     """Something on the link hangs on a spring of its own: a torsional mass with its own vibration.
 
     Own states: its angle relative to the link [rad] and its angular velocity [rad/s].
@@ -110,7 +111,7 @@ class WobblingMass(OwnLaw):
 
 
 @dataclass(frozen=True)
-class UnevenStiffness(OwnLaw):
+class UnevenStiffness(ExtraLaw):
     """A spring that is softer at some angles: τ_j = K (1 + a cos(nθ + φ)) (θ − q)."""
 
     stiffness: float  # K of the joint [Nm/rad]
@@ -123,7 +124,7 @@ class UnevenStiffness(OwnLaw):
         return Pull(joint=self.stiffness * change * (at.theta - at.q))
 
 
-Maker = Callable[[Plan, int, Scale, np.random.Generator], OwnLaw]
+Maker = Callable[[Plan, int, MotionScale, np.random.Generator], ExtraLaw]
 
 
 def _inside(plan: Plan, i: int, rng: np.random.Generator) -> float:
@@ -136,40 +137,40 @@ def _part(rng: np.random.Generator) -> float:
     return float(np.exp(rng.uniform(*np.log(LARGE))))
 
 
-def _friction_bump(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _friction_bump(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     return FrictionBump(
         _part(rng) * float(size.torque[i]), _inside(plan, i, rng), float(rng.uniform(0.08, 0.2))
     )
 
 
-def _one_way_patch(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _one_way_patch(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     return OneWayPatch(_part(rng) * float(size.torque[i]), _inside(plan, i, rng))
 
 
-def _sawtooth(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _sawtooth(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     return SawtoothCogging(_part(rng) * float(size.torque[i]), float(rng.integers(3, 7)))
 
 
-def _vibration(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _vibration(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     phase = float(rng.uniform(-pi, pi))
     return Vibration(0.5 * _part(rng) * float(size.torque[i]), float(rng.uniform(1.5, 6.0)), phase)
 
 
-def _saturation(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _saturation(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     return Saturation(0.2 * _part(rng), float(size.torque[i]))
 
 
-def _lost_motion(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _lost_motion(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     half_width = _part(rng) * max(float(size.deflection[i]), 2e-4)
     return GrowingLostMotion(float(plan.model.stiffness[i]), half_width, plan.groups[0].duration)
 
 
-def _wobble(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _wobble(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     inertia = 0.5 * _part(rng) * float(plan.model.motor_inertia[i])
     return WobblingMass(inertia, float(rng.uniform(1.0, 4.0)), float(rng.uniform(0.02, 0.1)))
 
 
-def _uneven(plan: Plan, i: int, size: Scale, rng: np.random.Generator) -> OwnLaw:
+def _uneven(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> ExtraLaw:
     phase = float(rng.uniform(-pi, pi))
     return UnevenStiffness(
         float(plan.model.stiffness[i]), 0.6 * _part(rng), float(rng.integers(3, 10)), phase

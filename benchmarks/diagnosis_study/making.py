@@ -13,11 +13,10 @@ from benchmarks.diagnosis_study.cases import Case
 from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.robots import CYCLE, random_plan
 from benchmarks.diagnosis_study.sizes import SIZES, draw, natural
+from flexviz.effects import EFFECTS
 from flexviz.measurements import GroupTable, write_set
 from flexviz.model import EffectValue
-from flexviz.simulation import Plan, Run, move, record
-from flexviz.simulation.hiding import Scale, scale
-from flexviz.simulation.laws import LAWS
+from flexviz.simulation import MotionScale, Plan, Run, motion_scale, move, record
 
 UNSCORED = {"phase", "rest_angle", "tilt_x"}  # ambiguous, or relative to nothing
 
@@ -59,21 +58,21 @@ def make_twin(case: Case, folder: Path) -> None:
     _write(folder, plan, record(plan, move(plan, seed), seed))
 
 
-def plan_of(case: Case) -> tuple[Plan, Scale]:
+def plan_of(case: Case) -> tuple[Plan, MotionScale]:
     """The plan with everything hidden in it, and how much each joint works."""
     plan = random_plan(case.robot, case.rng("robot"), case.base, case.noise)
     rng = case.rng("hidden")
     joints = [str(rng.choice(plan.robot.joints)) for _ in range(2)]
     hidden: list[EffectValue] = []
     for name, joint in zip(case.effects, joints, strict=False):
-        where = joint if LAWS[name].belongs_to == "joint" else None
-        if set(case.effects) == {"stribeck_friction", "coulomb_friction"}:
+        where = joint if EFFECTS[name].scope in ("joint", "episode") else None
+        if any(EFFECTS[other].beside in case.effects for other in case.effects):
             where = joints[0]  # Stribeck friction is only sought beside Coulomb friction
         hidden.append(draw(name, where, plan, case.noise, rng, around=case.kind == "limit"))
-    replaced = {e.joint for e in hidden if e.effect == "presliding_hysteresis"}
-    known = [e for e in plan.model.effects if e.effect != "coulomb_friction" or e.joint not in replaced]
+    replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in hidden}
+    known = [e for e in plan.model.effects if (e.effect, e.joint) not in replaced]
     plan = replace(plan, model=replace(plan.model, effects=(*known, *hidden)))
-    size = scale(plan)
+    size = motion_scale(plan)
     if case.own:
         i = plan.robot.joints.index(joints[0])
         plan = replace(plan, laws=((joints[0], OWN[case.own](plan, i, size, rng)),))
@@ -101,7 +100,7 @@ def _write(folder: Path, plan: Plan, runs: dict[str, Run]) -> None:
     )
 
 
-def _truth(case: Case, plan: Plan, size: Scale, runs: dict[str, Run]) -> dict[str, Any]:
+def _truth(case: Case, plan: Plan, size: MotionScale, runs: dict[str, Run]) -> dict[str, Any]:
     """The truth as the scoring script reads it, and with what the study wants to know besides."""
     model, joints = plan.model, list(plan.robot.joints)
     known = len(plan.model.effects) - len(case.effects)
@@ -132,7 +131,7 @@ def _truth(case: Case, plan: Plan, size: Scale, runs: dict[str, Run]) -> dict[st
     }
 
 
-def _hidden(effect: EffectValue, plan: Plan, size: Scale) -> dict[str, Any]:
+def _hidden(effect: EffectValue, plan: Plan, size: MotionScale) -> dict[str, Any]:
     scored = {k: v for k, v in effect.parameters.items() if k not in UNSCORED}
     parameter = SIZES[effect.effect][0]
     return {

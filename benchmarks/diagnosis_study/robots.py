@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot, load_settings
-from flexviz.simulation import Controller, Plan, PlannedGroup, Sensors, random_fourier
-from flexviz.simulation.hiding import scale
-from flexviz.simulation.plant import Array
+from flexviz.simulation import PDController, Plan, PlannedGroup, Sensors, motion_scale, random_fourier
+
+Array = NDArray[np.float64]
 
 ROBOTS = ("2r", "panda", "ur5")
 CYCLE = 0.0005  # [s] of the controller; each torque is held that long
@@ -57,7 +58,7 @@ def random_plan(kind: str, rng: np.random.Generator, base: tuple[str, ...], nois
         model=FlexibleModel(robot.joints, stiffness, motor, link_viscous, motor_viscous, inertial),
         payloads=payloads,
         groups=_groups(kind, robot, duration, rng),
-        controller=Controller(kp, kd, CYCLE),
+        controller=PDController(kp, kd, CYCLE),
         sensors=Sensors(theta_noise, torque_noise),
         initial_stiffness=_rough(stiffness, 0.7, 1.35, rng),
         initial_motor_inertia=_rough(motor, 0.65, 1.45, rng),
@@ -149,7 +150,7 @@ def _payloads(kind: str, rng: np.random.Generator) -> dict[str, tuple[PayloadBod
 
 def _with_base(plan: Plan, base: tuple[str, ...], rng: np.random.Generator) -> Plan:
     """Effects that the set's model has from the start, on every joint, with sizes of their own."""
-    size = scale(plan)
+    size = motion_scale(plan)
     values = []
     for i, joint in enumerate(plan.robot.joints):
         torque, speed = float(size.torque[i]), float(size.speed[i])

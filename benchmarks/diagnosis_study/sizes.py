@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.model import EffectValue
-from flexviz.simulation.hiding import Scale, default_parameters, scale
-from flexviz.simulation.plan import Plan
+from flexviz.simulation import MotionScale, Plan, default_parameters, motion_scale
 
 # effect: the parameter that says how large it is, largest size in natural units, whether it may be negative
 SIZES: dict[str, tuple[str, float, bool]] = {
@@ -65,7 +64,7 @@ def draw(
     name: str, joint: str | None, plan: Plan, noise: float, rng: np.random.Generator, around: bool = False
 ) -> EffectValue:
     """One effect of random size on that joint; `around`: near the detection limit instead of above it."""
-    size = scale(plan)
+    size = motion_scale(plan)
     parameter, largest, signed = SIZES[name]
     limit = LIMITS[name][plan.robot.n > 2] * noise
     low, high = (limit * AROUND[0], limit * AROUND[1]) if around else (limit, largest)
@@ -94,13 +93,13 @@ def draw(
     return EffectValue(name, joint, values, group, payload)
 
 
-def natural(name: str, joint: str | None, plan: Plan, size: Scale) -> float:
+def natural(name: str, joint: str | None, plan: Plan, size: MotionScale) -> float:
     """The natural unit of the effect's size on that joint, in the unit of its parameter."""
     return abs(default_parameters(name, joint, plan, size)[SIZES[name][0]])
 
 
 def _shape(
-    name: str, joint: str | None, plan: Plan, size: Scale, rng: np.random.Generator
+    name: str, joint: str | None, plan: Plan, size: MotionScale, rng: np.random.Generator
 ) -> dict[str, float]:
     """All parameters, the size in natural units, the others random."""
     values = default_parameters(name, joint, plan, size)

@@ -10,7 +10,7 @@ from benchmarks.diagnosis_study.cases import NOISES
 from benchmarks.diagnosis_study.judging import DECIDABLE, NOTHING, UNKNOWN, Json, Judged
 from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.sizes import SIZES
-from flexviz.simulation.laws import LAWS
+from flexviz.effects import EFFECTS
 
 Table = list[list[str]]
 Outcome = tuple[Judged, Json]  # a case and its truth
@@ -122,7 +122,7 @@ def sizes(outcomes: Sequence[Outcome], robots: Sequence[str]) -> Table:
         ]  # fmt: skip
         if not here:
             continue
-        unit = LAWS[name].units[parameter]
+        unit = EFFECTS[name].units[parameter]
         cells, pairs = [], []
         for noise in NOISES:
             data = []
@@ -229,7 +229,7 @@ def describe(true: Json) -> str:
     if true["effect"] == "unknown":
         return f"{true['kind']} on {place}"
     parameter = SIZES[true["effect"]][0]
-    unit = LAWS[true["effect"]].units[parameter].replace("-", "").strip()
+    unit = EFFECTS[true["effect"]].units[parameter].replace("-", "").strip()
     return f"{true['effect']} on {place}, {true['size']:.3g} {unit}".rstrip()
 
 

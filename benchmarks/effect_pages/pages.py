@@ -6,8 +6,7 @@ import textwrap
 from pathlib import Path
 
 from benchmarks.effect_pages.pictures import caption, draw
-from flexviz.effects import EFFECTS, Effect
-from flexviz.effects.base import SIGN_VELOCITY
+from flexviz.effects import EFFECTS, SIGN_VELOCITY, Effect
 from flexviz.wording import SCOPES, bounds_text, enters_text, parameter_text, relation_text, simulated_text
 
 FOLDER = Path(__file__).resolve().parent.parent.parent / "docs" / "effects"

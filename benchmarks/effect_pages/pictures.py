@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.effect_pages.svg import Line, picture
 from flexviz.effects import EFFECTS, Effect, EffectTarget
-from flexviz.effects.trial import Array, Made, Signal
+from flexviz.effects.trial import Array, TrialMotion, TrialSignal
 
 PLACE = EffectTarget(joint=0, group="g1", payload="p1")
 CYCLE = np.linspace(0.0, 2 * np.pi, 1601)  # [s] one turn of a motion at 1 rad/s
@@ -19,7 +19,7 @@ CYCLE = np.linspace(0.0, 2 * np.pi, 1601)  # [s] one turn of a motion at 1 rad/s
 class Curve:
     """An effect along a motion: its parameters, and what to call it where there are several."""
 
-    made: Made
+    made: TrialMotion
     values: tuple[float, ...]
     label: str = ""
 
@@ -36,67 +36,67 @@ class Picture:
     """
 
     against: str
-    x: Callable[[Made], Array]
+    x: Callable[[TrialMotion], Array]
     curves: tuple[Curve, ...]
     motion: str
 
 
-def wave(size: float, phase: float = 0.0, omega: float = 1.0) -> Signal:
-    return Signal(((size, omega, phase),))
+def wave(size: float, phase: float = 0.0, omega: float = 1.0) -> TrialSignal:
+    return TrialSignal(((size, omega, phase),))
 
 
-def swing(size: float = 1.0, load: float = 0.0, lead: float = 0.0) -> Made:
+def swing(size: float = 1.0, load: float = 0.0, lead: float = 0.0) -> TrialMotion:
     """The motor swings by ±size [rad] at 1 rad/s under a load that swings `lead` [rad] before it."""
-    return Made(CYCLE, wave(size), wave(load, lead))
+    return TrialMotion(CYCLE, wave(size), wave(load, lead))
 
 
-def sweep(speed: float) -> Made:
+def sweep(speed: float) -> TrialMotion:
     """The motor's speed goes once from −speed to speed [rad/s]."""
-    return Made(np.linspace(-np.pi / 2, np.pi / 2, 3201), wave(speed, -np.pi / 2))
+    return TrialMotion(np.linspace(-np.pi / 2, np.pi / 2, 3201), wave(speed, -np.pi / 2))
 
 
-def loaded(speed: float) -> Made:
+def loaded(speed: float) -> TrialMotion:
     """The torque goes once from −60 to 60 Nm at a steady speed [rad/s]."""
-    return Made(np.linspace(-np.pi / 2, np.pi / 2, 1601), Signal(slope=speed), wave(60.0))
+    return TrialMotion(np.linspace(-np.pi / 2, np.pi / 2, 1601), TrialSignal(slope=speed), wave(60.0))
 
 
-def turn() -> Made:
+def turn() -> TrialMotion:
     """One steady turn of the motor."""
-    return Made(np.linspace(-np.pi, np.pi, 1601), Signal(slope=1.0), Signal())
+    return TrialMotion(np.linspace(-np.pi, np.pi, 1601), TrialSignal(slope=1.0), TrialSignal())
 
 
-def creeping() -> Made:
+def creeping() -> TrialMotion:
     """Back and forth about two positions by a few hundredths of a radian."""
-    path = Signal(((0.08, 1.0, 0.0), (0.05, 5.0, 0.0)))
-    return Made(np.linspace(0.0, 3 * np.pi, 4001), path)
+    path = TrialSignal(((0.08, 1.0, 0.0), (0.05, 5.0, 0.0)))
+    return TrialMotion(np.linspace(0.0, 3 * np.pi, 4001), path)
 
 
-def later(seconds: float, omega: float, size: float = 1.0, samples: int = 3001) -> Made:
+def later(seconds: float, omega: float, size: float = 1.0, samples: int = 3001) -> TrialMotion:
     """A swing over `seconds`."""
-    return Made(np.linspace(0.0, seconds, samples), wave(size / omega, 0.0, omega))
+    return TrialMotion(np.linspace(0.0, seconds, samples), wave(size / omega, 0.0, omega))
 
 
-def theta(made: Made) -> Array:
+def theta(made: TrialMotion) -> Array:
     return made.theta(0)[0]
 
 
-def velocity(made: Made) -> Array:
+def velocity(made: TrialMotion) -> Array:
     return made.theta(0)[1]
 
 
-def torque(made: Made) -> Array:
+def torque(made: TrialMotion) -> Array:
     return made.tau(0)[0]
 
 
-def torque_rate(made: Made) -> Array:
+def torque_rate(made: TrialMotion) -> Array:
     return made.tau(0)[1]
 
 
-def link_angle(made: Made) -> Array:
+def link_angle(made: TrialMotion) -> Array:
     return made.link_state(0)[0]
 
 
-def time(made: Made) -> Array:
+def time(made: TrialMotion) -> Array:
     return made.time
 
 
@@ -133,7 +133,8 @@ PICTURES: dict[str, Picture] = {
     "torque_gain": Picture("recorded torque τ [Nm]", torque, (Curve(swing(1.0, 60.0), (0.05,)),), "a swing"),
     "torque_delay": Picture(
         "recorded torque's rate τ̇ [Nm/s]", torque_rate,
-        (Curve(Made(CYCLE / 5, wave(1.0, 0.0, 5.0), wave(60.0, 0.0, 5.0)), (0.002,)),), "a swing at 5 rad/s",
+        (Curve(TrialMotion(CYCLE / 5, wave(1.0, 0.0, 5.0), wave(60.0, 0.0, 5.0)), (0.002,)),),
+        "a swing at 5 rad/s",
     ),
     "stiffness_hardening": Picture(LOAD, torque, (Curve(loaded(0.3), (2e7,)),), LOADING + ", K 5000 Nm/rad"),
     "backlash": Picture(LOAD, torque, (Curve(loaded(0.3), (0.001,)),), LOADING),
@@ -161,7 +162,8 @@ PICTURES: dict[str, Picture] = {
     ),
     "motor_coupling": Picture(
         "neighbouring motor's acceleration [rad/s²]", lambda made: made.theta(1)[2],
-        (Curve(Made(CYCLE, Signal(), wave(0.0), wave(3.0)), (0.2,)),), "a swing of the neighbour alone",
+        (Curve(TrialMotion(CYCLE, TrialSignal(), wave(0.0), wave(3.0)), (0.2,)),),
+        "a swing of the neighbour alone",
     ),
 }  # fmt: skip
 

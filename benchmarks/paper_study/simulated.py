@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from flexviz.measurements import Group, MeasurementSet, Segment
 from flexviz.robot import PayloadBody
-from flexviz.simulation import Run, make_plan
-from flexviz.simulation.plan import Plan
+from flexviz.simulation import Plan, Run, make_plan
 
 Array = NDArray[np.float64]
 

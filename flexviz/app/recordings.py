@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.progress import Iteration
     from flexviz.recording.live import LiveRecording
-    from flexviz.simulation.run import Run
+    from flexviz.simulation import Run
 
 Kind = Literal["file", "viewer"]
 KINDS: tuple[Kind, ...] = ("file", "viewer")

@@ -72,7 +72,7 @@ def simulate_quiz(
     """
     import numpy as np
 
-    from flexviz.simulation.sets import make_plan, simulate_preset
+    from flexviz.simulation import make_plan, simulate_preset
 
     if not isinstance(robot, Path) and robot not in PRESETS:
         raise InputError(f"{robot!r} cannot be simulated here")
@@ -94,9 +94,9 @@ def simulate_quiz(
 def hideable() -> tuple[str, ...]:
     """Effects that can be hidden in a simulated set."""
     from flexviz.effects import EFFECTS
-    from flexviz.simulation.laws import LAWS
+    from flexviz.simulation import simulated_effects
 
-    return tuple(name for name, effect in EFFECTS.items() if name in LAWS and effect.scope != "episode")
+    return tuple(name for name in simulated_effects() if EFFECTS[name].scope != "episode")
 
 
 def _everywhere(name: str) -> bool:

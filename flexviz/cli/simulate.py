@@ -10,7 +10,7 @@ import typer
 from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
-    from flexviz.simulation.sets import SimulatedSet
+    from flexviz.simulation import SimulatedSet
 
 
 def simulate(
@@ -42,7 +42,7 @@ def simulate(
 
     load_own(effects_from)
     with Reporter(f"simulating {preset}") as report:
-        from flexviz.simulation.sets import simulate_preset
+        from flexviz.simulation import simulate_preset
 
         output.check_new_folder(out, table_format)
         with interruptible("nothing is written") as should_stop:
@@ -64,7 +64,7 @@ def simulate(
 
 def summary(done: SimulatedSet) -> list[str]:
     """What was written where, in a few lines of text."""
-    from flexviz.simulation.laws import LAWS
+    from flexviz.effects import EFFECTS
     from flexviz.wording import unit_text
 
     plan = done.plan
@@ -73,7 +73,7 @@ def summary(done: SimulatedSet) -> list[str]:
         use = "validation" if group.validation else "fit"
         lines.append(f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s, {use}")
     for effect in plan.model.effects:
-        units = LAWS[effect.effect].units
+        units = EFFECTS[effect.effect].units
         values = ", ".join(
             f"{name} {value:g} {unit_text(units[name])}".rstrip() for name, value in effect.parameters.items()
         )

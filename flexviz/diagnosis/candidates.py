@@ -21,17 +21,8 @@ def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
     payloads = sorted({g.payload for g in groups if g.bodies})
     out: list[ChosenEffect] = []
     for name, effect in EFFECTS.items():
-        if name == "motor_coupling" and layout.n == 1:
-            continue  # there is no neighbour
-        if effect.scope == "joint":
-            places = [ChosenEffect(name, j) for j in range(layout.n)]
-        elif effect.scope == "set":
-            places = [ChosenEffect(name)]
-        elif effect.scope == "payload":
-            places = [ChosenEffect(name, payload=p) for p in payloads]
-        else:
-            continue
-        for place in places:
+        for target in effect.targets(layout.n, payloads):
+            place = ChosenEffect(name, target.joint, target.group, target.payload)
             if place in have or (name, place.joint) in replaced:
                 continue
             if effect.beside and not any(e.effect == effect.beside and e.joint == place.joint for e in have):

@@ -17,8 +17,7 @@ from scipy.interpolate import BSpline
 from flexviz.diagnosis.acceptance import NAMED
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.search import Scores, Search
-from flexviz.effects import ChosenEffect, JointMotion
-from flexviz.effects.base import smooth_sign
+from flexviz.effects import ChosenEffect, JointMotion, smooth_sign
 from flexviz.estimation import Projection, Weigh, explained
 
 Array = NDArray[np.float64]

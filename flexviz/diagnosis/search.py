@@ -32,12 +32,7 @@ CLOSE = 0.03  # of the best score: what scores less is not refitted once the bes
 EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there is
 REACHED = 0.15  # excess at which the noise is reached
 FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
-OPTIMISM = 3.0  # times its score is the most that a refit is expected to gain
-DAMPING = "joint_damping"
-OPTIMISM_DAMPING = 20.0  # the same: it changes the noise's way, too, which the score does not see
 LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
-BACKLASH = "backlash"
-SHARES = (0.1, 0.3, 0.7)  # of the rms deflection, where a backlash starts
 PLAIN = 0.5  # excess that no noise makes
 CLEAR = 0.3  # of it, what an effect has to remove that no score speaks for
 WORST = 2  # joints whose own laws are tried whatever their score
@@ -166,8 +161,8 @@ class Search:
     def underrated(self, fit: Fit, scores: Scores) -> list[Tried]:
         """Elastic laws of the joints with the largest residual, from several starts.
 
-        A stiffness that has taken up a part of such a law hides it from the score: the starts give that part
-        back, 1/K = 1/K' − b E|s|/E s² for a backlash b; one of them is that of the set's rough stiffness.
+        A stiffness that has absorbed a part of such a law hides it from the score: the law's own starts give
+        that part back.
         """
         torque = fit.point.narrow.torque[0]
         ranked = {s.effect: s for s in scores.ranked}
@@ -175,24 +170,19 @@ class Search:
         for j in np.argsort(-fit.chi)[:WORST]:
             for effect in candidates(fit.layout, self.context.fit_groups):
                 law = EFFECTS[effect.effect]
-                if law.where != "joint" or law.flexible or effect.joint != j:
+                if not law.absorbed_by_stiffness or effect.joint != j:
                     continue
                 nothing = np.zeros(len(law.parameters))
                 scored = ranked.get(effect) or Scored(effect, 0.0, nothing, np.zeros(fit.point.r.size))
                 self.say(f"trying {law.title.lower()} from several starts")
                 layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+                compliance = float(fit.x[fit.layout.compliance][j])
+                rough = float(self.context.rough_compliance[j])
                 begin = [x]
-                if scored.effect.effect == BACKLASH:
-                    s, c = torque[:, j], fit.x[fit.layout.compliance][j]
-                    lever = float(np.mean(np.abs(s)) / np.mean(s**2))
-                    sizes = [share * c * float(np.sqrt(np.mean(s**2))) for share in SHARES]
-                    sizes.append((c - self.context.rough_compliance[j]) / lever)
-                    for size in (v for v in sizes if v > 0):
-                        taken = size * lever
-                        start = x.copy()
-                        start[layout.effect_slices()[-1][1]] = size
-                        start[layout.compliance.start + j] = max(c - taken, 0.2 * c)
-                        begin.append(start)
+                for start in law.elastic_starts(torque[:, j], compliance, rough):
+                    begin.append(x.copy())
+                    begin[-1][layout.effect_slices()[-1][1]] = start.values
+                    begin[-1][layout.compliance.start + j] = start.compliance
                 fits = [
                     self.context.fit(layout, b, iterations=SHORT, check=self.check, near=fit) for b in begin
                 ]
@@ -265,8 +255,8 @@ class Search:
         """The best one, or what does as well: the simpler law that it refines; anything beside a gap never
         crossed."""
         best = possible[0]
-        if only_an_offset(best.fit, best.effect):
-            others = [t for t in possible[1:] if not only_an_offset(t.fit, t.effect)]
+        if only_an_offset(best.fit, best.effect, self.raw_step):
+            others = [t for t in possible[1:] if not only_an_offset(t.fit, t.effect, self.raw_step)]
             return others[0] if others and others[0].fit.objective < best.fit.objective + OFFSET else best
         simpler = EFFECTS[best.effect.effect].replaces
         for t in possible[1:]:
@@ -310,7 +300,7 @@ class Search:
 
 def optimistic_gain(scored: Scored) -> float:
     """The most that a refit is expected to gain."""
-    return (OPTIMISM_DAMPING if scored.effect.effect == DAMPING else OPTIMISM) * scored.gain
+    return EFFECTS[scored.effect.effect].optimism * scored.gain
 
 
 def _shared(leader: Fit, before: Fit) -> Array:

@@ -1,4 +1,7 @@
-"""The canonical names of the physical effects: the one list that files, commands and the registry share."""
+"""The names of the library's effects, in the order in which they are listed.
+
+`flexviz/effects/<name>.py` defines the effect; the registry imports it by this name.
+"""
 
 from __future__ import annotations
 
@@ -25,10 +28,10 @@ EFFECT_NAMES: tuple[str, ...] = (
     "motor_coupling",
 )
 
-OWN: list[str] = []
-"""Names of the effects that users have loaded from their own files, in that order."""
+USER_NAMES: list[str] = []
+"""Names of the user-defined effects that are loaded, in that order."""
 
 
 def known_names() -> tuple[str, ...]:
-    """The library's names and those of the user's own effects."""
-    return (*EFFECT_NAMES, *OWN)
+    """The names of the library's and of the user-defined effects."""
+    return (*EFFECT_NAMES, *USER_NAMES)

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from flexviz.effects.base import Effect, EffectTarget
+from flexviz.effects.effect import Effect
+from flexviz.effects.registry import EFFECTS
+from flexviz.effects.terms import EffectTarget
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue
 
@@ -76,8 +78,6 @@ def choose_effects(
     Raises:
         InputError: for an unknown effect, joint, payload or group, or an episode nobody placed.
     """
-    from flexviz.effects import EFFECTS
-
     chosen: dict[ChosenEffect, None] = {}
     for text in wanted:
         name, _, where = text.partition(":")
@@ -101,7 +101,7 @@ def _places(
 ) -> list[ChosenEffect]:
     """Everywhere that one name stands for."""
     name = effect.name
-    if name == "motor_coupling" and len(joints) == 1:
+    if len(joints) < effect.fewest_joints:
         raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
     if effect.scope == "episode":
         return [_episode(text, name, where, joints, groups)]

@@ -8,13 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects.base import JointMotion
-
-Array = NDArray[np.float64]
+from flexviz.effects.terms import Array, JointMotion
 
 
 @dataclass(frozen=True)
-class Signal:
+class TrialSignal:
     """constant + slope·t + Σ a sin(ωt + φ), with exact derivatives.
 
     Attributes:
@@ -38,7 +36,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Made:
+class TrialMotion:
     """An effect's context with closed-form signals: two joints, one group, no filter.
 
     The arm of the payload and gravity torques is a pendulum that turns from the base's x towards its z.
@@ -53,9 +51,9 @@ class Made:
     """
 
     time: Array
-    motor: Signal
-    torque: Signal = field(default_factory=Signal)
-    neighbour: Signal = field(default_factory=Signal)
+    motor: TrialSignal
+    torque: TrialSignal = field(default_factory=TrialSignal)
+    neighbour: TrialSignal = field(default_factory=TrialSignal)
     stiffness: float = 5000.0
     motor_viscous: float = 2.0
     arm: float = 4.0

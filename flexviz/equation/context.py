@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexviz._pinocchio import pin
-from flexviz.effects import EFFECTS, JointMotion
-from flexviz.effects.base import LawEffect
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.layout import Layout
 from flexviz.equation.signals import Block, Signals
 from flexviz.noise import segments_noise

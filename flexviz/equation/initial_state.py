@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.effects.base import LawEffect
+from flexviz.effects import EFFECTS, ChosenEffect, LawEffect
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext
 from flexviz.equation.signals import Signals

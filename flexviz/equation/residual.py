@@ -168,7 +168,7 @@ class Equation:
 
     def residual(self, x: Array) -> Array:
         """r alone at x, shape (N, n) [Nm]: a third of the work where no friction has a memory."""
-        if any(getattr(EFFECTS[e.effect], "memory", False) for e in self.layout.effects):
+        if any(EFFECTS[e.effect].memory for e in self.layout.effects):
             return self.evaluate(x).residual
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)

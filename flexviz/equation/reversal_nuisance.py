@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, JointMotion
-from flexviz.effects.base import LawEffect
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.chain import Chain
 from flexviz.equation.residual import Equation
 

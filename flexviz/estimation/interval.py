@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation
 from flexviz.estimation.projection import Projection, Weigh
 from flexviz.estimation.scoring import Scored
 
 Array = NDArray[np.float64]
 
-EPISODE = "external_contact"
 INSTANTS = 100  # in a group
 CLOSEST = 0.1  # [s] between candidate instants
 SHORTEST = 0.2  # [s]
@@ -41,6 +40,7 @@ def best_intervals(
         group: only in this one.
         longest: share of the stretch that an episode may fill.
     """
+    episodes = [name for name, effect in EFFECTS.items() if effect.scope == "episode"]
     sig, n = equation.signals, equation.layout.n
     out = []
     for index, block in enumerate(sig.blocks):
@@ -70,7 +70,8 @@ def best_intervals(
         a, b = first[best], last[best]
         torque = -share[best] / max(float(norm[best]), 1e-300)
         values = np.array([torque, instants[a], instants[b]])
-        effect = ChosenEffect(EPISODE, joint, name)
         signature = (weighed[:, a] - weighed[:, b]) * torque
-        out.append(Scored(effect, float(gain[best]), values, signature, rows))
+        for episode in episodes:
+            effect = ChosenEffect(episode, joint, name)
+            out.append(Scored(effect, float(gain[best]), values, signature, rows))
     return sorted(out, key=lambda s: -s.gain)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import EFFECTS
 from flexviz.equation import Layout, LinkTerms
 
 Array = NDArray[np.float64]
@@ -81,8 +82,9 @@ def time_constants(layout: Layout, x: Array) -> Array:
     """D/K of the damped joints, 0 of the others, shape (n,) [s]."""
     out = np.zeros(layout.n)
     for effect, where in layout.effect_slices():
-        if effect.effect == "joint_damping" and effect.joint is not None:
-            out[effect.joint] = max(float(x[where][0]), 0.0) * x[layout.compliance][effect.joint]
+        law = EFFECTS[effect.effect]
+        if law.damps_deflection and effect.joint is not None:
+            out[effect.joint] = law.time_constant(x[where], x[layout.compliance][effect.joint])
     return out
 
 
@@ -131,7 +133,7 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     lag, unit = time_constants(layout, x), x.copy()
     unit[layout.compliance] = 1.0
     _, elastic = _parts(layout, unit, link)
-    damping = {e.joint: at.start for e, at in layout.effect_slices() if e.effect == "joint_damping"}
+    damping = {e.joint: at.start for e, at in layout.effect_slices() if EFFECTS[e.effect].damps_deflection}
     out = []
     for sensor, joints in _kinds(lag):
         orders, none = tuple(range(DEPTH[sensor])), (0.0,) * DEPTH[sensor]

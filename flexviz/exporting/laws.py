@@ -12,7 +12,7 @@ from flexviz.errors import InputError
 from flexviz.exporting.coverage import EVENT, EXPORTS, USER_DEFINED, LeftOut, PerJoint, PerRow
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
-from flexviz.simulation.building import check_effect, neighbour, scaled_body, tilted_gravity
+from flexviz.simulation import check_effect, neighbour, scaled_body, tilted_gravity
 
 Array = NDArray[np.float64]
 

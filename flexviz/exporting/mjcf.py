@@ -27,8 +27,7 @@ from flexviz.exporting.shapes import Shapes
 from flexviz.exporting.subject import Subject, left_out
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.robot import Robot
-from flexviz.simulation import rates
-from flexviz.simulation.building import make_plant
+from flexviz.simulation import fastest, make_plant
 
 LARGEST_STEP = 0.001  # [s]
 SMALLEST_STEP = 1e-6  # [s]
@@ -102,13 +101,12 @@ def timestep(subject: Subject) -> tuple[float, float]:
     plant, _ = make_plant(subject.robot, model, subject.laws.bodies)
     rows = [group.segments[0].theta[:: max(1, len(group.segments[0]) // 4)] for group in
             subject.measurements.groups if group.segments]  # fmt: skip
-    vibration, decay = rates.fastest(plant, subject.robot.to_pin(np.concatenate(rows)))
-    longest = min(rates.OSCILLATION / max(vibration, 1e-9), rates.DECAY / max(decay, 1e-9))
+    rates = fastest(plant, subject.robot.to_pin(np.concatenate(rows)))
     hold = subject.measurements.torque_hold
     step = hold if 0.0 < hold <= LARGEST_STEP else LARGEST_STEP
-    while step > longest and step > SMALLEST_STEP:
+    while step > rates.longest_step and step > SMALLEST_STEP:
         step /= 2.0
-    return step, vibration
+    return step, rates.vibration
 
 
 def _bodies(subject: Subject, world: ElementTree.Element, shapes: Shapes, names: dict[str, str]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects.base import SIGN_VELOCITY
+from flexviz.effects import SIGN_VELOCITY
 from flexviz.exporting.coverage import EXPORTS, PerJoint, PerRow
 from flexviz.exporting.kinematics import tree
 from flexviz.exporting.subject import Subject

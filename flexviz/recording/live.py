@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
     from flexviz.identification import Identification
     from flexviz.progress import Iteration
-    from flexviz.simulation.run import Run
+    from flexviz.simulation import Run
 
 PATIENCE = 120.0  # [s] that `flush` and `close` wait for what is still to be written
 

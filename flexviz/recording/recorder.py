@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
     from flexviz.identification import Identification
     from flexviz.progress import Iteration
-    from flexviz.simulation.run import Run
+    from flexviz.simulation import Run
 
 SAMPLES = 10_000  # recorded at most of each signal and group
 TICK = 1.0  # [s] at most between two flushes while a solve runs

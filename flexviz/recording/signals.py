@@ -15,7 +15,7 @@ from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
-    from flexviz.simulation.run import Run
+    from flexviz.simulation import Run
 
 
 def send_measured(recording: Stream, measurements: MeasurementSet, group: Group, most: int) -> None:

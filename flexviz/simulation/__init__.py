@@ -1,9 +1,13 @@
 """Forward simulation of flexible-joint robots: both sides, controller, sensors and every effect."""
 
-from flexviz.simulation.control import Controller
-from flexviz.simulation.own import JointState, OwnLaw, Pull
+from flexviz.simulation.building import check_effect, make_plant, simulated_effects
+from flexviz.simulation.control import PDController
+from flexviz.simulation.effect_laws import neighbour, scaled_body, tilted_gravity
+from flexviz.simulation.extra_laws import ExtraLaw, JointState, Pull
+from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS
+from flexviz.simulation.rates import fastest
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
 from flexviz.simulation.replay import replay
 from flexviz.simulation.run import Run, simulate_run
@@ -20,10 +24,11 @@ from flexviz.simulation.sets import (
 
 __all__ = [
     "PRESETS",
-    "Controller",
+    "ExtraLaw",
     "Fourier",
     "JointState",
-    "OwnLaw",
+    "MotionScale",
+    "PDController",
     "Plan",
     "PlannedGroup",
     "Pull",
@@ -33,13 +38,23 @@ __all__ = [
     "Sensors",
     "SimulatedSet",
     "Sinusoid",
+    "check_effect",
+    "default_parameters",
+    "fastest",
+    "inject",
     "make_plan",
+    "make_plant",
+    "motion_scale",
     "move",
+    "neighbour",
     "random_fourier",
     "record",
     "replay",
+    "scaled_body",
     "simulate_plan",
     "simulate_preset",
     "simulate_run",
+    "simulated_effects",
+    "tilted_gravity",
     "write_plan",
 ]

@@ -13,7 +13,7 @@ from flexviz.simulation.plant import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Controller:
+class PDController:
     """τ = k_p (θ_d − θ) + k_d (θ̇_d − θ̇), computed once a cycle and held over it.
 
     Attributes

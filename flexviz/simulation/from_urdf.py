@@ -10,7 +10,7 @@ from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import mesh_names, resolve_mesh
-from flexviz.simulation.control import Controller
+from flexviz.simulation.control import PDController
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.plant import Array
 from flexviz.simulation.presets import rough
@@ -62,7 +62,7 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
         groups=tuple(
             PlannedGroup(t + p, t, p, motions[t], DURATION, 0.001, validation=t == "t4") for t, p in PAIRS
         ),
-        controller=Controller(kp, kd, CYCLE),
+        controller=PDController(kp, kd, CYCLE),
         sensors=Sensors(np.full(robot.n, QUIET), 0.02 * torque),
         initial_stiffness=rough(stiffness, 0.3, rng),
         initial_motor_inertia=rough(motor_inertia, 0.3, rng),

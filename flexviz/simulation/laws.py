@@ -19,39 +19,6 @@ MotorLaw = Callable[[float, float, float, float], float]
 LinkLaw = Callable[[float, float, float], float]
 
 
-@dataclass(frozen=True)
-class LawInfo:
-    """Where an effect acts, its parameters' units, and what it belongs to ("joint", "payload", "set")."""
-
-    where: str
-    units: dict[str, str]
-    belongs_to: str = "joint"
-
-
-LAWS: dict[str, LawInfo] = {
-    "coulomb_friction": LawInfo("motor", {"coulomb": "Nm"}),
-    "stribeck_friction": LawInfo("motor", {"stribeck": "Nm", "velocity": "rad/s"}),
-    "quadratic_friction": LawInfo("motor", {"quadratic": "Nm s²/rad²"}),
-    "load_dependent_friction": LawInfo("motor", {"coefficient": "-"}),
-    "presliding_hysteresis": LawInfo("motor", {"presliding_stiffness": "Nm/rad", "coulomb": "Nm"}),
-    "friction_drift": LawInfo("motor", {"relative_rise": "-", "time_constant": "s"}),
-    "torque_ripple": LawInfo("motor", {"amplitude": "Nm", "order": "-", "phase": "rad"}),
-    "torque_offset": LawInfo("motor", {"offset": "Nm"}),
-    "torque_gain": LawInfo("sensing", {"gain_error": "-"}),
-    "torque_delay": LawInfo("sensing", {"delay": "s"}, "set"),
-    "stiffness_hardening": LawInfo("joint", {"cubic_stiffness": "Nm/rad³"}),
-    "backlash": LawInfo("joint", {"half_width": "rad"}),
-    "joint_damping": LawInfo("joint", {"damping": "Nm s/rad"}),
-    "transmission_error": LawInfo("joint", {"amplitude": "rad", "order": "-", "phase": "rad"}),
-    "link_coulomb_friction": LawInfo("link", {"coulomb": "Nm"}),
-    "cable_spring": LawInfo("link", {"stiffness": "Nm/rad", "rest_angle": "rad"}),
-    "payload_error": LawInfo("load", {"relative_mass_error": "-"}, "payload"),
-    "base_tilt": LawInfo("load", {"tilt_x": "rad", "tilt_y": "rad"}, "set"),
-    "external_contact": LawInfo("load", {"torque": "Nm", "start": "s", "end": "s"}),
-    "motor_coupling": LawInfo("motor", {"inertia": "kg m²"}),
-}
-
-
 def coulomb_friction(coulomb: float) -> MotorLaw:
     """f_c sign(θ̇)"""
     return lambda t, theta, velocity, load: coulomb * tanh(velocity / SIGN_WIDTH)
@@ -99,21 +66,6 @@ def link_coulomb_friction(coulomb: float) -> LinkLaw:
 def cable_spring(stiffness: float, rest_angle: float) -> LinkLaw:
     """k_c (q − q₀)"""
     return lambda t, q, velocity: stiffness * (q - rest_angle)
-
-
-MOTOR_LAWS: dict[str, Callable[..., MotorLaw]] = {
-    "coulomb_friction": coulomb_friction,
-    "stribeck_friction": stribeck_friction,
-    "quadratic_friction": quadratic_friction,
-    "load_dependent_friction": load_dependent_friction,
-    "friction_drift": friction_drift,
-    "torque_ripple": torque_ripple,
-    "torque_offset": torque_offset,
-}
-LINK_LAWS: dict[str, Callable[..., LinkLaw]] = {
-    "link_coulomb_friction": link_coulomb_friction,
-    "cable_spring": cable_spring,
-}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from flexviz.errors import Cancelled, ConvergenceError
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.simulation import rates
-from flexviz.simulation.building import Recorder
+from flexviz.simulation.building import TorquePath
 from flexviz.simulation.control import TorqueFilter
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
@@ -33,7 +33,7 @@ class Loop:
     """
 
     plant: Plant
-    recorder: Recorder
+    torque_path: TorquePath
     target: Array
     kp: Array
     kd: Array
@@ -62,8 +62,8 @@ class Loop:
         states, torques = np.empty((cycles, len(x))), np.empty((cycles, n))
         advance = self.plant.stepper(x)
         fine = self._substeps(x)
-        gain = 1.0 + self.recorder.gain_error
-        straight = not self.recorder.delay.any() and not self.recorder.gain_error.any()
+        gain = 1.0 + self.torque_path.gain_error
+        straight = not self.torque_path.delay.any() and not self.torque_path.gain_error.any()
         parts = self._parts(fine)
         columns = np.arange(n)
         for k in range(cycles):
@@ -107,8 +107,8 @@ class Loop:
 
     def _parts(self, fine: int) -> list[tuple[float, float, int, Array]]:
         """A cycle cut where a joint's delayed torque changes: offset, length, substeps, cycles back (n,)."""
-        whole = np.floor(self.recorder.delay / self.cycle + 1e-9)
-        rest = self.recorder.delay - whole * self.cycle
+        whole = np.floor(self.torque_path.delay / self.cycle + 1e-9)
+        rest = self.torque_path.delay - whole * self.cycle
         rest = np.where(rest < 1e-6 * self.cycle, 0.0, rest)
         cuts = [0.0, *sorted(set(rest[rest > 0].tolist())), self.cycle]
         parts = []

@@ -9,8 +9,8 @@ from pathlib import Path
 from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.robot import PayloadBody, Robot
-from flexviz.simulation.control import Controller
-from flexviz.simulation.own import OwnLaw
+from flexviz.simulation.control import PDController
+from flexviz.simulation.extra_laws import ExtraLaw
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Reference
 from flexviz.simulation.run import Run, simulate_run
@@ -59,7 +59,7 @@ class Plan:
     model: FlexibleModel
     payloads: dict[str, tuple[PayloadBody, ...]]
     groups: tuple[PlannedGroup, ...]
-    controller: Controller
+    controller: PDController
     sensors: Sensors
     initial_stiffness: Array | None = None
     initial_motor_inertia: Array | None = None
@@ -69,7 +69,7 @@ class Plan:
     extra: bool = True
     note: str = ""
     files: Mapping[str, str | Path] = field(default_factory=dict)
-    laws: tuple[tuple[str, OwnLaw], ...] = ()
+    laws: tuple[tuple[str, ExtraLaw], ...] = ()
 
     def run(
         self,

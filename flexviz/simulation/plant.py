@@ -19,8 +19,8 @@ import numpy as np
 
 from flexviz._pinocchio import pin
 from flexviz.simulation.elastic import ElasticJoint
+from flexviz.simulation.extra_laws import ExtraLaw, JointState, Pull
 from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
-from flexviz.simulation.own import JointState, OwnLaw, Pull
 
 Array = np.ndarray
 Advance = Callable[[Array, float, float, int], None]
@@ -39,7 +39,7 @@ class Plant:
     presliding: (joint index, Dahl).
     elastic: joint index -> law, for joints that are not a plain spring.
     contacts: (joint index, torque [Nm], start [s], end [s]).
-    own: (joint index, law) of what the library does not have.
+    extra: (joint index, law) beside the library's.
     """
 
     model: Any
@@ -52,7 +52,7 @@ class Plant:
     presliding: list[tuple[int, Dahl]] = field(default_factory=list)
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)
-    own: list[tuple[int, OwnLaw]] = field(default_factory=list)
+    extra: list[tuple[int, ExtraLaw]] = field(default_factory=list)
 
     @property
     def n(self) -> int:
@@ -65,7 +65,7 @@ class Plant:
 
     def empty_state(self) -> Array:
         """A state vector (4n + presliding and own states) of zeros."""
-        return np.zeros(4 * self.n + len(self.presliding) + sum(law.states for _, law in self.own))
+        return np.zeros(4 * self.n + len(self.presliding) + sum(law.states for _, law in self.extra))
 
     def pulls(
         self, time: float, y: list[float], carried: Sequence[float] | Array
@@ -76,7 +76,7 @@ class Plant:
         """
         n, out = self.n, []
         at = 4 * n + len(self.presliding)
-        for i, law in self.own:
+        for i, law in self.extra:
             z = y[at : at + law.states]
             state = JointState(time, y[n + i], y[3 * n + i], y[i], y[2 * n + i], float(carried[i]), z)
             out.append((i, at, law.pull(state)))
@@ -91,7 +91,7 @@ class Plant:
         for i, law in self.elastic.items():
             columns = (theta[:, i].tolist(), q[:, i].tolist(), thetav[:, i].tolist(), qv[:, i].tolist())
             torque[:, i] = [law.torque(*row) for row in zip(*columns, strict=True)]
-        if self.own:
+        if self.extra:
             rows = zip(time.tolist(), x.tolist(), torque.tolist(), strict=True)
             for k, row in enumerate(rows):
                 for i, _, pull in self.pulls(*row):
@@ -109,7 +109,7 @@ class Plant:
         apply = np.multiply if diagonal else np.dot
         weight = np.ascontiguousarray(np.diag(inverse)) if diagonal else inverse
         motor_laws, link_laws, presliding = self.motor_laws, self.link_laws, list(enumerate(self.presliding))
-        elastic, contacts, own = list(self.elastic.items()), self.contacts, self.own
+        elastic, contacts, own = list(self.elastic.items()), self.contacts, self.extra
         nonlinear = bool(motor_laws or link_laws or presliding or elastic or contacts or own)
 
         force = np.zeros(3 * n)  # link torque, motor torque, joint torque [Nm]

@@ -11,7 +11,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_settings import RobotSettings, load_settings
-from flexviz.simulation.control import Controller
+from flexviz.simulation.control import PDController
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Sinusoid, random_fourier
@@ -92,7 +92,7 @@ def paper(letter: str) -> Plan:
         model=_model(settings, planar_inertial()),
         payloads=paper_payloads(),
         groups=groups,
-        controller=Controller(settings.kp, settings.kd, settings.cycle),
+        controller=PDController(settings.kp, settings.kd, settings.cycle),
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=np.array([900.0, 1000.0]),
         initial_motor_inertia=np.array([2.56, 1.49]),
@@ -133,7 +133,7 @@ def planar_2r() -> Plan:
         groups=tuple(
             PlannedGroup(t + p, t, p, motions[t], duration, 0.001, validation=t == "t4") for t, p in pairs
         ),
-        controller=Controller(settings.kp, settings.kd, settings.cycle),
+        controller=PDController(settings.kp, settings.kd, settings.cycle),
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=np.array([900.0, 1000.0]),
         initial_motor_inertia=np.array([2.56, 1.49]),
@@ -174,7 +174,7 @@ def panda() -> Plan:
         groups=tuple(
             PlannedGroup(t + p, t, p, motions[t], duration, 0.001, validation=t == "t4") for t, p in pairs
         ),
-        controller=Controller(settings.kp, settings.kd, settings.cycle),
+        controller=PDController(settings.kp, settings.kd, settings.cycle),
         sensors=Sensors(settings.theta_noise, settings.torque_noise),
         initial_stiffness=rough(settings.stiffness, 0.3, rng),
         initial_motor_inertia=rough(settings.motor_inertia, 0.3, rng),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -13,8 +14,21 @@ OSCILLATION = 0.3  # [rad] largest phase of the fastest vibration in one step
 DECAY = 1.8  # [-] largest step times the fastest decay rate
 
 
-def fastest(plant: Plant, positions: Array) -> tuple[float, float]:
-    """Fastest vibration [rad/s] and fastest decay [1/s] of the plant around `positions` (M, n)."""
+@dataclass(frozen=True)
+class FastestMotion:
+    """The fastest vibration [rad/s] and the fastest decay [1/s] of a plant."""
+
+    vibration: float
+    decay: float
+
+    @property
+    def longest_step(self) -> float:
+        """The longest integration step that resolves both [s]."""
+        return min(OSCILLATION / max(self.vibration, 1e-9), DECAY / max(self.decay, 1e-9))
+
+
+def fastest(plant: Plant, positions: Array) -> FastestMotion:
+    """The fastest motion of the plant around `positions` (M, n)."""
     n = plant.n
     data = plant.model.createData()
     inverse = np.linalg.inv(plant.motor_inertia)
@@ -36,7 +50,7 @@ def fastest(plant: Plant, positions: Array) -> tuple[float, float]:
             link[i] += abs(law(0.0, q[i], e) - law(0.0, q[i], -e)) / (2 * e)
         for i, law in plant.motor_laws:
             motor[i] += abs(law(0.0, q[i], e, load[i]) - law(0.0, q[i], -e, load[i])) / (2 * e)
-        for sign in (1.0, -1.0) if plant.own else ():
+        for sign in (1.0, -1.0) if plant.extra else ():
             y = plant.empty_state()
             y[: 2 * n], y[2 * n : 4 * n] = np.tile(q, 2), sign * e
             for i, _, pull in plant.pulls(0.0, y.tolist(), load):
@@ -48,13 +62,13 @@ def fastest(plant: Plant, positions: Array) -> tuple[float, float]:
             extra[i] += d.presliding_stiffness
         vibration = max(vibration, float(np.sqrt(np.abs(np.diag(inverse) * (extra + k)).max())))
         decay = max(decay, _largest(mobility, link), _largest(inverse, motor), presliding)
-    return vibration, decay
+    return FastestMotion(vibration, decay)
 
 
 def substeps(plant: Plant, positions: Array, interval: float) -> int:
     """Number of integration steps in `interval` [s] that resolves the fastest motion."""
-    vibration, decay = fastest(plant, positions)
-    return max(1, ceil(interval * vibration / OSCILLATION), ceil(interval * decay / DECAY))
+    motion = fastest(plant, positions)
+    return max(1, ceil(interval * motion.vibration / OSCILLATION), ceil(interval * motion.decay / DECAY))
 
 
 def _largest(inverse: Array, damping: Array) -> float:

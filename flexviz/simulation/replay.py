@@ -21,9 +21,8 @@ from flexviz.model import FlexibleModel
 from flexviz.progress import Progress, ProgressCallback, StopCallback, part
 from flexviz.robot import Robot
 from flexviz.simulation import rates, starting
-from flexviz.simulation.building import Recorder, make_plant
+from flexviz.simulation.building import TorquePath, make_plant, without_unsimulated
 from flexviz.simulation.loop import Loop
-from flexviz.simulation.own_effects import without_unsimulated
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Sampled
 from flexviz.simulation.resimulating import smooth
@@ -62,7 +61,7 @@ def replay(
     gain = np.broadcast_to(np.asarray(kd, dtype=float), robot.n) if closed else None
     model, left_out = without_unsimulated(model)
     model, changes = _resolvable(robot, model, group, gain, cycle)
-    plant, recorder = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
+    plant, torque_path = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
     gains = (kp, kd) if closed else _weak_gains(robot, plant, group)
     total = sum(len(segment) for segment in group.segments)
     runs: list[Run] = []
@@ -75,7 +74,7 @@ def replay(
         report = progress and part(progress, done / total, (done + count) / total)
         runs.append(
             _replay_segment(
-                robot, plant, recorder, group, segment, gains, closed, torque_hold, report, should_stop
+                robot, plant, torque_path, group, segment, gains, closed, torque_hold, report, should_stop
             )
         )
         done, left = done + count, left - count * segment.step
@@ -92,7 +91,7 @@ def replay(
 def _replay_segment(
     robot: Robot,
     plant: Plant,
-    recorder: Recorder,
+    torque_path: TorquePath,
     group: Group,
     segment: Segment,
     gains: tuple,
@@ -117,7 +116,7 @@ def _replay_segment(
         middle = time + 0.5 * cycle - 0.5 * torque_hold
         tau = np.column_stack([np.interp(middle, own, column) for column in segment.tau.T])
         target = kp * position + kd * velocity + robot.to_pin(tau)
-    loop = Loop(plant, recorder, target, kp, kd, cycle)
+    loop = Loop(plant, torque_path, target, kp, kd, cycle)
     x, before = _start(robot, plant, loop, segment, position, per_sample)
     states, torques = loop.drive(x, before, None, progress, should_stop)
     take = slice(None, None, per_sample)
@@ -179,7 +178,7 @@ def _resolvable(
     softer, heavier = (stiffness < model.stiffness), (inertia > model.motor_inertia)
     model = replace(model, stiffness=stiffness, motor_inertia=inertia)
     plant, _ = make_plant(robot, model, group.bodies)
-    vibration, _ = rates.fastest(plant, q[None])
+    vibration = rates.fastest(plant, q[None]).vibration
     if vibration > 2.0 * FASTEST:
         model = replace(model, stiffness=stiffness * (2.0 * FASTEST / vibration) ** 2)
         softer[:] = True

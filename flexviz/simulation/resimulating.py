@@ -13,7 +13,7 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.robot import Robot
-from flexviz.simulation.control import Controller
+from flexviz.simulation.control import PDController
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Sampled
@@ -48,7 +48,7 @@ def plan_from_set(measurements: MeasurementSet) -> Plan:
         model=FlexibleModel(robot.joints, k, b, friction, friction, robot.cad_parameters),
         payloads=dict(measurements.payloads),
         groups=tuple(planned(group) for group in measurements.groups),
-        controller=Controller(kp, kd, cycle),
+        controller=PDController(kp, kd, cycle),
         sensors=Sensors(theta_noise, torque_noise),
         initial_stiffness=measurements.initial_stiffness,
         initial_motor_inertia=measurements.initial_motor_inertia,

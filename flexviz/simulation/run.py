@@ -13,9 +13,9 @@ from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import starting
 from flexviz.simulation.building import make_plant
-from flexviz.simulation.control import Controller, TorqueFilter
+from flexviz.simulation.control import PDController, TorqueFilter
+from flexviz.simulation.extra_laws import ExtraLaw
 from flexviz.simulation.loop import Loop
-from flexviz.simulation.own import OwnLaw
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.references import Reference
 from flexviz.simulation.sensors import Feedback, Sensors
@@ -64,7 +64,7 @@ def simulate_run(
     *,
     payload: Sequence[PayloadBody] = (),
     reference: Reference,
-    controller: Controller,
+    controller: PDController,
     duration: float,
     step: float | None = None,
     record_step: float | None = None,
@@ -73,7 +73,7 @@ def simulate_run(
     seed: int | np.random.Generator | None = None,
     group: str | None = None,
     payload_name: str | None = None,
-    laws: Sequence[tuple[str, OwnLaw]] = (),
+    laws: Sequence[tuple[str, ExtraLaw]] = (),
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Run:
@@ -93,8 +93,8 @@ def simulate_run(
     n, cycles = robot.n, round(duration / cycle)
     time = np.arange(cycles) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
-    plant, recorder = make_plant(robot, model, payload, group=group, payload_name=payload_name)
-    plant.own += [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
+    plant, torque_path = make_plant(robot, model, payload, group=group, payload_name=payload_name)
+    plant.extra += [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
     kp, kd = (robot.to_pin(np.broadcast_to(gain, n)) for gain in (controller.kp, controller.kd))
     if start == "rest":
         x, tau = starting.at_rest(plant, position[0], kp)
@@ -105,7 +105,7 @@ def simulate_run(
     feedback = None
     if sensors is not None and sensors.feedback:
         feedback = Feedback(sensors.reordered(robot.to_pin, n), cycles, n, cycle, x, seed)
-    loop = Loop(plant, recorder, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
+    loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], cycle)
     if feedback is not None and sensors is not None:

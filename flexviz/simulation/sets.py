@@ -13,7 +13,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
 from flexviz.progress import ProgressCallback, StopCallback, part
 from flexviz.simulation.from_urdf import plan_from_urdf
-from flexviz.simulation.hiding import hide
+from flexviz.simulation.inject import inject
 from flexviz.simulation.plan import Plan
 from flexviz.simulation.presets import PRESETS, make_preset
 from flexviz.simulation.resimulating import plan_from_set
@@ -44,7 +44,7 @@ def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str
     else:
         valid = choose_from(name, PRESETS)
         raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
-    return hide(plan, effects)
+    return inject(plan, effects)
 
 
 def simulate_preset(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from flexviz.effects import EFFECTS
 from flexviz.model import FlexibleModel
-from flexviz.simulation.laws import LAWS
 from flexviz.simulation.plan import Plan
 
 FILE_NAME = "truth.json"
@@ -56,7 +56,7 @@ def effects(model: FlexibleModel) -> list[dict[str, Any]]:
             "group": effect.group,
             "payload": effect.payload,
             "parameters": {
-                name: {"value": float(value), "unit": LAWS[effect.effect].units[name]}
+                name: {"value": float(value), "unit": EFFECTS[effect.effect].units[name]}
                 for name, value in effect.parameters.items()
             },
         }

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from flexviz.effects import EFFECTS, Effect
 
-COMMON_EFFECTS = ("coulomb_friction", "link_coulomb_friction", "torque_offset")
+COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
 """The ones always in sight."""
 
 KINDS = {

@@ -1,4 +1,4 @@
-"""Effects of one's own: a Python file with effect classes, run, checked and added to the library.
+"""User-defined effects: a Python file with effect classes, run, checked and added to the library.
 
 The file is a program and runs with all rights of whoever loads it: only load files that you trust. Nothing
 is ever loaded that was not named by the user; sessions and measurement sets only hold effects' names.
@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import inspect
 import sys
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-from flexviz.effects.base import Effect
-from flexviz.effects.names import OWN
-from flexviz.effects.own_checks import Source, check
+from flexviz.effects.effect import Effect
+from flexviz.effects.names import USER_NAMES
+from flexviz.effects.registry import EFFECTS, effect_classes
+from flexviz.effects.user_checks import EffectFile, check
 from flexviz.errors import InputError, one_line
 from flexviz.jobs import forget_in_children, in_children
 
 _loaded: dict[Path, tuple[Effect, ...]] = {}
-_listeners: list[Callable[[Effect, bool], None]] = []
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
@@ -36,22 +34,14 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     Raises:
         InputError: one line with file and line: what is wrong with it or with one of its effects.
     """
-    from flexviz.effects import EFFECTS
-
     file = Path(path)
     key = file.resolve()
     if key in _loaded:
         return _loaded[key]
-    source = Source.read(file)
+    source = EffectFile.read(file)
     module = _run(file, key)
     try:
-        classes = [
-            c
-            for c in vars(module).values()
-            if inspect.isclass(c) and issubclass(c, Effect) and c.__module__ == module.__name__
-        ]
-        parents = {parent for c in classes for parent in c.__mro__[1:]}
-        effects = [check(c, source, EFFECTS) for c in classes if c not in parents]
+        effects = [check(c, source, EFFECTS) for c in effect_classes(module)]
         if not effects:
             raise InputError(
                 "defines no effect; a class derived from flexviz.effects.LinearEffect would be one", file=file
@@ -66,9 +56,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
     _loaded[key] = tuple(effects)
     for effect in effects:
         EFFECTS[effect.name] = effect
-        OWN.append(effect.name)
-        for tell in _listeners:
-            tell(effect, True)
+        USER_NAMES.append(effect.name)
     in_children(load_effects, str(key))
     return _loaded[key]
 
@@ -79,29 +67,17 @@ def loaded_files() -> tuple[Path, ...]:
 
 
 def forget_effects() -> None:
-    """Take all effects of one's own out of the library again."""
-    from flexviz.effects import EFFECTS
-
-    for file, effects in _loaded.items():
-        for effect in effects:
-            EFFECTS.pop(effect.name, None)
-            for tell in _listeners:
-                tell(effect, False)
+    """Remove all user-defined effects from the library."""
+    for name in USER_NAMES:
+        EFFECTS.pop(name, None)
+    for file in _loaded:
         forget_in_children(load_effects, str(file))
-    OWN.clear()
+    USER_NAMES.clear()
     _loaded.clear()
 
 
-def listen(tell: Callable[[Effect, bool], None]) -> None:
-    """Have `tell(effect, True)` called for every effect of one's own, now and later; False when it goes."""
-    _listeners.append(tell)
-    for effects in _loaded.values():
-        for effect in effects:
-            tell(effect, True)
-
-
 def _run(file: Path, key: Path) -> ModuleType:
-    name = f"flexviz_own_{hashlib.sha256(str(key).encode()).hexdigest()[:12]}"
+    name = f"flexviz_user_effects_{hashlib.sha256(str(key).encode()).hexdigest()[:12]}"
     spec = importlib.util.spec_from_file_location(name, key)
     if spec is None or spec.loader is None:
         raise InputError("is no Python file; its name has to end in .py", file=file)

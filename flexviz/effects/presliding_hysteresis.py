@@ -1,12 +1,14 @@
-"""Friction with memory."""
+"""Friction with memory: the Dahl model."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.base import Array, Context, EffectTarget, Guess, JointMotion, LawEffect, ParameterSpec
+from flexviz.effects.effect import JointScale
+from flexviz.effects.law import LawEffect
+from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
-BEGINNING = 3**-0.5  # standard deviation of h at the beginning of a record, anywhere within ±1
+INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, anywhere within ±1
 
 
 class PreslidingHysteresis(LawEffect):
@@ -15,8 +17,8 @@ class PreslidingHysteresis(LawEffect):
     With h = σz/f_c and ρ = σ/f_c the state obeys dh = (dθ − |dθ| h) ρ: between reversals h runs towards ±1 as
     exp(−ρ·path), so only the path matters, not the speed.
 
-    h at the beginning of a record is unknown, anything within ±1. The law starts from zero; another beginning
-    h₀ adds f_c h₀ exp(−ρ·path), and of that only the size is unknown.
+    h at the start of a record is unknown, anything within ±1. The law starts from zero; another initial
+    value h₀ adds f_c h₀ exp(−ρ·path), and of that only the size is unknown.
     """
 
     name = "presliding_hysteresis"
@@ -38,6 +40,7 @@ class PreslidingHysteresis(LawEffect):
     )
     replaces = "coulomb_friction"
     memory = True
+    hidden_state = True  # the deflection of the bristles
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         coulomb = max(values[1], 1e-9)
@@ -50,20 +53,23 @@ class PreslidingHysteresis(LawEffect):
         coulomb = max(values[1], 1e-9)
         path = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(motion.position)))))
         fade = np.exp(-max(values[0], 1e-6) / coulomb * path)
-        return (BEGINNING * coulomb * fade)[None]
+        return (INITIAL_SPREAD * coulomb * fade)[None]
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
+        joint, motions = place.own_joint, context.motions(place.own_joint)
         out = []
         for angle in (0.005, 0.012, 0.025, 0.05, 0.1, 0.2):
-            parts = [dahl(m.position, 1 / angle)[0][None] for m in context.motions(place.joint)]  # type: ignore[arg-type]
-            column = context.filtered(parts, place.joint, 3)[..., None]  # type: ignore[arg-type]
-            out.append(
-                Guess(
-                    "torque", (place.joint,), column,  # type: ignore[arg-type]
-                    lambda c, a=angle: np.array([c[0] / a, c[0]]), f"presliding angle {angle:g} rad",
-                )
-            )  # fmt: skip
+            parts = [dahl(motion.position, 1 / angle)[0][None] for motion in motions]
+
+            def to_values(c: Array, angle: float = angle) -> Array:
+                return np.array([c[0] / angle, c[0]])
+
+            column = context.filtered(parts, joint, self.depth)[..., None]
+            out.append(Guess(self.entry, (joint,), column, to_values))
         return out
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (50.0 * scale.torque, 0.2 * scale.torque)
 
 
 def dahl(position: Array, rate: float) -> tuple[Array, Array]:

@@ -2,6 +2,9 @@
 
 Without damping it is local in time and has a closed form, x = h(τ_j). Damping is a low-pass filter with time
 constant D/K: with w = K x + k₃ x³ the law is w + D d/dt h(w) = τ_j, and h(w) = w/K̄ but for a small rest.
+
+Hardening and damping do not simply add up: what they do together beyond the sum of what each does alone is
+given half to each, at the current values of both.
 """
 
 from __future__ import annotations
@@ -9,16 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexviz.effects.terms import Array, JointMotion
 
-EXACT = 1e-7  # of the largest deflection: a change that ends the iteration
-ROUNDS = 60
+CONVERGED_CHANGE = 1e-7  # of the largest deflection: a change that ends the iteration
+MAX_ITERATIONS = 60
 
 
-class ElasticJoint:
-    """One joint's deflection over time.
+class DampedSpring:
+    """The deflection of a hardening, damped spring over time.
 
     Args:
         torque: shape (N,), what the joint carries [Nm]; taken as mirrored at its ends.
@@ -66,11 +68,11 @@ class ElasticJoint:
         response, wanted = 1.0 / (1.0 + lag / middle), np.fft.rfft(right)
         w = np.fft.irfft(wanted * response, size)
         x = spring(w)
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ITERATIONS):
             # (1 + D/K̄ d/dt) w_new = right − D d/dt (x − w/K̄)
             w = np.fft.irfft((wanted - lag * np.fft.rfft(x - w / middle)) * response, size)
             before, x = x, spring(w)
-            if np.max(np.abs(x - before)) <= EXACT * np.max(np.abs(x)):
+            if np.max(np.abs(x - before)) <= CONVERGED_CHANGE * np.max(np.abs(x)):
                 break
         return x
 
@@ -82,3 +84,38 @@ def hardened(torque: Array, stiffness: float, cubic: float) -> Array:
         return torque / stiffness  # hardening below any rounding
     scale = np.sqrt(4 * stiffness / (3 * cubic))
     return scale * np.sinh(np.arcsinh(3 * torque / (stiffness * scale)) / 3)
+
+
+def spring_at(motion: JointMotion, cubic: float, damping: float) -> DampedSpring:
+    """The joint's spring under the torque of a motion; negative coefficients count as zero."""
+    return DampedSpring(
+        motion.torque, motion.step, motion.stiffness, max(float(cubic), 0.0), max(float(damping), 0.0)
+    )
+
+
+def gain(motion: JointMotion, spring: DampedSpring) -> Array:
+    """What q gains against the linear spring, shape (N,) [rad]."""
+    return motion.torque / motion.stiffness - spring.deflection
+
+
+def present(motion: JointMotion, effect: str) -> float:
+    """The current size of one of the joint's effects; 0 if it has none."""
+    return max(motion.present.get(effect, (0.0,))[0], 0.0)
+
+
+def share_of(effect: str, motion: JointMotion) -> Array | float:
+    """The part of the gain of hardening and damping together that belongs to `effect`, one of the two [rad].
+
+    It is the effect's own gain alone and half of what both do beyond the sum.
+    """
+    if not present(motion, effect):
+        return 0.0
+    if effect not in motion.notes:
+        cubic, damping = present(motion, "stiffness_hardening"), present(motion, "joint_damping")
+        together, hardening, damped = (
+            gain(motion, spring_at(motion, *both))
+            for both in ((cubic, damping), (cubic, 0.0), (0.0, damping))
+        )
+        motion.notes["joint_damping"] = 0.5 * (together + damped - hardening)
+        motion.notes["stiffness_hardening"] = 0.5 * (together + hardening - damped)
+    return motion.notes[effect]

@@ -1,4 +1,4 @@
-"""Effects to hide in a simulation: `NAME[:joint][:param=value,...]`, with sensible default sizes."""
+"""Effects to inject into a simulation: `NAME[:joint][:param=value,...]`, with sensible default sizes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from math import isfinite
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz.effects.names import known_names
+from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect, JointScale
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue
-from flexviz.simulation.laws import LAWS
-from flexviz.simulation.own_effects import OWN_LAWS, check_sizes, own_sizes
+from flexviz.simulation.building import is_simulated, simulated_effects
+from flexviz.simulation.effect_laws import LAWS
 from flexviz.simulation.plan import Plan
 from flexviz.simulation.plant import Array
 
@@ -22,7 +22,7 @@ _NAMES = ("group", "payload")  # keys whose value is a name
 
 
 @dataclass(frozen=True, eq=False)
-class Scale:
+class MotionScale:
     """How much each joint works in a plan: rms torque [Nm], speed [rad/s], deflection [rad], each (n,)."""
 
     torque: Array
@@ -30,8 +30,8 @@ class Scale:
     deflection: Array
 
 
-def hide(plan: Plan, wanted: Sequence[str]) -> Plan:
-    """The plan with the effects that `wanted` names ("none" hides nothing)."""
+def inject(plan: Plan, wanted: Sequence[str]) -> Plan:
+    """The plan with the effects that `wanted` names ("none" injects nothing)."""
     effects = [effect for text in wanted if text.strip() != NONE for effect in parse(text, plan)]
     where = [(e.effect, e.joint, e.group, e.payload) for e in effects]
     for one in where:
@@ -44,85 +44,72 @@ def hide(plan: Plan, wanted: Sequence[str]) -> Plan:
 def parse(text: str, plan: Plan) -> list[EffectValue]:
     """The effects that one option stands for; without a joint, one on every joint."""
     name, *rest = (part.strip() for part in text.split(":"))
-    if name not in LAWS and name in known_names():
-        raise InputError(f'effect "{name}" cannot be hidden: its class has no simulation')
-    if name not in LAWS:
-        raise InputError(f'effect "{name}" does not exist; {choose_from(name, LAWS, 30)}')
-    info = LAWS[name]
+    if not is_simulated(name):
+        if name in EFFECTS:
+            raise InputError(f'effect "{name}" cannot be hidden: its class has no simulation')
+        raise InputError(f'effect "{name}" does not exist; {choose_from(name, simulated_effects(), 30)}')
+    effect = EFFECTS[name]
     place: str | None = rest.pop(0) if rest and "=" not in rest[0] else None
     given = _values(text, rest)
     names = {key: str(given.pop(key)) for key in _NAMES if key in given}
     for key in given:
-        if key not in info.units:
-            raise InputError(f'effect "{text}": no parameter "{key}"; {choose_from(key, info.units)}')
-    joints: Sequence[str | None] = plan.robot.joints
+        if key not in effect.units:
+            raise InputError(f'effect "{text}": no parameter "{key}"; {choose_from(key, effect.units)}')
     payload: str | None = names.get("payload")
-    if info.belongs_to == "payload":
-        payload = place or payload or heaviest(plan)
-        joints = (None,)
-    elif place is not None:
-        if info.belongs_to == "set" and name != "torque_delay":
-            raise InputError(f'effect "{text}": {name} belongs to no joint')
-        if place not in plan.robot.joints:
-            valid = choose_from(place, plan.robot.joints)
-            raise InputError(f'effect "{text}": joint "{place}" does not exist; {valid}')
-        joints = (place,)
-    elif info.belongs_to == "set":
-        joints = (None,)
-    elif name == "external_contact":
-        joints = (plan.robot.joints[min(1, plan.robot.n - 1)],)
     group: str | None = names.get("group")
-    if name == "external_contact" and group is None:
+    if effect.scope == "payload":
+        payload = place or payload or heaviest(plan)
+    elif effect.scope == "episode" and group is None:
         group = plan.groups[0].name
+    joints = _joints(text, effect, place, plan)
     _check(text, "group", group, [g.name for g in plan.groups])
     _check(text, "payload", payload, list(plan.payloads))
-    size = scale(plan)
+    size = motion_scale(plan)
     result = []
     for joint in joints:
         values = default_parameters(name, joint, plan, size) | {k: float(v) for k, v in given.items()}
-        _check_values(text, name, values)
-        if name in OWN_LAWS:
-            check_sizes(text, name, values)
+        _check_values(text, effect, values)
         result.append(EffectValue(name, joint, values, group=group, payload=payload))
     return result
 
 
-def default_parameters(name: str, joint: str | None, plan: Plan, size: Scale) -> dict[str, float]:
+def _joints(text: str, effect: Effect, place: str | None, plan: Plan) -> Sequence[str | None]:
+    """The joints that an effect is injected on; (None,) for one that belongs to no joint."""
+    if effect.scope == "payload":
+        return (None,)
+    if place is None:
+        if effect.scope == "episode":
+            return (plan.robot.joints[min(1, plan.robot.n - 1)],)
+        return (None,) if effect.scope == "set" else plan.robot.joints
+    if effect.scope == "set" and not effect.joint_optional:
+        raise InputError(f'effect "{text}": {effect.name} belongs to no joint')
+    _check(text, "joint", place, list(plan.robot.joints))
+    return (place,)
+
+
+def default_parameters(name: str, joint: str | None, plan: Plan, size: MotionScale) -> dict[str, float]:
     """Parameters that make the effect clearly visible on that joint without dominating it."""
-    if name in OWN_LAWS:
-        return own_sizes(name)
+    effect = EFFECTS[name]
     i = plan.robot.joints.index(joint) if joint is not None else 0
-    torque, speed, bend = float(size.torque[i]), float(size.speed[i]), float(size.deflection[i])
-    stiffness, inertia = float(plan.model.stiffness[i]), plan.model.motor_inertia
     j = i + 1 if i + 1 < plan.robot.n else i - 1
-    duration = plan.groups[0].duration
-    start = float(plan.groups[0].reference.sample(np.zeros(1))[0][0, i])
-    raw = {
-        "coulomb_friction": {"coulomb": 0.2 * torque},
-        "stribeck_friction": {"stribeck": 0.2 * torque, "velocity": 0.2 * speed},
-        "quadratic_friction": {"quadratic": 0.15 * torque / speed**2},
-        "load_dependent_friction": {"coefficient": 0.1},
-        "presliding_hysteresis": {"presliding_stiffness": 50.0 * torque, "coulomb": 0.2 * torque},
-        "friction_drift": {"relative_rise": 0.6, "time_constant": 0.4 * duration},
-        "torque_ripple": {"amplitude": 0.1 * torque, "order": 9.0, "phase": 0.7},
-        "torque_offset": {"offset": 0.15 * torque},
-        "torque_gain": {"gain_error": 0.05},
-        "torque_delay": {"delay": 0.002},
-        "stiffness_hardening": {"cubic_stiffness": 0.2 * stiffness / bend**2},
-        "backlash": {"half_width": max(0.15 * bend, 2e-4)},
-        "joint_damping": {"damping": 0.008 * stiffness},
-        "transmission_error": {"amplitude": max(0.05 * bend, 3e-4), "order": 7.0, "phase": 0.4},
-        "link_coulomb_friction": {"coulomb": 0.2 * torque},
-        "cable_spring": {"stiffness": 0.3 * torque, "rest_angle": start + 0.2},
-        "payload_error": {"relative_mass_error": 0.1},
-        "base_tilt": {"tilt_x": 0.02, "tilt_y": 0.03},
-        "external_contact": {"torque": 0.5 * torque, "start": 0.4 * duration, "end": 0.55 * duration},
-        "motor_coupling": {"inertia": 0.2 * float(np.sqrt(inertia[i] * inertia[j]))},
-    }[name]
-    return {key: float(f"{value:.3g}") for key, value in raw.items()}
+    values = effect.typical(
+        JointScale(
+            torque=float(size.torque[i]),
+            speed=float(size.speed[i]),
+            deflection=float(size.deflection[i]),
+            stiffness=float(plan.model.stiffness[i]),
+            motor_inertia=float(plan.model.motor_inertia[i]),
+            neighbour_inertia=float(plan.model.motor_inertia[j]),
+            position=float(plan.groups[0].reference.sample(np.zeros(1))[0][0, i]),
+            duration=plan.groups[0].duration,
+        )
+    )
+    if name in EFFECT_NAMES:  # a user's example is taken as written
+        values = tuple(float(f"{value:.3g}") for value in values)
+    return dict(zip(effect.units, values, strict=True))
 
 
-def scale(plan: Plan) -> Scale:
+def motion_scale(plan: Plan) -> MotionScale:
     """Rms torque, speed and deflection of every joint over the plan's groups, as if the joints were rigid."""
     robot = plan.robot
     torque2, speed2, count = np.zeros(robot.n), np.zeros(robot.n), 0
@@ -141,7 +128,7 @@ def scale(plan: Plan) -> Scale:
     speed = np.sqrt(speed2 / count) + 1e-3
     viscous = (plan.model.link_viscous_friction + plan.model.motor_viscous_friction) * speed
     torque = np.sqrt(torque2 / count) + viscous + 1e-6
-    return Scale(torque, speed, torque / plan.model.stiffness)
+    return MotionScale(torque, speed, torque / plan.model.stiffness)
 
 
 def heaviest(plan: Plan) -> str:
@@ -177,19 +164,17 @@ def _check(text: str, what: str, name: str | None, valid: list[str]) -> None:
         raise InputError(f'effect "{text}": {what} "{name}" does not exist; {choose_from(name, valid)}')
 
 
-_POSITIVE = {
-    "stribeck_friction": ("velocity",),
-    "presliding_hysteresis": ("presliding_stiffness", "coulomb"),
-    "friction_drift": ("time_constant",),
-}
-_NOT_NEGATIVE = {"torque_delay": ("delay",), "backlash": ("half_width",)}
-
-
-def _check_values(text: str, name: str, values: dict[str, float]) -> None:
-    for key, value in values.items():
+def _check_values(text: str, effect: Effect, values: dict[str, float]) -> None:
+    law = LAWS.get(effect.name)
+    for p in effect.parameters:
+        value, wanted = values[p.name], ""
         if not isfinite(value):
-            raise InputError(f'effect "{text}": {key} is {value}, a finite number would be right')
-        if key in _POSITIVE.get(name, ()) and value <= 0:
-            raise InputError(f'effect "{text}": {key} is {value:g}, a positive number would be right')
-        if key in _NOT_NEGATIVE.get(name, ()) and value < 0:
-            raise InputError(f'effect "{text}": {key} is {value:g}, a number ≥ 0 would be right')
+            raise InputError(f'effect "{text}": {p.name} is {value}, expected a finite number')
+        if law is None and not p.lower <= value <= p.upper:
+            wanted = f"{p.lower:g} to {p.upper:g}"
+        elif law is not None and p.name in law.positive and value <= 0:
+            wanted = "a positive number"
+        elif law is not None and p.name in law.not_negative and value < 0:
+            wanted = "a number ≥ 0"
+        if wanted:
+            raise InputError(f'effect "{text}": {p.name} is {value:g}, expected {wanted}')

@@ -1,4 +1,4 @@
-"""What has to hold for an effect of one's own, and errors that name its file and line."""
+"""Checks of a user-defined effect; errors name its file and line."""
 
 from __future__ import annotations
 
@@ -14,38 +14,30 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from flexviz.effects.base import (
-    Array,
-    Effect,
-    EffectTarget,
-    Instant,
-    LawEffect,
-    LinearEffect,
-    ParameterSpec,
-    Terms,
-    Where,
-)
-from flexviz.effects.trial import Made, Signal
+from flexviz.effects.effect import Effect
+from flexviz.effects.law import LawEffect, LinearEffect
+from flexviz.effects.terms import Array, EffectTarget, Instant, ParameterSpec, Terms, Where
+from flexviz.effects.trial import TrialMotion, TrialSignal
 from flexviz.errors import InputError, choose_from, one_line
 
 SNAKE_CASE = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 TEXTS = ("title", "explanation", "equation", "signature", "confirm", "reference")
 SCOPES = ("joint", "set", "payload")
 PLACE = EffectTarget(joint=0, group="g1", payload="p1")
-TRIAL = Made(
+TRIAL = TrialMotion(
     np.linspace(0.0, 6.0, 3001),
-    motor=Signal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4),
-    torque=Signal(((40.0, 1.1, 0.5), (25.0, 4.3, 2.0)), constant=5.0),
-    neighbour=Signal(((0.5, 2.0, 0.3),)),
+    motor=TrialSignal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4),
+    torque=TrialSignal(((40.0, 1.1, 0.5), (25.0, 4.3, 2.0)), constant=5.0),
+    neighbour=TrialSignal(((0.5, 2.0, 0.3),)),
     stiffness=1500.0,
     motor_viscous=0.9,
 )
-CLOSE = 1e-3  # of the largest value: how well derivatives have to agree with finite differences
-MOST = 0.99  # of the samples: a kink in between is allowed
+TOLERANCE = 1e-3  # of the largest value: how well derivatives have to agree with finite differences
+AGREEING_SHARE = 0.99  # of the samples: a kink in between is allowed
 
 
 @dataclass(frozen=True)
-class Source:
+class EffectFile:
     """An effect file and where things stand in it.
 
     Attributes:
@@ -57,7 +49,7 @@ class Source:
     lines: Mapping[tuple[str, str], int] = field(default_factory=dict)
 
     @staticmethod
-    def read(file: Path) -> Source:
+    def read(file: Path) -> EffectFile:
         """Read a file's structure without running it."""
         if not file.is_file():
             raise InputError("does not exist" if not file.exists() else "is no file", file=file)
@@ -79,7 +71,7 @@ class Source:
                         lines[node.name, target.id] = part.lineno
                 if isinstance(part, ast.FunctionDef):
                     lines[node.name, part.name] = part.lineno
-        return Source(file, lines)
+        return EffectFile(file, lines)
 
     def error(self, message: str, kind: type, *names: str) -> InputError:
         """What is wrong with a class, at the line of the first of `names` that stands in it."""
@@ -105,7 +97,7 @@ class Source:
             raise InputError(one_line(message), file=self.file, place=f"line {lines[-1]}") from None
 
 
-def check(kind: type[Effect], source: Source, taken: Mapping[str, Effect]) -> Effect:
+def check(kind: type[Effect], source: EffectFile, taken: Mapping[str, Effect]) -> Effect:
     """The effect of a class, if everything about it is right.
 
     Args:
@@ -130,7 +122,7 @@ def check(kind: type[Effect], source: Source, taken: Mapping[str, Effect]) -> Ef
     return effect
 
 
-def _described(effect: Effect, source: Source, taken: Mapping[str, Effect]) -> None:
+def _described(effect: Effect, source: EffectFile, taken: Mapping[str, Effect]) -> None:
     kind = type(effect)
     for attribute in ("name", *TEXTS, "where", "parameters"):
         if not hasattr(kind, attribute):
@@ -155,7 +147,7 @@ def _described(effect: Effect, source: Source, taken: Mapping[str, Effect]) -> N
             raise source.error(f'{attribute} "{other}": {choose_from(str(other), taken)}', kind, attribute)
 
 
-def _parameters(effect: Effect, source: Source) -> None:
+def _parameters(effect: Effect, source: EffectFile) -> None:
     kind, specs = type(effect), effect.parameters
     if not isinstance(specs, tuple) or not specs or not all(isinstance(p, ParameterSpec) for p in specs):
         raise source.error("parameters is not a tuple of ParameterSpec", kind, "parameters")
@@ -178,7 +170,7 @@ def _parameters(effect: Effect, source: Source) -> None:
             raise source.error(f'grid "{name}": {choose_from(name, names)}', kind, "grid")
 
 
-def _law(effect: LawEffect, values: Array, source: Source) -> None:
+def _law(effect: LawEffect, values: Array, source: EffectFile) -> None:
     kind, motion = type(effect), TRIAL.motions(0)[0]
     method = "columns" if isinstance(effect, LinearEffect) else "law"
     count, width = len(motion.time), len(values)
@@ -215,7 +207,7 @@ def _law(effect: LawEffect, values: Array, source: Source) -> None:
         raise source.error(f"u depends on {what}: state = True is missing", kind, "state", method)
 
 
-def _terms(effect: Effect, values: Array, source: Source) -> None:
+def _terms(effect: Effect, values: Array, source: EffectFile) -> None:
     kind, width = type(effect), len(values)
 
     def terms(p: Array) -> tuple[Array, Array]:
@@ -237,7 +229,7 @@ def _derivatives(
     effect: Effect,
     values: Array,
     law: Callable[[Array], tuple[Array, Array]],
-    source: Source,
+    source: EffectFile,
     method: str,
 ) -> None:
     """u and its slopes are numbers, agree with finite differences, and are linear where that is said."""
@@ -253,7 +245,7 @@ def _derivatives(
         measured = (law(up)[0] - law(down)[0]) / (up[k] - down[k])
         size = max(np.abs(slope).max(), np.abs(measured).max())
         rounding = 1e-14 * np.abs(u).max() / step
-        if np.mean(np.abs(slope - measured) <= CLOSE * size + rounding) < MOST:
+        if np.mean(np.abs(slope - measured) <= TOLERANCE * size + rounding) < AGREEING_SHARE:
             worst = float(np.abs(slope - measured).max() / size)
             message = f"∂u/∂{spec.name} differs from finite differences by {100 * worst:.2g} % of its size"
             raise source.error(message, kind, method)
@@ -261,16 +253,16 @@ def _derivatives(
         raise source.error("linear = True, but u is not linear in the parameters", kind, "linear", method)
 
 
-def _guesses(effect: Effect, source: Source) -> None:
+def _guesses(effect: Effect, source: EffectFile) -> None:
     kind = type(effect)
     with source.running(kind, "guesses"):
         for guess in effect.guesses(TRIAL, PLACE):
-            values = np.asarray(guess.to_values(np.zeros(len(guess.columns))), float)  # type: ignore[operator]
+            values = np.asarray(guess.to_values(np.zeros(len(guess.columns))), float)
             if values.shape != (len(effect.parameters),) or not np.isfinite(guess.columns).all():
                 raise source.error("a guess has not its parameters or no finite columns", kind, "guesses")
 
 
-def _simulation(effect: Effect, values: Array, source: Source) -> None:
+def _simulation(effect: Effect, values: Array, source: EffectFile) -> None:
     """Its torque is the law's u along the trial motion."""
     kind = type(effect)
     with source.running(kind, "simulation"):
@@ -303,7 +295,7 @@ def _simulation(effect: Effect, values: Array, source: Source) -> None:
     with source.running(kind, "law"):
         u = effect.law(motion, values)[0]
     size = max(np.abs(u).max(), np.abs(found).max())
-    if np.mean(np.abs(u - found) <= CLOSE * size) < MOST:
+    if np.mean(np.abs(u - found) <= TOLERANCE * size) < AGREEING_SHARE:
         worst = float(np.abs(u - found).max() / size)
         message = f"simulation and u differ by {100 * worst:.2g} % of their size along a trial motion"
         raise source.error(message, kind, "simulation")

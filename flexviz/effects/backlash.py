@@ -1,0 +1,92 @@
+"""Play between the teeth: within the gap no torque is transmitted."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from flexviz.effects.effect import ElasticStart, Evidence, JointScale
+from flexviz.effects.law import LawEffect
+from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+
+# a torque below these shares of its largest within a while and of its rms may be that of a joint in its gap:
+# the observer lets a torque that has just fallen to zero ring
+RINGING, WHILE, FAINT = 0.06, 0.08, 0.01  # [], [s], []
+START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: where a search for a gap starts
+BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
+
+
+class Backlash(LawEffect):
+    """Play between the teeth: within the gap no torque is transmitted."""
+
+    name = "backlash"
+    title = "Backlash"
+    where = "joint"
+    explanation = "Play between the gear's teeth: when the load changes sign the motor moves a little alone."
+    equation = "τ_j = K · deadzone(δ, b)"
+    signature = "A position step of 2b whenever the transmitted torque changes sign."
+    confirm = "Slow motion through the pose of zero load."
+    reference = (
+        "Nordin, Gutman: Controlling mechanical systems with backlash — a survey, Automatica 38(10), 2002"
+    )
+    parameters = (ParameterSpec("half_width", "rad", 0.0, 0.2, "half the play", "b"),)
+    state = True
+    linear = True
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        flank = _flank(motion.time, _load(motion))
+        return -values[0] * flank, -flank[None]
+
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
+        idle = np.abs(_load(motion)) < 1
+        return idle, np.full(len(idle), 2 * abs(float(values[0])))
+
+    def only_an_offset(self, evidence: Evidence) -> bool:
+        """True in a joint that is always loaded the same way: it never crosses the gap."""
+        torque = evidence.torque
+        return min(float((torque > 0).mean()), float((torque < 0).mean())) < BOTH_WAYS
+
+    def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
+        """Several gaps b, each with b E|s| / E s² less compliance; the last ends at the rough one."""
+        lever = float(np.mean(np.abs(torque)) / np.mean(torque**2))
+        sizes = [share * compliance * float(np.sqrt(np.mean(torque**2))) for share in START_SHARES]
+        sizes.append((compliance - rough) / lever)
+        return [
+            ElasticStart((size,), max(compliance - size * lever, 0.2 * compliance))
+            for size in sizes
+            if size > 0
+        ]
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (max(0.15 * scale.deflection, 2e-4),)
+
+
+def _load(motion: JointMotion) -> Array:
+    """The torque in units of what may be none at all, shape (N,): in the gap it is within ±1."""
+    reach = 2 * round(WHILE / motion.step) + 1
+    around = maximum_filter1d(np.abs(motion.torque), reach)
+    return motion.torque / np.maximum(RINGING * around + FAINT * motion.torque_scale, 1e-9)
+
+
+def _flank(time: Array, load: Array) -> Array:
+    """Which flank of the gap transmits the torque, −1 … 1, shape (N,).
+
+    Within the gap the torque is zero and the law has no answer: from the instant at which the joint is
+    unloaded to that at which it is loaded again, it is taken to cross the gap evenly.
+    """
+    loaded = np.abs(load) > 1
+    if not loaded.any():
+        return np.clip(load, -1.0, 1.0)
+    ends = np.flatnonzero(loaded[:-1] & ~loaded[1:])  # the last loaded sample before a gap
+    begins = np.flatnonzero(~loaded[:-1] & loaded[1:])  # the last idle one
+    through = np.flatnonzero(loaded[:-1] & loaded[1:] & (load[:-1] * load[1:] < 0))
+    at, flank = [time[:1], time[-1:]], [np.sign(load[loaded][:1]), np.sign(load[loaded][-1:])]
+    for before, after in ((ends, 0), (begins, 1), (through, 0), (through, 1)):
+        sign = np.sign(load[before + after])
+        share = (sign - load[before]) / (load[before + 1] - load[before])
+        at.append(time[before] + share * (time[before + 1] - time[before]))
+        flank.append(sign)
+    instants, flanks = np.concatenate(at), np.concatenate(flank)
+    order = np.argsort(instants, kind="stable")
+    return np.interp(time, instants[order], flanks[order])

@@ -1,0 +1,93 @@
+"""Effects whose u is a law of their joint's own motion, evaluated wide-band and then filtered."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.effects.effect import Effect
+from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, Terms
+
+
+class LawEffect(Effect):
+    """An effect given by a law of its joint's motion.
+
+    Attributes:
+        memory: u depends on the time before the record (`unknown` says how).
+        smooth: u never jumps as a velocity or torque passes zero, so no sample is ambiguous.
+        grid: parameter → values at which a search tries it; u is linear in the other ones, from zero on.
+    """
+
+    grid: ClassVar[Mapping[str, Sequence[float]]] = {}
+    smooth: ClassVar[bool] = False
+
+    @abstractmethod
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        """u, shape (N,), and ∂u/∂p, shape (P, N)."""
+
+    def unknown(self, motion: JointMotion, values: Array) -> Array:
+        """What the time before the record may add to u, one standard deviation each, shape (M, N)."""
+        return np.zeros((0, len(motion.time)))
+
+    def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array] | None:
+        """Samples at which the motion does not determine u, and by how much u may swing there, shape (N,).
+
+        None: wherever the law jumps within the noise of its signals.
+        """
+        return None
+
+    @property
+    def depth(self) -> int:
+        """Number of derivatives that the equation needs of u, u itself included."""
+        return 1 if self.entry == "residual" else 3
+
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
+        parts = []
+        for motion in context.motions(place.own_joint):
+            u, slopes = self.law(motion, values)
+            parts.append(np.concatenate((u[None], slopes)))
+        out = context.filtered(parts, place.own_joint, self.depth)[..., None]
+        return Terms(self.entry, (place.own_joint,), out[0], out[1:])
+
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
+        names = [p.name for p in self.parameters]
+        return [
+            self.guess(
+                context, place, {names.index(name): v for name, v in zip(self.grid, tried, strict=True)}
+            )
+            for tried in product(*self.grid.values())
+        ]
+
+    def guess(self, context: Context, place: EffectTarget, fixed: Mapping[int, float]) -> Guess:
+        """The slopes as columns, at zero but for the parameters that are held at a value (index → value)."""
+        start = np.zeros(len(self.parameters))
+        start[list(fixed)] = list(fixed.values())
+        free = [k for k in range(len(start)) if k not in fixed]
+        terms = self.terms(context, place, start)
+
+        def to_values(coefficients: Array) -> Array:
+            values = start.copy()
+            values[free] = coefficients
+            return values
+
+        label = ", ".join(f"{self.parameters[k].name} {value:g}" for k, value in fixed.items())
+        return Guess(terms.entry, terms.joints, terms.slopes[free], to_values, label)
+
+
+class LinearEffect(LawEffect):
+    """u = Σ p · column(t)."""
+
+    linear = True
+
+    @abstractmethod
+    def columns(self, motion: JointMotion) -> Array:
+        """∂u/∂p for each parameter, shape (P, N) [Nm per unit of p]."""
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        columns = self.columns(motion)
+        return values @ columns, columns

@@ -1,0 +1,34 @@
+"""Dry friction in the link's bearing, behind the elastic transmission."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.friction import ARMSTRONG, SLIDING
+from flexviz.effects.law import LinearEffect
+from flexviz.effects.terms import Array, JointMotion, smooth_sign
+
+
+class LinkCoulombFriction(LinearEffect):
+    """Dry friction in the link's bearing, behind the elastic transmission."""
+
+    name = "link_coulomb_friction"
+    title = "Coulomb friction at the link"
+    where = "link"
+    explanation = "Dry friction in the link's bearing or seals, on the far side of the elastic gear."
+    equation = "u = f_c sign(q̇)"
+    signature = "A step at every reversal of the link; near reversals the link and the motor part company."
+    confirm = "Reversals under load with a soft joint, where link and motor reverse at different instants."
+    reference = ARMSTRONG
+    parameters = (SLIDING,)
+    state = True
+    twins = ("coulomb_friction",)
+    hidden_state = True  # the reversals of the link
+    common = True
+
+    def columns(self, motion: JointMotion) -> Array:
+        return smooth_sign(motion.link_velocity)[np.newaxis]
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.2 * scale.torque,)

@@ -1,0 +1,35 @@
+"""Gear friction in proportion to the torque it transmits."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.law import LinearEffect
+from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+
+
+class LoadDependentFriction(LinearEffect):
+    """Gear friction in proportion to the torque it transmits."""
+
+    name = "load_dependent_friction"
+    title = "Load-dependent friction"
+    where = "motor"
+    explanation = "The gear's friction grows with the torque it transmits."
+    equation = "u = μ |τ_j| sign(θ̇)"
+    signature = "Coulomb-like steps whose size follows the load."
+    confirm = "The same motion with different payloads."
+    reference = (
+        "Hamon, Gautier, Garrec: Dynamic identification of robots with a dry friction model depending "
+        "on load and velocity, IROS 2010"
+    )
+    parameters = (
+        ParameterSpec("coefficient", "-", 0.0, 0.9, "share of the transmitted torque that is lost", "μ"),
+    )
+    state = True
+
+    def columns(self, motion: JointMotion) -> Array:
+        return (np.abs(motion.torque) * smooth_sign(motion.velocity))[np.newaxis]
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.1,)

@@ -1,0 +1,36 @@
+"""The neighbouring motor's acceleration felt in this joint."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.effect import Effect, JointScale
+from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
+
+
+class MotorCoupling(Effect):
+    """The neighbouring motor's acceleration felt in this joint."""
+
+    name = "motor_coupling"
+    title = "Motor coupling"
+    where = "motor"
+    explanation = (
+        "The neighbouring motor's rotor accelerates this joint too: their axes share a gear or a housing."
+    )
+    equation = "u_i = B_ij θ̈_j"
+    signature = "A residual in proportion to the neighbouring motor's acceleration."
+    confirm = "Move the neighbouring joint alone."
+    simulated = "B_ij θ̈_j opposes the motor i: its equation gets the neighbour's acceleration."
+    reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"
+    parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
+    linear = True
+    fewest_joints = 2
+
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
+        joint = place.own_joint
+        other = joint + 1 if joint + 1 < context.joints() else joint - 1
+        column = context.theta(other)[2:5, :, None]
+        return Terms("torque", (joint,), values[0] * column, column[None])
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.2 * float(np.sqrt(scale.motor_inertia * scale.neighbour_inertia)),)

@@ -1,0 +1,33 @@
+"""Friction that grows with the square of the speed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.friction import ARMSTRONG
+from flexviz.effects.law import LinearEffect
+from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+
+
+class QuadraticFriction(LinearEffect):
+    """Friction that grows with the square of the speed."""
+
+    name = "quadratic_friction"
+    title = "Quadratic friction"
+    where = "motor"
+    explanation = "Churning of lubricant or fan losses: friction grows with the square of the speed."
+    equation = "u = f_q θ̇ |θ̇|"
+    signature = "A parabola against velocity, with opposite signs in the two directions."
+    confirm = "The same motion at clearly different speeds."
+    reference = ARMSTRONG
+    parameters = (
+        ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
+    )
+    smooth = True
+
+    def columns(self, motion: JointMotion) -> Array:
+        return (motion.velocity * np.abs(motion.velocity))[np.newaxis]
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.15 * scale.torque / scale.speed**2,)

@@ -1,0 +1,45 @@
+"""Ripple with the motor angle, shared by torque ripple and transmission error."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.law import LawEffect
+from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
+
+ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles a joint turn", "n", lower_occurs=True)
+PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
+
+
+class Ripple(LawEffect):
+    """a sin(nθ + φ)."""
+
+    flexible = True
+    smooth = True
+    orders = tuple(range(1, 41))
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        amplitude, order, phase = values
+        angle = order * motion.position + phase
+        sine, cosine = np.sin(angle), np.cos(angle)
+        return amplitude * sine, np.stack((sine, amplitude * motion.position * cosine, amplitude * cosine))
+
+    def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
+        joint = place.own_joint
+        columns = context.once(("waves", joint, self.orders), lambda: self.waves(context, joint))
+        out = []
+        for k, order in enumerate(self.orders):
+
+            def to_values(c: Array, n: float = float(order)) -> Array:
+                return np.array([float(np.hypot(c[0], c[1])), n, float(np.arctan2(c[1], c[0]))])
+
+            out.append(Guess(self.entry, (joint,), columns[2 * k : 2 * k + 2], to_values))
+        return out
+
+    def waves(self, context: Context, joint: int) -> Array:
+        """Sine and cosine of every order, filtered: shape (2 · orders, 3, N, 1); the same for every model."""
+        parts = [
+            np.concatenate([(np.sin(n * m.position), np.cos(n * m.position)) for n in self.orders])
+            for m in context.motions(joint)
+        ]
+        return context.filtered(parts, joint, 3)[..., None]

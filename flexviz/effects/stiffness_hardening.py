@@ -1,0 +1,38 @@
+"""A gear that grows stiffer as it is wound up."""
+
+from __future__ import annotations
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.elastic_joint import gain, present, share_of, spring_at
+from flexviz.effects.law import LawEffect
+from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+
+
+class StiffnessHardening(LawEffect):
+    """A gear that grows stiffer as it is wound up.
+
+    K x + k₃ x³ = s is solved for the deflection x; u = s/K − x is what q gains against the linear spring.
+    """
+
+    name = "stiffness_hardening"
+    title = "Stiffness hardening"
+    where = "joint"
+    explanation = "The gear grows stiffer as it is wound up, as harmonic drives do."
+    equation = "τ_j = K δ + k₃ δ³"
+    signature = "Position error against load that bends at high torque."
+    confirm = "High loads in both directions."
+    reference = (
+        "Tuttle, Seering: A nonlinear model of a harmonic drive gear transmission, IEEE T-RA 12(3), 1996"
+    )
+    parameters = (
+        ParameterSpec("cubic_stiffness", "Nm/rad³", 0.0, explanation="how much stiffer", symbol="k₃"),
+    )
+    state = True
+    smooth = True
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        spring = spring_at(motion, values[0], present(motion, "joint_damping"))
+        return gain(motion, spring) - share_of("joint_damping", motion), -spring.slope_by_cubic()[None]
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.2 * scale.stiffness / scale.deflection**2,)

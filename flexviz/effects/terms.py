@@ -1,0 +1,214 @@
+"""The vocabulary that effects and the identification equation share: motions, parameters, targets, terms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Where = Literal["motor", "link", "joint", "sensing", "load"]
+Entry = Literal["torque", "deflection", "residual"]
+Scope = Literal["joint", "set", "payload", "episode"]
+
+SIGN_VELOCITY = 0.005  # [rad/s] sign(v) is smoothed to tanh(v / 0.005 rad/s)
+
+
+def smooth_sign(velocity: Array) -> Array:
+    """sign(v) as tanh(v / 0.005 rad/s)."""
+    return np.tanh(velocity / SIGN_VELOCITY)
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter of an effect.
+
+    Attributes:
+        name: as in the JSON contract.
+        unit: SI unit.
+        lower, upper: physical bounds.
+        explanation: what it is, in a few words.
+        symbol: as in the equation; defaults to the name.
+        lower_occurs: the lower bound is a legitimate value (one cycle per turn), not a search that ran away.
+    """
+
+    name: str
+    unit: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    explanation: str = ""
+    symbol: str = ""
+    lower_occurs: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.symbol:
+            object.__setattr__(self, "symbol", self.name)
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """The wide-band motion of one joint during one stretch, as its effects see it; arrays have shape (N,).
+
+    Attributes:
+        time: the group's own time [s].
+        position, velocity: motor side θ, θ̇ [rad], [rad/s].
+        torque: transmission torque s at the current parameters [Nm].
+        link_position, link_velocity: link side q, q̇ at the current parameters [rad], [rad/s].
+        stiffness: current K [Nm/rad].
+        motor_viscous: current f_mv [Nm s/rad].
+        torque_scale: rms of s over all stretches [Nm].
+        present: effect → its current parameters, for the joint's effects.
+        notes: cache of a law for its next call with this same motion.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    torque: Array
+    link_position: Array
+    link_velocity: Array
+    stiffness: float
+    motor_viscous: float
+    torque_scale: float
+    present: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    notes: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    @property
+    def step(self) -> float:
+        """Sampling interval [s]."""
+        return float(self.time[1] - self.time[0])
+
+
+@dataclass(frozen=True)
+class EffectTarget:
+    """Where an effect sits.
+
+    Attributes:
+        joint: index in the set's joint order; None for an effect that belongs to no joint.
+        group: name of the only group it acts in (episodes).
+        payload: name of the payload it concerns.
+    """
+
+    joint: int | None = None
+    group: str | None = None
+    payload: str | None = None
+
+    @property
+    def own_joint(self) -> int:
+        """The joint of an effect that has one."""
+        assert self.joint is not None, "this effect belongs to a joint"
+        return self.joint
+
+
+@dataclass(frozen=True)
+class Terms:
+    """An effect at given parameters, filtered like all signals, at the equation's samples.
+
+    Attributes:
+        entry: "torque": u is subtracted from s; "deflection": added to q; "residual": subtracted from r.
+        joints: the m joints it acts on.
+        value: shape (D, N, m), u and its derivatives; D = 3, or 1 for "residual".
+        slopes: shape (P, D, N, m), ∂u/∂p.
+    """
+
+    entry: Entry
+    joints: tuple[int, ...]
+    value: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A small version of an effect, linear in its coefficients: a starting point for the search.
+
+    Attributes:
+        entry, joints: as in `Terms`.
+        columns: shape (C, D, N, m).
+        to_values: coefficients (C,) → the effect's parameters (P,).
+        label: what is held fixed, for the log ("order 7").
+    """
+
+    entry: Entry
+    joints: tuple[int, ...]
+    columns: Array
+    to_values: Callable[[Array], Array]
+    label: str = ""
+
+
+class Instant(Protocol):
+    """One joint at one instant, as the simulator shows it to a user-defined effect.
+
+    Attributes:
+        time: the group's own time [s].
+        theta, theta_velocity: motor side [rad], [rad/s].
+        q, q_velocity: link side [rad], [rad/s].
+        load: torque that the joint carries [Nm].
+    """
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def theta(self) -> float: ...
+    @property
+    def theta_velocity(self) -> float: ...
+    @property
+    def q(self) -> float: ...
+    @property
+    def q_velocity(self) -> float: ...
+    @property
+    def load(self) -> float: ...
+
+
+class Context(Protocol):
+    """What the equation offers to an effect: motions, filters, and the observer's outputs."""
+
+    def motions(self, joint: int) -> Sequence[JointMotion]:
+        """Wide-band motion of a joint, one per stretch."""
+        ...
+
+    def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
+        """The result of `make`, computed once for all models: for columns that no parameter changes."""
+        ...
+
+    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
+        """Columns (C, N_fine) of each stretch through the joint's observer: shape (C, depth, N)."""
+        ...
+
+    def theta(self, joint: int) -> Array:
+        """Observer's θ and derivatives, shape (5, N)."""
+        ...
+
+    def tau(self, joint: int) -> Array:
+        """Observer's τ and derivatives, shape (4, N)."""
+        ...
+
+    def delayed_tau(self, joint: int, delay: float) -> Array:
+        """The same for the torque applied `delay` [s] later, shape (4, N)."""
+        ...
+
+    def link_state(self, joint: int) -> Array:
+        """Link side q, q̇, q̈ at the current parameters, shape (3, N)."""
+        ...
+
+    def in_group(self, group: str) -> NDArray[np.bool_]:
+        """Samples of that group, shape (N,)."""
+        ...
+
+    def payload_torque(self, payload: str) -> Array:
+        """Y Γ_payload in the groups that carry it, zero elsewhere, shape (N, n) [Nm]."""
+        ...
+
+    def gravity_torque(self, axis: int) -> Array:
+        """Joint torque of unit gravity acceleration along a base axis, shape (N, n) [Nm s²/m]."""
+        ...
+
+    def count(self) -> int:
+        """Number of samples N."""
+        ...
+
+    def joints(self) -> int:
+        """Number of joints n."""
+        ...

@@ -1,0 +1,39 @@
+"""The applied torque is not quite the recorded one."""
+
+from __future__ import annotations
+
+from flexviz.effects.effect import Effect, Evidence, JointScale
+from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
+
+LARGEST = 0.4  # a drive whose torque is further off would have been noticed
+
+
+class TorqueGain(Effect):
+    """The applied torque is not quite the recorded one."""
+
+    name = "torque_gain"
+    title = "Torque gain error"
+    where = "sensing"
+    explanation = "The recorded torque is wrong by a factor: the torque constant or the gear ratio is off."
+    equation = "τ_applied = (1 + g) τ_recorded"
+    signature = "A residual in proportion to the recorded torque."
+    confirm = "A known payload: its weight is the yardstick."
+    simulated = "The motor gets 1 + g times the torque that is recorded."
+    reference = (
+        "Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots, "
+        "ASME J. Dynamic Systems, Measurement, and Control 136(5), 2014"
+    )
+    parameters = (
+        ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error", symbol="g"),
+    )
+    linear = True
+
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
+        column = -context.tau(place.own_joint)[:3, :, None]
+        return Terms("torque", (place.own_joint,), values[0] * column, column[None])
+
+    def credible(self, values: Array, evidence: Evidence) -> bool:
+        return super().credible(values, evidence) and abs(values[0]) < LARGEST
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.05,)

@@ -1,0 +1,37 @@
+"""A constant torque, from a current sensor's offset or an asymmetric load."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.law import LinearEffect
+from flexviz.effects.terms import Array, JointMotion, ParameterSpec
+
+
+class TorqueOffset(LinearEffect):
+    """A constant torque, from a current sensor's offset or an asymmetric load."""
+
+    name = "torque_offset"
+    title = "Torque offset"
+    where = "motor"
+    explanation = (
+        "The recorded torque is wrong by a constant, for example from a current sensor's zero error."
+    )
+    equation = "u = f_0"
+    signature = "A constant, the same in every pose, direction and group."
+    confirm = "Poses with opposite gravity load."
+    reference = (
+        "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, "
+        "IEEE Control Systems Magazine 27(5), 2007"
+    )
+    parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
+    smooth = True
+    twins = ("base_tilt",)
+    common = True
+
+    def columns(self, motion: JointMotion) -> Array:
+        return np.ones((1, len(motion.time)))
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (0.15 * scale.torque,)

@@ -1,0 +1,30 @@
+"""Kinematic error of the gear: the link is not quite where the motor angle says."""
+
+from __future__ import annotations
+
+from flexviz.effects.effect import JointScale
+from flexviz.effects.ripple import ORDER, PHASE, Ripple
+from flexviz.effects.terms import ParameterSpec
+
+
+class TransmissionError(Ripple):
+    """Kinematic error of the gear: the link is not quite where the motor angle says."""
+
+    name = "transmission_error"
+    title = "Transmission error"
+    where = "joint"
+    explanation = "The gear's teeth are not perfect: the link's position errs periodically with the angle."
+    equation = "δ = θ + a sin(nθ + φ) − q"
+    signature = "A sine against position in the position error; in torque it grows with the speed squared."
+    confirm = "The same motion at different speeds."
+    reference = (
+        "Gandhi, Ghorbel: Closed-loop compensation of kinematic error in harmonic drives, T-CST 10(6), 2002"
+    )
+    parameters = (
+        ParameterSpec("amplitude", "rad", explanation="largest error", symbol="a"),
+        ORDER,
+        PHASE,
+    )
+
+    def typical(self, scale: JointScale) -> tuple[float, ...]:
+        return (max(0.05 * scale.deflection, 3e-4), 7.0, 0.4)

@@ -1,0 +1,165 @@
+"""How each effect of the library enters a plant: the simulator's one list of effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import cos, sin
+
+import numpy as np
+
+from flexviz.errors import InputError
+from flexviz.robot import PayloadBody, Robot
+from flexviz.simulation import laws
+from flexviz.simulation.elastic import ElasticJoint
+from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.plant import Array, Plant
+
+STANDARD_GRAVITY = 9.81  # [m/s²]
+
+
+@dataclass
+class Assembly:
+    """A plant under construction, for the laws to enter themselves into; Pinocchio's joint order.
+
+    Attributes:
+        robot: whose plant it is.
+        plant: without a model yet.
+        bodies: the payload.
+        gravity: shape (3,), in the base's frame [m/s²].
+        gain_error, delay: shape (n,), of the torque's path to the motor [-], [s].
+    """
+
+    robot: Robot
+    plant: Plant
+    bodies: tuple[PayloadBody, ...]
+    gravity: tuple[float, float, float]
+    gain_error: Array
+    delay: Array
+
+
+def neighbour(robot: Robot, i: int) -> int:
+    """The joint (index in the set's order) whose motor couples into the one with Pinocchio's index i.
+
+    It is the next joint of the set, or the one before for the last.
+    """
+    own = int(np.flatnonzero(robot.order == i)[0])
+    if robot.n < 2:
+        raise InputError("motor_coupling needs at least two joints")
+    return own + 1 if own + 1 < robot.n else own - 1
+
+
+def scaled_body(body: PayloadBody, factor: float) -> PayloadBody:
+    """The body with mass and inertia multiplied by `factor`."""
+    return PayloadBody(body.link, body.mass * factor, body.com, body.inertia * factor)
+
+
+def tilted_gravity(tilt_x: float, tilt_y: float) -> tuple[float, float, float]:
+    """Rᵀ (0, 0, −g) with R = Ry(tilt_y) Rx(tilt_x) [m/s²]."""
+    g = STANDARD_GRAVITY
+    return (g * sin(tilt_y), -g * cos(tilt_y) * sin(tilt_x), -g * cos(tilt_y) * cos(tilt_x))
+
+
+Parameters = Mapping[str, float]
+Enter = Callable[[Assembly, Sequence[int], Parameters], None]
+
+
+@dataclass(frozen=True)
+class EffectLaw:
+    """The simulator's side of an effect.
+
+    Attributes:
+        enter: puts the law into a plant, on the given joints.
+        positive, not_negative: parameters without which it has no meaning at other values.
+    """
+
+    enter: Enter
+    positive: tuple[str, ...] = ()
+    not_negative: tuple[str, ...] = ()
+
+
+def motor(law: Callable[..., MotorLaw], positive: tuple[str, ...] = ()) -> EffectLaw:
+    """A motor law on each of the joints."""
+    return EffectLaw(
+        lambda made, joints, p: made.plant.motor_laws.extend((i, law(**p)) for i in joints), positive
+    )
+
+
+def link(law: Callable[..., LinkLaw]) -> EffectLaw:
+    """A link law on each of the joints."""
+    return EffectLaw(lambda made, joints, p: made.plant.link_laws.extend((i, law(**p)) for i in joints))
+
+
+def elastic(
+    change: Callable[[ElasticJoint, Parameters], ElasticJoint], not_negative: tuple[str, ...] = ()
+) -> EffectLaw:
+    """A change of the elastic law of each of the joints."""
+
+    def enter(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+        for i in joints:
+            made.plant.elastic[i] = change(made.plant.joint(i), p)
+
+    return EffectLaw(enter, not_negative=not_negative)
+
+
+def _presliding(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.plant.presliding += [(i, Dahl(**p)) for i in joints]
+
+
+def _friction_drift(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    viscous = made.plant.motor_viscous
+    made.plant.motor_laws += [(i, laws.friction_drift(**p, viscous=float(viscous[i]))) for i in joints]
+
+
+def _torque_gain(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.gain_error[list(joints)] += p["gain_error"]
+
+
+def _torque_delay(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.delay[list(joints)] += p["delay"]
+
+
+def _payload_error(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.bodies = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in made.bodies)
+
+
+def _base_tilt(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
+
+
+def _external_contact(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.plant.contacts += [(i, p["torque"], p["start"], p["end"]) for i in joints]
+
+
+def _motor_coupling(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    for i in joints:
+        made.plant.motor_inertia[i, int(made.robot.order[neighbour(made.robot, i)])] += p["inertia"]
+
+
+LAWS: dict[str, EffectLaw] = {
+    "coulomb_friction": motor(laws.coulomb_friction),
+    "stribeck_friction": motor(laws.stribeck_friction, positive=("velocity",)),
+    "quadratic_friction": motor(laws.quadratic_friction),
+    "load_dependent_friction": motor(laws.load_dependent_friction),
+    "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
+    "friction_drift": EffectLaw(_friction_drift, positive=("time_constant",)),
+    "torque_ripple": motor(laws.torque_ripple),
+    "torque_offset": motor(laws.torque_offset),
+    "torque_gain": EffectLaw(_torque_gain),
+    "torque_delay": EffectLaw(_torque_delay, not_negative=("delay",)),
+    "stiffness_hardening": elastic(lambda law, p: replace(law, cubic=law.cubic + p["cubic_stiffness"])),
+    "backlash": elastic(
+        lambda law, p: replace(law, half_width=law.half_width + p["half_width"]), ("half_width",)
+    ),
+    "joint_damping": elastic(lambda law, p: replace(law, damping=law.damping + p["damping"])),
+    "transmission_error": elastic(
+        lambda law, p: replace(law, errors=(*law.errors, (p["amplitude"], p["order"], p["phase"])))
+    ),
+    "link_coulomb_friction": link(laws.link_coulomb_friction),
+    "cable_spring": link(laws.cable_spring),
+    "payload_error": EffectLaw(_payload_error),
+    "base_tilt": EffectLaw(_base_tilt),
+    "external_contact": EffectLaw(_external_contact),
+    "motor_coupling": EffectLaw(_motor_coupling),
+}
+"""Effect → how its law enters a plant on the given joints. The library's one list in the simulator."""

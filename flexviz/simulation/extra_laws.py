@@ -1,0 +1,80 @@
+"""Laws on a joint beside the library's: of user-defined effects, and for studies of what no library has."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from flexviz.effects import Effect, Instant
+
+
+class JointState(NamedTuple):
+    """One joint at one instant.
+
+    Attributes:
+        time: the group's own time [s].
+        theta, theta_velocity: motor side [rad], [rad/s].
+        q, q_velocity: link side [rad], [rad/s].
+        load: torque that the joint carries by the library's laws [Nm].
+        z: the law's own states.
+    """
+
+    time: float
+    theta: float
+    theta_velocity: float
+    q: float
+    q_velocity: float
+    load: float
+    z: Sequence[float] = ()
+
+
+class Pull(NamedTuple):
+    """What a law does to its joint.
+
+    Attributes:
+        motor, link: torques that oppose the motor and the link [Nm].
+        joint: torque that the joint carries beside the library's [Nm].
+        rates: time derivatives of the law's own states.
+    """
+
+    motor: float = 0.0
+    link: float = 0.0
+    joint: float = 0.0
+    rates: Sequence[float] = ()
+
+
+class ExtraLaw(ABC):
+    """A law on one joint. It has to be smooth over an integration step; its own states start at zero.
+
+    Attributes:
+        states: number of its own states.
+    """
+
+    states: ClassVar[int] = 0
+
+    @abstractmethod
+    def pull(self, at: JointState) -> Pull:
+        """Its torques at one instant, and the rates of its states."""
+
+
+class UserEffectLaw(ExtraLaw):
+    """The torque of a user-defined effect, on the side where the effect acts."""
+
+    def __init__(self, where: str, torque: Callable[[Instant], float]) -> None:
+        self._where, self._torque = where, torque
+
+    @staticmethod
+    def of(effect: Effect, parameters: Mapping[str, float]) -> UserEffectLaw:
+        """The law of an effect that can be simulated, with these parameters."""
+        torque = effect.simulation(np.array([parameters[p.name] for p in effect.parameters]))
+        assert torque is not None
+        return UserEffectLaw(effect.where, torque)
+
+    def pull(self, at: JointState) -> Pull:
+        torque = float(self._torque(at))
+        if self._where == "motor":
+            return Pull(motor=torque)
+        return Pull(link=torque) if self._where == "link" else Pull(joint=torque)
