@@ -1,0 +1,136 @@
+"""The packages and their imports: `python -m benchmarks.architecture [--write]`.
+
+Prints the size of each package, import circles, and imports that bypass a package's public face. With
+`--write` it draws docs/images/packages.svg, each package above those that it imports. The exit code is 1 if
+there is a circle or a bypassed face.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import sys
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "flexviz"
+PICTURE = ROOT / "docs" / "images" / "packages.svg"
+BOX, GAP, ROW, MARGIN = (124, 34), 14, 62, 16  # [px]
+
+
+def package_of(path: Path) -> str:
+    """Package or module directly under flexviz/."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(path: Path) -> set[str]:
+    """Modules of flexviz that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.startswith("flexviz.")}
+
+
+def arrows() -> tuple[dict[str, set[str]], dict[str, int], list[str]]:
+    """Package -> imported packages; lines per package; imports that bypass a public face."""
+    out: dict[str, set[str]] = defaultdict(set)
+    lines: dict[str, int] = defaultdict(int)
+    bypasses = []
+    for path in sorted(PACKAGE.rglob("*.py")):
+        here = package_of(path)
+        lines[here] += len(path.read_text(encoding="utf-8").splitlines())
+        for name in imported(path):
+            other = name.split(".")[1]
+            if other == here or not ((PACKAGE / other).is_dir() or (PACKAGE / f"{other}.py").is_file()):
+                continue
+            out[here].add(other)
+            inside = PACKAGE.joinpath(*name.split(".")[1:3]).with_suffix(".py")
+            if (PACKAGE / other).is_dir() and len(name.split(".")) > 3 and inside.is_file():
+                bypasses.append(f"{path.relative_to(ROOT)} imports {name}")
+    return out, dict(lines), bypasses
+
+
+def levels(graph: dict[str, set[str]]) -> dict[str, int]:
+    """Height of each package above those that import nothing."""
+    height: dict[str, int] = {}
+    for name in TopologicalSorter(graph).static_order():
+        height[name] = max((height[other] + 1 for other in graph.get(name, ())), default=0)
+    return height
+
+
+def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
+    """The arrows that are not implied by others (transitive reduction)."""
+    reach: dict[str, set[str]] = {}
+    for name in TopologicalSorter(graph).static_order():
+        reach[name] = set().union(*({other} | reach[other] for other in graph.get(name, ())))
+    return {
+        name: {o for o in others if not any(o in reach[p] for p in others if p != o)}
+        for name, others in graph.items()
+    }
+
+
+def svg(graph: dict[str, set[str]], lines: dict[str, int]) -> str:
+    """The picture: one box per package, arrows down to what it imports."""
+    names = [name for name in lines if (PACKAGE / name).is_dir()]
+    graph = {name: {other for other in graph.get(name, ()) if other in names} for name in names}
+    height, rows = levels(graph), defaultdict(list)
+    for name in sorted(names):
+        rows[height[name]].append(name)
+    top, widest = max(rows), max(len(row) for row in rows.values())
+    width = 2 * MARGIN + widest * BOX[0] + (widest - 1) * GAP
+    at = {}
+    for level, row in rows.items():
+        left = (width - len(row) * BOX[0] - (len(row) - 1) * GAP) / 2
+        for place, name in enumerate(row):
+            at[name] = left + place * (BOX[0] + GAP), MARGIN + (top - level) * ROW
+    parts = []
+    for name, others in sorted(reduced(graph).items()):
+        for other in sorted(others):
+            (x, y), (u, v) = at[name], at[other]
+            x, u, y = x + BOX[0] / 2, u + BOX[0] / 2, y + BOX[1]
+            bend = (v - y) / 2
+            parts.append(f'<path d="M{x:g} {y:g} C{x:g} {y + bend:g} {u:g} {v - bend:g} {u:g} {v:g}"/>')
+    boxes = []
+    for name, (x, y) in at.items():
+        boxes.append(f'<rect x="{x:g}" y="{y:g}" width="{BOX[0]}" height="{BOX[1]}" rx="4"/>')
+        boxes.append(f'<text x="{x + BOX[0] / 2:g}" y="{y + 15:g}">{name}</text>')
+        boxes.append(f'<text class="n" x="{x + BOX[0] / 2:g}" y="{y + 28:g}">{lines[name]:,} lines</text>')
+    total = 2 * MARGIN + top * ROW + BOX[1]
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {total:g}" width="{width:g}">\n'
+        "<style>svg{background:#fff}rect{fill:#eef3f7;stroke:#5d6b78}"
+        "path{fill:none;stroke:#0072b2;opacity:.55}"
+        "text{font:12px 'DejaVu Sans',sans-serif;text-anchor:middle;fill:#1c2733}"
+        "text.n{font-size:9px;fill:#5d6b78}"
+        "</style>\n" + "\n".join(parts + boxes) + "\n</svg>\n"
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.architecture", description=__doc__)
+    parser.add_argument("--write", action="store_true", help="renew docs/images/packages.svg")
+    options = parser.parse_args()
+    graph, lines, bypasses = arrows()
+    try:
+        height = levels(graph)
+    except CycleError as error:
+        print("circle:", " -> ".join(error.args[1]))
+        return 1
+    for name in sorted(lines, key=lambda name: (-height.get(name, 0), name)):
+        print(f"{height.get(name, 0):3d}  {name:16s} {lines[name]:6,d} lines")
+    print(
+        f"{sum(lines.values()):,} lines in {len(lines)} packages and modules; {len(bypasses)} faces bypassed"
+    )
+    print(*bypasses, sep="\n")
+    if options.write:
+        PICTURE.write_text(svg(graph, lines), encoding="utf-8")
+    return 1 if bypasses else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
