@@ -24,6 +24,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.playback import RATE as FRAMES
 from flexviz.app.server import start_server
-from flexviz.app.work import open_set
+from flexviz.app.tasks import Identify, OpenSet
 from flexviz.measurements import GroupTable, write_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
@@ -118,7 +119,7 @@ def application(measurement_set: Path) -> Iterator[Application]:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         server: Any = start_server("127.0.0.1", 0)
-        app = Application(server, open_set(measurement_set))
+        app = Application(server, OpenSet(measurement_set).run())
         try:
             yield app
         finally:
@@ -137,10 +138,14 @@ def wait(app: Application, condition: Callable[[], bool], timeout: float = 600.0
 def bandwidth(count: int = 60) -> None:
     """From a bandwidth event to the new data being queued for the browsers."""
     with tempfile.TemporaryDirectory() as folder, application(panda_set(Path(folder) / "panda")) as app:
-        wait(app, lambda: not app.worker.busy)
+        wait(app, lambda: not app.tasks.busy)
+
+        def set_bandwidth(width: float) -> None:
+            app.store.change("bandwidth", replace(app.store.analysis, bandwidth=width))
+
         wall, cpu = [], []
         for width in np.linspace(20.0, 200.0, count):
-            app.queue.put("bandwidth", float(width))
+            app.queue.call(set_bandwidth, float(width))
             begin, worked = time.perf_counter(), time.thread_time()
             while len(app.queue):
                 app.once(0.0)
@@ -155,24 +160,24 @@ def bandwidth(count: int = 60) -> None:
 
 def frame_rate(app: Application, condition: Callable[[], bool]) -> tuple[float, float]:
     """Frames a second until the condition holds, and how long that took [s]."""
-    frames, begin = app.show.playback.frames, time.monotonic()
+    frames, begin = app.display.playback.frames, time.monotonic()
     wait(app, condition)
     seconds = time.monotonic() - begin
-    return (app.show.playback.frames - frames) / seconds, seconds
+    return (app.display.playback.frames - frames) / seconds, seconds
 
 
 def playback() -> None:
     """Frames a second alone, and while an identification runs."""
     with application(sessions_dir() / DEMO) as app:
-        wait(app, lambda: not app.worker.busy)
+        wait(app, lambda: not app.tasks.busy)
         begin = time.monotonic()
         rate, seconds = frame_rate(app, lambda: time.monotonic() - begin > 5.0)
         line("playback alone", f"{rate:.1f} frames/s over {seconds:.1f} s", f"{FRAMES:g} /s", rate / FRAMES)
-        app.queue.put("refine", True)
-        app.queue.put("run")
-        app.once(0.0)
-        app.once(0.0)
-        rate, seconds = frame_rate(app, lambda: not app.identify.running)
+        store = app.store
+        store.change("refine", replace(store.analysis, refine=True))
+        task = Identify(store.analysis.without_result())
+        store.await_task(task, lambda result: None, begin="running", stopped="stopped")
+        rate, seconds = frame_rate(app, lambda: not store.running)
         line(
             "playback beside a fit",
             f"{rate:.1f} frames/s over {seconds:.1f} s",

@@ -1,37 +1,40 @@
-"""Long work beside the screen: one worker, one job at a time, with progress, cancelling, reasons for failure.
+"""Long work beside the screen: one worker, one task at a time, with progress, stopping, reasons for failure.
 
-A job is a module-level function `f(*args, progress, should_stop)` (see `flexviz.progress`). It runs either
-in a child process, where it cannot hold the interpreter lock that playback needs, or in a thread of this
-process, where its result need not be copied.
+A `Task` runs either in a child process, where it cannot hold the interpreter lock that playback needs, or in
+a thread of this process, where its result need not be copied.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
 a single BLAS thread and a lower priority, and ends by itself when the pipe closes. `in_children` says what it
-has to do before its first job.
+has to do before its first task.
 """
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import itertools
 import multiprocessing.connection as mpc
 import os
+import queue
 import subprocess
 import sys
 import threading
 import time
 import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing import Pipe
-from typing import Any, Literal
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from flexviz.errors import Cancelled, FlexvizError, one_line
 from flexviz.progress import ProgressCallback, StopCallback
 
+Result = TypeVar("Result")
 Kind = Literal["started", "progress", "done", "stopped", "failed"]
-STOP_GRACE = 5.0  # [s] a stopped job may take to end by itself before its process is replaced
+STOP_GRACE = 5.0  # [s] a stopped task may take to end by itself before its process is replaced
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
-_PREPARE = 0  # number of a preparation among the jobs
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -39,21 +42,49 @@ _preparations: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
 
 
 def in_children(function: Callable[..., Any], *args: Any) -> None:
-    """Have every child process, also those that run already, call `function(*args)` before its next job.
+    """Have every child process, also a running one, call `function(*args)` before its next task.
 
-    Where it fails there, the next job fails with its reason.
+    If the call fails there, the next task fails with its reason.
     """
     _preparations.append((function, args))
 
 
 def forget_in_children(function: Callable[..., Any], *args: Any) -> None:
-    """Do not call it in children that are started from now on."""
+    """Do not call it in children that start from now on."""
     _preparations[:] = [entry for entry in _preparations if entry != (function, args)]
+
+
+class Task(ABC, Generic[Result]):
+    """A kind of work: a frozen dataclass whose fields are its arguments. It is pickled to reach the child.
+
+    Attributes:
+        in_process: whether it runs in the child process; otherwise in a thread of this one.
+    """
+
+    in_process: ClassVar[bool] = True
+
+    @abstractmethod
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
+        """Do the work. Return a partial result, or raise `Cancelled`, soon after `should_stop()` is true."""
+
+
+@dataclass(frozen=True)
+class LoadModules(Task[None]):
+    """Import modules, so that the first real task starts at once."""
+
+    names: tuple[str, ...]
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
+        """Import them one by one."""
+        for name in self.names:
+            if should_stop():
+                return
+            importlib.import_module(name)
 
 
 @dataclass(frozen=True)
 class JobEvent:
-    """What a job has to say: `value` is the progress, the result, or (failed) the one-line reason."""
+    """News of a job: `value` is the progress, the result, or the one-line reason of a failure."""
 
     job: Job
     kind: Kind
@@ -62,21 +93,18 @@ class JobEvent:
 
 @dataclass(eq=False)
 class Job:
-    """One piece of work. `key` says what it is for: a newer job with the same key replaces a waiting one."""
+    """A task that was submitted."""
 
     number: int
-    key: str
-    function: Callable[..., Any]
-    args: tuple[Any, ...]
+    task: Task[Any]
     listener: Callable[[JobEvent], None]
-    in_process: bool = True
     state: Literal["waiting", "running", "done", "stopped", "failed"] = "waiting"
     stop: threading.Event = field(default_factory=threading.Event)
     finished: threading.Event = field(default_factory=threading.Event)
 
 
 class Worker:
-    """Runs jobs one after the other. All methods may be called from any thread and return at once."""
+    """Runs tasks one after the other. All methods may be called from any thread and return at once."""
 
     def __init__(self) -> None:
         self._numbers = itertools.count(1)
@@ -99,32 +127,25 @@ class Worker:
         with self._change:
             return self._current is not None or bool(self._waiting)
 
-    def submit(
-        self,
-        key: str,
-        function: Callable[..., Any],
-        *args: Any,
-        listener: Callable[[JobEvent], None],
-        in_process: bool = True,
-    ) -> Job:
-        """Queue `function(*args, progress=…, should_stop=…)`; `listener` is called in the worker's thread."""
-        job = Job(next(self._numbers), key, function, args, listener, in_process)
+    def submit(self, task: Task[Any], listener: Callable[[JobEvent], None]) -> Job:
+        """Queue a task, in place of a waiting one of its class; `listener` runs in the worker's thread."""
+        job = Job(next(self._numbers), task, listener)
         with self._change:
             if self._closed:
                 raise FlexvizError("the worker is closed")
-            stale = [waiting for waiting in self._waiting if waiting.key == key]
-            self._waiting = [waiting for waiting in self._waiting if waiting.key != key] + [job]
+            stale = [waiting for waiting in self._waiting if type(waiting.task) is type(task)]
+            self._waiting = [waiting for waiting in self._waiting if waiting not in stale] + [job]
             self._change.notify_all()
         for old in stale:
             self._end(old, "stopped", None)
         return job
 
-    def stop(self, key: str | None = None) -> None:
-        """Ask the running job (of this key) to stop and drop the waiting ones (of this key)."""
+    def stop(self, kind: type[Task[Any]] = Task) -> None:
+        """Ask the running task to stop and drop the waiting ones, where they are of this class."""
         with self._change:
-            stale = [job for job in self._waiting if key in (None, job.key)]
+            stale = [job for job in self._waiting if isinstance(job.task, kind)]
             self._waiting = [job for job in self._waiting if job not in stale]
-            if self._current is not None and key in (None, self._current.key):
+            if self._current is not None and isinstance(self._current.task, kind):
                 self._current.stop.set()
         for job in stale:
             self._end(job, "stopped", None)
@@ -152,24 +173,13 @@ class Worker:
                 job = self._current = self._waiting.pop(0)
             job.state = "running"
             self._tell(job, "started", None)
-            try:
-                result = self._in_child(job) if job.in_process else self._in_thread(job)
-                kind: Kind = "done"
-            except Cancelled:
-                kind, result = "stopped", None
-            except FlexvizError as error:
-                kind, result = "failed", str(error)
-            except Exception as error:
-                traceback.print_exc()
-                kind, result = "failed", one_line(f"{type(error).__name__}: {error}")
+            kind, value = _outcome(partial(self._in_child if job.task.in_process else self._in_thread, job))
             with self._change:
                 self._current = None
-            self._end(job, kind, result)
+            self._end(job, kind, value)
 
     def _in_thread(self, job: Job) -> Any:
-        return job.function(
-            *job.args, progress=lambda value: self._tell(job, "progress", value), should_stop=job.stop.is_set
-        )
+        return job.task.run(lambda news: self._tell(job, "progress", news), job.stop.is_set)
 
     def _in_child(self, job: Job) -> Any:
         if self._child is None or not self._child.alive:
@@ -177,9 +187,9 @@ class Worker:
         child = self._child
         for preparation in _preparations:
             if preparation not in child.prepared:
-                child.send(("run", _PREPARE, *preparation))
+                child.send(("prepare", 0, preparation))
                 child.prepared.append(preparation)
-        child.send(("run", job.number, job.function, job.args))
+        child.send(("run", job.number, job.task))
         asked: float | None = None
         while True:
             if job.stop.is_set() and asked is None:
@@ -260,70 +270,60 @@ class _Child:
 
 
 def child_main(descriptor: int) -> None:
-    """The child process: run the jobs that come through the pipe until it closes."""
+    """The child process: run the tasks that come through the pipe until it closes."""
     with contextlib.suppress(OSError):
         os.nice(5)  # playback and the page go first
     pipe = mpc.Connection(descriptor)
     lock = threading.Lock()
     stops: dict[int, threading.Event] = {}
-    jobs: list[tuple[int, Callable[..., Any], tuple[Any, ...]]] = []
-    change = threading.Condition()
+    waiting: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
 
-    def send(kind: str, number: int, value: Any) -> None:
+    def send(kind: Kind, number: int, value: Any) -> None:
         with lock:
             pipe.send((kind, number, value))
 
     def read() -> None:
         while True:
             try:
-                message = pipe.recv()
+                kind, number, *content = pipe.recv()
             except (EOFError, OSError):
                 os._exit(0)
-            except Exception as error:  # a job that cannot be unpickled here
+            except Exception as error:  # a task that cannot be unpickled here
                 send("failed", 0, one_line(f"{type(error).__name__}: {error}"))
                 continue
-            if message[0] == "stop":
-                stops.setdefault(message[1], threading.Event()).set()
+            if kind == "stop":
+                stops.setdefault(number, threading.Event()).set()
             else:
-                with change:
-                    jobs.append(message[1:])
-                    change.notify()
+                waiting.put((kind, number, content[0]))
+
+    def work(kind: str, number: int, content: Any) -> None:
+        if kind == "prepare":
+            function, args = content
+            function(*args)
+            return
+        stop = stops.setdefault(number, threading.Event())
+        send("done", number, content.run(lambda news: send("progress", number, news), stop.is_set))
 
     threading.Thread(target=read, daemon=True).start()
     while True:
-        with change:
-            while not jobs:
-                change.wait()
-            number, function, args = jobs.pop(0)
-        stop = stops.setdefault(number, threading.Event())
-        try:
-            if number == _PREPARE:
-                function(*args)
-                continue
-            result = function(
-                *args,
-                progress=lambda value, number=number: send("progress", number, value),
-                should_stop=stop.is_set,
-            )
-            send("done", number, result)
-        except Cancelled:
-            send("stopped", number, None)
-        except FlexvizError as error:
-            send("failed", number, str(error))
-        except Exception as error:
-            traceback.print_exc()
-            send("failed", number, one_line(f"{type(error).__name__}: {error}"))
-        stops.pop(number, None)
+        message = waiting.get()
+        ended, value = _outcome(partial(work, *message))
+        if ended != "done":
+            send(ended, message[1], value)
+        stops.pop(message[1], None)
 
 
-def load_modules(names: Sequence[str], *, progress: ProgressCallback, should_stop: StopCallback) -> None:
-    """A job that imports modules, so that the first real one starts at once."""
-    import importlib
-
-    for name in names:
-        if should_stop():
-            return
-        importlib.import_module(name)
+def _outcome(work: Callable[[], Any]) -> tuple[Kind, Any]:
+    """How a piece of work ended, with its result or the reason of its failure."""
+    try:
+        return "done", work()
+    except Cancelled:
+        return "stopped", None
+    except FlexvizError as error:
+        return "failed", str(error)
+    except Exception as error:
+        traceback.print_exc()
+        return "failed", one_line(f"{type(error).__name__}: {error}")
 
 
 def _has_fileno(stream: Any) -> bool:

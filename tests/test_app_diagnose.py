@@ -9,14 +9,13 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
-from flexviz.app.work import open_set
+from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.diagnosis import diagnose
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.view.status import error_text
-from tests.app_running import running
-from tests.test_app import act, status, until
+from tests.app_running import reopen, running, send, status, use, wait
 
 pytestmark = pytest.mark.slow
 EFFECT = "coulomb_friction:joint2"
@@ -28,78 +27,81 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
         yield application
 
 
-def wait(app: Application) -> None:
-    until(app, lambda: not app.running)
+def diagnose_step(app: Application) -> DiagnoseStep:
+    return next(step for step in app.dock.steps if isinstance(step, DiagnoseStep))
 
 
 def test_find_add_undo_remove(app: Application) -> None:
     measurements = read_set(sessions_dir() / DEMO)
     assert app.dock._undo.disabled and app.dock._redo.disabled and app.dock._stop.disabled
     assert "Find the missing effect" in app.dock._line.content
-    act(app, "step", "Diagnose")
-    act(app, "find")
+    app.store.go("Diagnose")
+    use(app, "Find the missing effect")
     assert (
-        app.running and app.diagnose._find.disabled and not app.dock._stop.disabled and app.dock._bar.visible
+        app.store.running
+        and diagnose_step(app)._find.disabled
+        and not app.dock._stop.disabled
+        and app.dock._bar.visible
     )
     wait(app)
-    first = app.session.analysis
+    first = app.store.analysis
     assert first.identification is not None and first.diagnosis_up_to_date
-    assert app.diagnose._verdict.content.find("Missing: Coulomb friction on joint2") > 0
+    assert diagnose_step(app)._verdict.content.find("Missing: Coulomb friction on joint2") > 0
     assert error_text(identify(measurements)) in status(app)
-    best = app.diagnose.findings._places[0]
+    best = diagnose_step(app).findings.entries[0]
     assert best.add.visible and "coulomb 3.0" in best._text.content and "Automatica" in best._card.content
     assert "Add and refit" in app.dock._line.content
 
-    act(app, "add0")
+    use(app, "Add and refit")
     wait(app)
-    added = app.session.analysis
+    added = app.store.analysis
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
     assert error_text(identify(measurements, effects=(EFFECT,))) in status(app)
-    assert "Nothing is missing" in app.diagnose._verdict.content and not best.add.visible
+    assert "Nothing is missing" in diagnose_step(app)._verdict.content and not best.add.visible
     answer = diagnose(measurements)
     for stair, step in zip(added.model_steps, answer.steps, strict=True):
         assert np.allclose(stair.step.rms, step.rms, rtol=0.02)
         assert np.allclose(stair.step.rms_validation, step.rms_validation, rtol=0.02)  # type: ignore[arg-type]
-    model_steps = app.show.plots._compare._charts["all"]._handle.data
+    model_steps = app.plots._compare._charts["all"]._handle.data
     assert model_steps[1][0] > 20 * model_steps[1][-1]
-    assert "Coulomb friction on joint2" in app.show.plots._steps.content
+    assert "Coulomb friction on joint2" in app.plots._steps.content
 
-    act(app, "undo")
-    assert not app.running  # nothing is computed again
-    assert app.session.analysis is first and "Missing:" in app.diagnose._verdict.content
+    use(app, "Undo")
+    assert not app.store.running  # nothing is computed again
+    assert app.store.analysis is first and "Missing:" in diagnose_step(app)._verdict.content
     assert not app.dock._redo.disabled and "added Coulomb friction" in str(app.dock._redo.hint)
-    act(app, "redo")
-    assert app.session.analysis is added and app.dock._redo.disabled
+    use(app, "Redo")
+    assert app.store.analysis is added and app.dock._redo.disabled
 
-    act(app, "remove0")
+    use(app, "Remove")
     wait(app)
-    assert app.session.analysis.effects == () and "Missing:" in app.diagnose._verdict.content
-    assert len(app.session.analysis.model_steps) == 1
+    assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
+    assert len(app.store.analysis.model_steps) == 1
 
 
 def test_add_all_is_a_history_of_steps(app: Application) -> None:
-    app.open(open_set(sessions_dir() / DEMO))
-    act(app, "add-all")
+    reopen(app, sessions_dir() / DEMO)
+    use(app, "Add all found")
     wait(app)
-    assert app.session.analysis.effects == (EFFECT,)
-    assert [step.label for step in app.session.past][-1] == "looked for the missing effect"
-    assert "Nothing is missing" in app.diagnose._verdict.content
-    act(app, "undo")
-    assert app.session.analysis.effects == () and "Missing:" in app.diagnose._verdict.content
+    assert app.store.analysis.effects == (EFFECT,)
+    assert [step.label for step in app.store.session.past][-1] == "looked for the missing effect"
+    assert "Nothing is missing" in diagnose_step(app)._verdict.content
+    use(app, "Undo")
+    assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
 
 
 def test_a_stopped_search_changes_nothing(app: Application) -> None:
-    app.open(open_set(sessions_dir() / DEMO))
-    act(app, "find")
-    act(app, "stop")
+    reopen(app, sessions_dir() / DEMO)
+    use(app, "Find the missing effect")
+    use(app, "Stop")
     wait(app)
-    assert app.session.analysis.diagnosis is None and "stopped" in status(app)
-    assert not app.diagnose._find.disabled and app.dock._undo.disabled
+    assert app.store.analysis.diagnosis is None and "stopped" in status(app)
+    assert not diagnose_step(app)._find.disabled and app.dock._undo.disabled
 
 
 def test_a_change_meanwhile_wins(app: Application) -> None:
-    app.open(open_set(sessions_dir() / DEMO))
-    act(app, "find")
-    act(app, "role0", "Ignore")
+    reopen(app, sessions_dir() / DEMO)
+    use(app, "Find the missing effect")
+    send(app, app.dock.steps[0]._roles["g1"], "Ignore")  # type: ignore[attr-defined]
     wait(app)
-    assert app.session.analysis.diagnosis is None and "changed meanwhile" in status(app)
+    assert app.store.analysis.diagnosis is None and "have changed meanwhile" in status(app)

@@ -12,12 +12,13 @@ import pytest
 
 from flexviz.app.application import Application
 from flexviz.app.recordings import local_address, model_label
+from flexviz.app.steps.data import DataStep
+from flexviz.app.steps.files import Files
 from flexviz.app.workspace import output_dir
 from flexviz.errors import InputError
 from flexviz.recording import check_recording
-from tests.app_running import running
+from tests.app_running import BROWSER, running, status, until, use, wait
 from tests.small_set import write_small_set
-from tests.test_app import act, status, until
 
 
 @pytest.fixture(scope="module")
@@ -27,58 +28,55 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
         yield application
 
 
-def switch(app: Application, key: str, on: bool) -> None:
-    """As a browser does it: the control's value, and the event."""
-    box = {"record": app.data.files._record, "record-live": app.data.files._live}[key]
-    box.value = on
-    act(app, key, on)
+def files_of(app: Application) -> Files:
+    return next(step for step in app.dock.steps if isinstance(step, DataStep)).files
 
 
 def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
-    files = app.data.files
+    files = files_of(app)
     assert files._fetch.disabled and "switch Record on" in str(files._fetch.hint)
-    act(app, "run")
-    until(app, lambda: not app.running)
-    switch(app, "record", True)  # what is known by then is in it
+    use(app, "Run")
+    wait(app)
+    use(app, "Record", True)  # what is known by then is in it
     until(app, lambda: "Recording" in files._note.content and "MB so far" in files._note.content)
     file = next(output_dir().glob("small-*.rrd"))
-    act(app, "effect-torque_offset", True)
-    act(app, "run")
-    until(app, lambda: not app.running)
-    act(app, "undo")
-    switch(app, "record", False)
+    use(app, "torque_offset", True)
+    use(app, "Run")
+    wait(app)
+    use(app, "Undo")
+    use(app, "Record", False)
     until(app, lambda: "Recorded in ./sessions/small-" in files._note.content)
     checked = check_recording(file)
     entities = set(checked.entities)
     assert {"/results/1/about", "/results/2/about", "/log"} <= entities
     assert any(entity.startswith("/results/2/optimiser/") for entity in entities)
-    assert app.session.recordings == (file,)
+    assert app.store.session.recordings == (file,)
 
     sent: list[tuple[str, bytes]] = []
     client = SimpleNamespace(
         send_file_download=lambda name, content, **_: sent.append((name, content)),
         add_notification=lambda *_, **__: None,
     )
-    monkeypatch.setattr(app.server, "get_clients", lambda: {7: client})
-    act(app, "fetch", 7)
+    monkeypatch.setattr(app.page.server, "get_clients", lambda: {BROWSER: client})
+    use(app, "Download recording")
     assert sent == [(file.name, file.read_bytes())]
 
 
 def test_a_viewer_that_is_not_there_is_said_and_leaves_the_app_usable(app: Application) -> None:
-    files = app.data.files
+    files = files_of(app)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         files._address.value = f"127.0.0.1:{free.getsockname()[1]}"
-    switch(app, "record-live", True)
+    use(app, "Live viewer", True)
     until(app, lambda: not files._live.value)
     assert "no Rerun viewer answers" in status(app) and "bad" in status(app)
-    assert not files._address.disabled and not app.running
+    assert not files._address.disabled and not app.store.running
     files._address.value = "example.org:9876"
-    switch(app, "record-live", True)
+    use(app, "Live viewer", True)
     assert not files._live.value and "not on this machine" in status(app)
-    switch(app, "record", True)
-    until(app, lambda: app.recordings.size() > 0)
-    switch(app, "record", False)
+    use(app, "Record", True)
+    until(app, lambda: files_of(app).recordings.size() > 0)
+    use(app, "Record", False)
     until(app, lambda: "Recorded in" in files._note.content)
 
 
@@ -98,13 +96,13 @@ def test_a_viewer_that_goes_away_takes_nothing_with_it(
             return lambda *_: self.told.append(name)
 
     monkeypatch.setattr("flexviz.recording.live.LiveRecording", Recording)
-    app.data.files._address.value = "127.0.0.1:9876"
-    switch(app, "record-live", True)
-    until(app, lambda: "Sent to 127.0.0.1:9876" in app.data.files._note.content)
+    files_of(app)._address.value = "127.0.0.1:9876"
+    use(app, "Live viewer", True)
+    until(app, lambda: "Sent to 127.0.0.1:9876" in files_of(app)._note.content)
     assert "note" in Recording.told
-    recording: Any = app.recordings._open["viewer"]
+    recording: Any = files_of(app).recordings._open["viewer"]
     recording.lost_viewer = "connection refused"
-    until(app, lambda: not app.data.files._live.value)
+    until(app, lambda: not files_of(app)._live.value)
     assert "the Rerun viewer has gone" in status(app)
     until(app, lambda: "close" in Recording.told)
 

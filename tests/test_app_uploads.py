@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from flexviz.app import uploads
-from flexviz.app.inbox import Inbox
-from flexviz.app.uploads import new_folder, safe_name, unpack
+from flexviz.app.uploads import UploadFolder, new_folder, safe_name, unpack
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from tests.small_set import write_small_set
@@ -95,58 +94,58 @@ def test_good_names(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def inbox() -> Iterator[Inbox]:
-    one = Inbox()
+def incoming() -> Iterator[UploadFolder]:
+    one = UploadFolder()
     yield one
     one.close()
     assert not one.folder.exists()
 
 
-def test_files_one_by_one_in_any_order(tmp_path: Path, inbox: Inbox) -> None:
+def test_files_one_by_one_in_any_order(tmp_path: Path, incoming: UploadFolder) -> None:
     folder = write_small_set(tmp_path / "small")
-    assert inbox.missing() == ["measurements.toml"] and inbox.no_set
+    assert incoming.missing() == ["measurements.toml"] and incoming.no_set
     for name in ("sub/c.csv", "measurements.toml", "a.csv", "b.parquet"):  # a browser sends no folder
-        inbox.put(name, (folder / name).read_bytes())
-    assert (inbox.folder / "sub" / "c.csv").is_file() and inbox.missing() == ["robot.urdf"]
-    inbox.put("robot.urdf", (folder / "robot.urdf").read_bytes())
-    assert not inbox.missing() and inbox.count == 5
-    there = inbox.take(tmp_path / "in")
-    assert len(read_set(there).groups) == 3 and inbox.count == 0
+        incoming.put(name, (folder / name).read_bytes())
+    assert (incoming.folder / "sub" / "c.csv").is_file() and incoming.missing() == ["robot.urdf"]
+    incoming.put("robot.urdf", (folder / "robot.urdf").read_bytes())
+    assert not incoming.missing() and incoming.count == 5
+    there = incoming.take(tmp_path / "in")
+    assert len(read_set(there).groups) == 3 and incoming.count == 0
     assert [entry.name for entry in (tmp_path / "in").iterdir()] == [there.name]
-    inbox.put("measurements.toml", b"[[")
+    incoming.put("measurements.toml", b"[[")
     with pytest.raises(InputError, match=r"measurements\.toml"):
-        inbox.missing()
+        incoming.missing()
 
 
-def test_a_zip_without_its_robot_waits_for_it(tmp_path: Path, inbox: Inbox) -> None:
+def test_a_zip_without_its_robot_waits_for_it(tmp_path: Path, incoming: UploadFolder) -> None:
     files = set_files(write_small_set(tmp_path / "small"))
     urdf = files.pop("robot.urdf")
-    inbox.unpack("mine.zip", zip_of(files), progress=print, should_stop=bool)
-    assert inbox.missing() == ["robot.urdf"] and not inbox.no_set
-    inbox.put("robot.urdf", urdf)
-    assert not inbox.missing() and inbox.take(tmp_path / "in").name == "mine"
+    incoming.unpack("mine.zip", zip_of(files))
+    assert incoming.missing() == ["robot.urdf"] and not incoming.no_set
+    incoming.put("robot.urdf", urdf)
+    assert not incoming.missing() and incoming.take(tmp_path / "in").name == "mine"
 
 
-def test_what_cannot_be_read_is_not_taken(tmp_path: Path, inbox: Inbox) -> None:
+def test_what_cannot_be_read_is_not_taken(tmp_path: Path, incoming: UploadFolder) -> None:
     files = set_files(write_small_set(tmp_path / "small")) | {"a.csv": b"time\n0\n"}
-    inbox.unpack("mine.zip", zip_of(files), progress=print, should_stop=bool)
+    incoming.unpack("mine.zip", zip_of(files))
     with pytest.raises(InputError, match=r"^a\.csv"):
-        inbox.take(tmp_path / "in")
+        incoming.take(tmp_path / "in")
     assert not (tmp_path / "in").exists()
 
 
-def test_a_name_in_the_set_cannot_lead_out(tmp_path: Path, inbox: Inbox) -> None:
-    inbox.put("measurements.toml", b"format = 1\nrobot = '../../out.urdf'\n")
-    file = inbox.put("out.urdf", b"<robot/>")
-    assert file.parent == inbox.folder and inbox.missing() == ["../../out.urdf"]
+def test_a_name_in_the_set_cannot_lead_out(tmp_path: Path, incoming: UploadFolder) -> None:
+    incoming.put("measurements.toml", b"format = 1\nrobot = '../../out.urdf'\n")
+    file = incoming.put("out.urdf", b"<robot/>")
+    assert file.parent == incoming.folder and incoming.missing() == ["../../out.urdf"]
 
 
-def test_an_inbox_has_limits(monkeypatch: pytest.MonkeyPatch, inbox: Inbox) -> None:
-    monkeypatch.setattr("flexviz.app.inbox.LARGEST_SET", 10)
+def test_an_incoming_has_limits(monkeypatch: pytest.MonkeyPatch, incoming: UploadFolder) -> None:
+    monkeypatch.setattr("flexviz.app.uploads.LARGEST_SET", 10)
     with pytest.raises(InputError, match="together"):
-        inbox.put("a.csv", b"x" * 11)
-    monkeypatch.setattr("flexviz.app.inbox.MOST_FILES", 1)
-    inbox.put("a.csv", b"")
+        incoming.put("a.csv", b"x" * 11)
+    monkeypatch.setattr("flexviz.app.uploads.MOST_FILES", 1)
+    incoming.put("a.csv", b"")
     with pytest.raises(InputError, match="more than 1 files"):
-        inbox.put("b.csv", b"")
-    assert inbox.urdf() is None
+        incoming.put("b.csv", b"")
+    assert incoming.urdf() is None

@@ -18,9 +18,10 @@ from flexviz.diagnosis.candidates import candidates
 from flexviz.effects import EFFECT_NAMES, EFFECTS, forget_effects, known_names, load_effects, loaded_files
 from flexviz.equation import Layout
 from flexviz.errors import InputError
-from flexviz.jobs import JobEvent, Worker
+from flexviz.jobs import JobEvent, Task, Worker
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
+from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.session import Session, open_session, save_session
 from flexviz.simulation import replay, simulate_preset, simulated_effects
 from flexviz.simulation.effect_laws import LAWS
@@ -131,15 +132,18 @@ def test_command_lists_and_shows_it(capsys: pytest.CaptureFixture[str]) -> None:
     assert "f_3: cubic [Nm s³/rad³], ≥ 0: friction at 1 rad/s" in " ".join(capsys.readouterr().out.split())
 
 
-def names_known_here(*, progress: Any, should_stop: Any) -> tuple[str, ...]:
-    from flexviz.effects import known_names
+class KnownNames(Task[tuple[str, ...]]):
+    """The effects' names in the worker's process."""
 
-    return known_names()
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[str, ...]:
+        from flexviz.effects import known_names
+
+        return known_names()
 
 
 def result_of(worker: Worker) -> JobEvent:
     events: queue.Queue[JobEvent] = queue.Queue()
-    worker.submit("names", names_known_here, listener=events.put)
+    worker.submit(KnownNames(), events.put)
     while True:
         event = events.get(timeout=60)
         if event.kind not in ("started", "progress"):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app.clock import Clock
+from flexviz.app.clock import PlaybackClock
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
@@ -51,7 +51,7 @@ def test_the_link_side_is_compared_with_the_link_side() -> None:
 
 def test_the_clock_stands_at_the_end_without_loop() -> None:
     now = [0.0]
-    clock = Clock(lambda: now[0])
+    clock = PlaybackClock(lambda: now[0])
     clock.span(0.0, 10.0)
     clock.loop = False
     clock.play()

@@ -152,7 +152,7 @@ def test_status_names_step_and_error() -> None:
 
 
 def test_step_line_marks_where_one_is() -> None:
-    line = status.step_line_html("Observer", ("Data",))
+    line = status.step_line_html(("Data", "Observer", "Identify", "Diagnose"), "Observer", ("Data",))
     assert "1 Data ✓" in line and "2 Observer ●" in line and "4 Diagnose<" in line
 
 

@@ -8,24 +8,25 @@ import threading
 import time
 from pathlib import Path
 
+__all__ = ["DEMO", "serve"]
+
 DEMO = "planar-2r-demo"
 
 
 def serve(
     path: Path | None = None, *, host: str = "127.0.0.1", port: int | None = None, open_browser: bool = True
 ) -> None:
-    """Show a measurement set (the bundled demonstration when None) until interrupted.
+    """Serve a measurement set (the bundled demonstration when None) until interrupted.
 
     Without `port` it listens on 8080 or the next free one.
     """
     from flexviz.app.application import Application
-    from flexviz.app.gate import is_loopback
-    from flexviz.app.server import start_server
-    from flexviz.app.work import open_set
+    from flexviz.app.server import is_loopback, start_server
+    from flexviz.app.tasks import OpenSet
     from flexviz.resources import sessions_dir
 
     begin = time.monotonic()
-    opened = open_set(sessions_dir() / DEMO if path is None else path)
+    opened = OpenSet(sessions_dir() / DEMO if path is None else path).run()
     server = start_server(host, port)
     application = Application(server, opened)
     shown = f"[{host}]" if ":" in host else host
@@ -33,7 +34,7 @@ def serve(
     print(f"flexviz shows {opened.measurements.name} at {url} (Ctrl+C ends it)", flush=True)
     print(f"ready after {time.monotonic() - begin:.1f} s", file=sys.stderr, flush=True)
     if not is_loopback(host):
-        print("warning: everybody who can reach this machine can use this page", file=sys.stderr, flush=True)
+        print("warning: anybody who can reach this machine can use this page", file=sys.stderr, flush=True)
     if open_browser:
         import webbrowser
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-class Clock:
+class PlaybackClock:
     """Runs from `start` to `end` [s] at `speed` and begins again; usable from any thread."""
 
     def __init__(self, now: Callable[[], float] = wall.monotonic) -> None:

@@ -2,113 +2,116 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
-from flexviz.app.style import CSS, next_button, next_option, no_label, pressed, style
-from flexviz.view import STEPS, next_step, status_html, step_line_html, steps_done
-
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
+from flexviz.app.commands import CTRL, SHIFT
+from flexviz.app.page import Page, off
+from flexviz.app.state import Change, Turn
+from flexviz.app.steps.step import WorkflowStep
+from flexviz.app.store import Store
+from flexviz.app.style import next_button, next_option, no_label, pressed, style
+from flexviz.view import error_text, next_step, status_html, step_line_html, steps_done
 
 LEFT = 330  # [pixels]
 
 
 class Dock:
-    """Below the frame come the current step's controls."""
+    """The frame; below it come the current step's controls."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
-        self.rules: list[str] = [CSS]
-        self.next_buttons: dict[str, Any] = {}  # what `view.next_step` calls them -> the button
-        self.step = STEPS[0]
-        self._said: tuple[str, str, str] = ("", "", "")
-        gui = app.server.gui
-        app.set_dark(False)
+    def __init__(self, store: Store, page: Page, kinds: Sequence[type[WorkflowStep]]) -> None:
+        self._store, self._page = store, page
+        self._titles = tuple(kind.title for kind in kinds)
+        gui = page.gui
+        page.set_dark(False)
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT)
         self._style = gui.add_html("")
         self._line = gui.add_html("")
         self._status = gui.add_html("")
-        self._buttons = gui.add_button_group("", STEPS)
-        self._undo = gui.add_button("Undo", color="gray", disabled=True)
-        self._redo = gui.add_button("Redo", color="gray", disabled=True)
-        self._stop = gui.add_button("Stop", color="red", disabled=True)
+        self._buttons = page.choose(gui.add_button_group("", self._titles), store.go)
+        self._undo = page.button("Undo", store.undo, disabled=True)
+        self._redo = page.button("Redo", store.redo, disabled=True)
+        self._stop = page.button("Stop", store.stop, color="red", disabled=True)
         self._bar = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._joint: Any = gui.add_dropdown("Joint", ("–",), initial_value="–")
-        self._group: Any = gui.add_dropdown("Group", ("–",), initial_value="–")
-        gui.add_divider()
-        self.rules.append(app.hints.row((self._undo, self._redo, self._stop)))
-        app.choose(self._buttons, "step", self.go)
-        app.press(self._undo, "undo", app.undo)
-        app.press(self._redo, "redo", app.redo)
-        app.press(self._stop, "stop", app.stop)
-        app.watch(
-            self._joint, "joint", lambda name: app.show.select(joint=app.measurements.joint_index(name))
+        self._joint = page.watch(gui.add_dropdown("Joint", ("–",), initial_value="–"), self._choose_joint)
+        self._group = page.watch(
+            gui.add_dropdown("Group", ("–",), initial_value="–"), lambda name: store.select(group=name)
         )
-        app.watch(self._group, "group", lambda name: app.show.select(group=name))
+        gui.add_divider()
+        page.row((self._undo, self._redo, self._stop))
+        page.style(no_label, self._buttons)
+        page.command("Stop what is running", store.stop, "escape")
+        page.command("Undo the last change", store.undo, "Z", CTRL)
+        page.command("Redo the undone change", store.redo, "Z", SHIFT)
+        for number, title in enumerate(self._titles, start=1):
+            page.command(f"Go to step {title}", lambda title=title: store.go(title), str(number), shared=True)
+        page.command("Choose the next joint", self._next_joint)
+        page.command("Choose the next group", self._next_group)
+        self.steps = tuple(kind(store, page, visible=kind.title == store.step) for kind in kinds)
+        shown = Change.OPENED | Change.ANALYSIS | Change.ACTIVITY
+        store.subscribe(Change.OPENED, self._opened, Turn.STATUS)
+        store.subscribe(Change.STEP, self._show_step, Turn.STATUS)
+        store.subscribe(shown | Change.JOINT | Change.GROUP, self._refresh, Turn.STATUS)
+        store.subscribe(Change.ACTIVITY | Change.PROGRESS, self._progress, Turn.STATUS)
+        store.subscribe(shown | Change.STEP | Change.MESSAGE, self._say, Turn.STATUS)
+        store.subscribe(shown | Change.STEP | Change.TICK, self._draw_line, Turn.STATUS)
 
-    def finish(self) -> None:
-        """All controls exist: write the style sheet."""
-        self.rules.append(no_label(self._buttons._impl.uuid))
-        self._draw_step()
+    def _opened(self) -> None:
+        measurements = self._store.measurements
+        self._joint.options = measurements.joints
+        self._group.options = tuple(group.name for group in measurements.groups)
 
-    def opened(self) -> None:
-        """A new set is shown."""
-        self._joint.options = self._app.measurements.joints
-        self._group.options = tuple(group.name for group in self._app.measurements.groups)
-        self.refresh()
-
-    def refresh(self) -> None:
+    def _refresh(self) -> None:
         """Show what is selected, and what may be pressed."""
-        app = self._app
-        self._joint.value = app.measurements.joints[app.show.joint]
-        self._group.value = app.show.group.name
-        for button, label, word in (
-            (self._undo, app.session.undoes, "takes back"),
-            (self._redo, app.session.redoes, "brings again"),
+        store = self._store
+        self._joint.value, self._group.value = store.joint_name, store.group.name
+        for button, label, verb in (
+            (self._undo, store.session.undoes, "takes back"),
+            (self._redo, store.session.redoes, "does again"),
         ):
-            button.disabled = not label
-            button.hint = f"{word}: {label}" if label else "off: nothing to do"
-        self._stop.disabled = not app.running
-        self._stop.hint = "ends what runs and keeps what it has" if app.running else "off: nothing runs"
-        self._bar.visible = app.running
-        self._draw_step()
+            off(button, "" if label else "nothing to do", f"{verb}: {label}")
+        off(
+            self._stop,
+            "" if store.running else "nothing is running",
+            "ends what is running and keeps its results",
+        )
 
-    def go(self, step: str) -> None:
-        """Another step."""
-        self.step = step
-        for name, part in self._app.steps.items():
-            part.folder.visible = name == step
-        self._draw_step()
-        self.say(*self._said)
+    def _progress(self) -> None:
+        """How far the running task is; an unknown share is drawn full."""
+        activity = self._store.activity
+        self._bar.visible = activity is not None
+        if activity is not None:
+            self._bar.value = 100.0 * min(max(activity.share, 0.0), 1.0)
 
-    def say(self, message: str, error: str, tone: str) -> None:
+    def _say(self) -> None:
         """Write the status line."""
-        self._said = (message, error, tone)
-        self._status.content = status_html(self.step, message, error, tone)
+        store, message = self._store, self._store.message
+        error = error_text(store.analysis.identification)
+        self._status.content = status_html(store.step, message.text, error, message.tone)
 
-    def progress(self, share: float) -> None:
-        """How far the running work is, 0 … 1; an unknown share is drawn full."""
-        self._bar.value = 100.0 * min(max(share, 0.0), 1.0)
+    def _show_step(self) -> None:
+        for step in self.steps:
+            step.folder.visible = step.title == self._store.step
 
-    def tick(self) -> None:
-        """Let the hints follow what they say."""
-        self._draw_step()
+    def _draw_line(self) -> None:
+        """The step line with the next thing to do, and the style sheet, which follows buttons and hints."""
+        store, uuid, titles = self._store, self._buttons._impl.uuid, self._titles
+        rules = [*self._page.rules, pressed(uuid, titles.index(store.step))]
+        following = next_step(store.analysis, store.step, store.running)
+        buttons = {name: handle for step in self.steps for name, handle in step.next_buttons.items()}
+        if following.step in titles and following.step != store.step:
+            rules.append(next_option(uuid, titles.index(following.step)))
+        elif following.button in buttons:
+            rules.append(next_button(buttons[following.button]._impl.uuid))
+        self._line.content = step_line_html(titles, store.step, steps_done(store.analysis), following.text)
+        self._style.content = style(*rules, *self._page.tooltips.rules())
 
-    def _draw_step(self) -> None:
-        session = getattr(self._app, "session", None)
-        rules = [*self.rules, pressed(self._buttons._impl.uuid, STEPS.index(self.step))]
-        if session is None:
-            line = step_line_html(self.step)
-        else:
-            following = next_step(session.analysis, self.step, self._app.running)
-            line = step_line_html(self.step, steps_done(session.analysis), following.text)
-            if following.step in STEPS and following.step != self.step:
-                rules.append(next_option(self._buttons._impl.uuid, STEPS.index(following.step)))
-            elif following.button in self.next_buttons:
-                rules.append(next_button(self.next_buttons[following.button]._impl.uuid))
-        if line != self._line.content:
-            self._line.content = line
-        sheet = style(*rules, *self._app.hints.rules())
-        if sheet != self._style.content:
-            self._style.content = sheet
+    def _choose_joint(self, name: str) -> None:
+        self._store.select(joint=self._store.measurements.joint_index(name))
+
+    def _next_joint(self) -> None:
+        self._store.select(joint=(self._store.joint + 1) % self._store.measurements.n)
+
+    def _next_group(self) -> None:
+        names = [group.name for group in self._store.measurements.groups]
+        self._store.select(group=names[(names.index(self._store.group.name) + 1) % len(names)])

@@ -1,40 +1,54 @@
-"""The queue between the browsers and the one loop that acts. No viser here."""
+"""The queue between the browsers, the worker and the one loop that acts."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any
 
-LIMIT = 1000  # waiting events; more come only from something that does not behave
+LARGEST_QUEUE = 1000  # waiting events; more come only from a client that misbehaves
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something happened: `key` says what, `value` carries it, `born` is when [s, monotonic]."""
+    """Something happened.
 
-    key: str
+    Attributes:
+        source: where; of several waiting events from one source only the newest counts.
+        action: what the loop calls with `value`.
+        value: what it carries.
+        control: whether somebody used a control on the page.
+        born: when [s, monotonic].
+    """
+
+    source: Hashable
+    action: Callable[[Any], None]
     value: Any = None
+    control: bool = False
     born: float = field(default_factory=time.monotonic)
 
 
 class EventQueue:
-    """First in, first out; of several waiting events with one key only the newest stays."""
+    """First in, first out; of several waiting events from one source only the newest stays."""
 
     def __init__(self) -> None:
         self._waiting: list[Event] = []
         self._change = threading.Condition()
 
-    def put(self, key: str, value: Any = None, each: bool = False) -> None:
-        """Add an event; with `each` the older ones of its key stay too. From any thread."""
+    def put(self, event: Event, *, each: bool = False) -> None:
+        """Add an event; with `each` older ones from its source stay. From any thread."""
         with self._change:
             if not each:
-                self._waiting = [event for event in self._waiting if event.key != key]
-            if len(self._waiting) < LIMIT:
-                self._waiting.append(Event(key, value))
+                self._waiting = [other for other in self._waiting if other.source != event.source]
+            if len(self._waiting) < LARGEST_QUEUE:
+                self._waiting.append(event)
             self._change.notify()
+
+    def call(self, action: Callable[[Any], None], value: Any = None) -> None:
+        """Have the loop call `action(value)`, each time. From any thread."""
+        self.put(Event(action, action, value), each=True)
 
     def take(self, timeout: float) -> Event | None:
         """The oldest event, or None when none comes within `timeout` [s]."""
@@ -45,26 +59,3 @@ class EventQueue:
 
     def __len__(self) -> int:
         return len(self._waiting)
-
-
-class Dispatcher:
-    """Event keys and the functions that act on them; an unknown key is a mistake in the program."""
-
-    def __init__(self, on_error: Callable[[Event, Exception], None]) -> None:
-        self._handlers: dict[str, Callable[[Any], None]] = {}
-        self._on_error = on_error
-
-    def on(self, key: str, handler: Callable[[Any], None]) -> None:
-        """Act on events of `key` with `handler(value)`."""
-        self._handlers[key] = handler
-
-    def act(self, event: Event) -> None:
-        """Run the event's handler; a failure is reported and does not end the loop."""
-        self.guard(event, lambda: self._handlers[event.key](event.value))
-
-    def guard(self, event: Event, action: Callable[[], None]) -> None:
-        """Run something on behalf of an event, with the same care."""
-        try:
-            action()
-        except Exception as error:
-            self._on_error(event, error)

@@ -7,7 +7,7 @@ import time
 import traceback
 from dataclasses import dataclass
 
-from flexviz.app.clock import Clock
+from flexviz.app.clock import PlaybackClock
 from flexviz.app.scene import Scene
 from flexviz.scene import RobotMotion
 
@@ -15,7 +15,7 @@ RATE = 30.0  # [1/s]
 
 
 @dataclass(frozen=True, eq=False)
-class Showing:
+class DrawnMotion:
     """What is drawn and by how much it is exaggerated; replaced as a whole."""
 
     motion: RobotMotion
@@ -26,13 +26,13 @@ class Showing:
 
 
 class Playback:
-    """Draws `showing` at the clock's time; draws nothing while nothing moves."""
+    """Draws `drawn_motion` at the clock's time; draws nothing while nothing moves."""
 
-    def __init__(self, scene: Scene, clock: Clock) -> None:
+    def __init__(self, scene: Scene, clock: PlaybackClock) -> None:
         self._scene = scene
         self._clock = clock
-        self._showing: Showing | None = None
-        self._drawn: tuple[Showing | None, float] = (None, -1.0)
+        self._drawn_motion: DrawnMotion | None = None
+        self._drawn: tuple[DrawnMotion | None, float] = (None, -1.0)
         self._lock = threading.Lock()  # the scene is not rebuilt while it is drawn
         self._stop = threading.Event()
         self.frames = 0
@@ -42,9 +42,9 @@ class Playback:
         """Begin to draw."""
         self._thread.start()
 
-    def show(self, showing: Showing | None) -> None:
+    def show(self, drawn_motion: DrawnMotion | None) -> None:
         """Draw this from now on; None draws nothing."""
-        self._showing = showing
+        self._drawn_motion = drawn_motion
 
     def hold(self) -> threading.Lock:
         """Hold this while the scene is rebuilt."""
@@ -67,12 +67,15 @@ class Playback:
             self._stop.wait(max(due - time.monotonic(), 0.0))
 
     def _draw(self) -> None:
-        showing, now = self._showing, self._clock.time
-        if showing is None or (showing, now) == self._drawn:
+        drawn_motion, now = self._drawn_motion, self._clock.time
+        if drawn_motion is None or (drawn_motion, now) == self._drawn:
             return
-        shares = showing.motion.torque_shares(now) if showing.torque else None
+        shares = drawn_motion.motion.torque_shares(now) if drawn_motion.torque else None
         self._scene.pose(
-            *showing.motion.pose(now, showing.deflection, showing.error, showing.link_side), shares
+            *drawn_motion.motion.pose(
+                now, drawn_motion.deflection, drawn_motion.error, drawn_motion.link_side
+            ),
+            shares,
         )
-        self._drawn = (showing, now)
+        self._drawn = (drawn_motion, now)
         self.frames += 1

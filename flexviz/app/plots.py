@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from flexviz.app.charts import ChartColumn
-from flexviz.app.where_tab import WhereTab
+from flexviz.app.page import Page
+from flexviz.app.residual_tab import ResidualTab
+from flexviz.app.state import Change
+from flexviz.app.store import Store
+from flexviz.app.uplot import ChartColumn
 from flexviz.view import (
     convergence_plots,
     observer_for,
@@ -15,57 +16,62 @@ from flexviz.view import (
     states_plots,
 )
 
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
-
 RIGHT = 430  # [pixels]
 
 
 class PlotPanel:
     """Signals, States, Convergence, Where it fails, Compare."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
-        gui = app.server.gui
-        panel = gui.add_panel()
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        panel = page.gui.add_panel()
         self._signals, self._states, self._convergence = (
-            ChartColumn(app.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
+            ChartColumn(page.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
         )
-        self.where = WhereTab(app, panel.add_tab("Where it fails"))
+        self.residuals = ResidualTab(store, page, panel.add_tab("Where it fails"))
         compare = panel.add_tab("Compare")
-        self._compare = ChartColumn(app.server, compare)
+        self._compare = ChartColumn(page.server, compare)
         with compare:
-            self._steps = gui.add_html("")
+            self._steps = page.gui.add_html("")
         panel.dock_right()
         panel.set_width(RIGHT)
+        self._stale = False  # there are iterations that are not drawn
+        selected = Change.OPENED | Change.JOINT | Change.GROUP
+        store.subscribe(selected | Change.OBSERVER, self._draw_states)
+        store.subscribe(selected | Change.RESULT | Change.DERIVED, self._draw_signals)
+        store.subscribe(selected | Change.RESULT | Change.DIAGNOSIS, self._draw_compare)
+        store.subscribe(Change.OPENED | Change.FIT, self._iterated)
+        store.subscribe(Change.OPENED | Change.RESULT | Change.ACTIVITY | Change.TICK, self._draw_convergence)
+        store.subscribe(Change.TICK, self._move)
 
-    def show_signals(self) -> None:
-        """Torque, residual, error of the selected joint in the selected group."""
-        show, result = self._app.show, self._app.session.analysis.identification
-        name = self._app.measurements.joints[show.joint]
-        self._signals.show(signals_plots(show.group, show.joint, name, result, show.motion))
-        self.move(show.clock.time)
-
-    def show_states(self) -> None:
+    def _draw_states(self) -> None:
         """The observer's states of the selected joint in the selected group."""
-        show, analysis = self._app.show, self._app.session.analysis
-        observer = observer_for(analysis.observer, analysis.bandwidth, show.joint)
-        hold, now = self._app.measurements.torque_hold, show.clock.time
-        self._states.show(states_plots(show.group, show.joint, observer, hold, now))
+        store, analysis = self._store, self._store.analysis
+        observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
+        hold, now = store.measurements.torque_hold, store.clock.time
+        self._states.show(states_plots(store.group, store.joint, observer, hold, now))
 
-    def show_convergence(self, iterations: list[Any]) -> None:
-        """The solver's way."""
-        self._convergence.show(convergence_plots(iterations))
+    def _draw_signals(self) -> None:
+        """Torque, residual and error of the selected joint in the selected group."""
+        store, result = self._store, self._store.analysis.identification
+        self._signals.show(signals_plots(store.group, store.joint, store.joint_name, result, store.motion))
+        self._signals.move(store.clock.time)
 
-    def show_compare(self) -> None:
-        """The staircase of errors."""
-        app = self._app
-        model_steps = app.session.analysis.model_steps
-        joint = app.show.joint
-        self._compare.show(staircase_plots(model_steps, joint, app.measurements.joints[joint]))
-        self._steps.content = staircase_html(model_steps)
+    def _draw_compare(self) -> None:
+        """The error of every model on the way."""
+        store, models = self._store, self._store.analysis.model_steps
+        self._compare.show(staircase_plots(models, store.joint, store.joint_name))
+        self._steps.content = staircase_html(models)
 
-    def move(self, time: float) -> None:
-        """Move the playheads [s]."""
-        self._signals.move(time)
-        self.where.move(time)
+    def _iterated(self) -> None:
+        self._stale = True
+
+    def _draw_convergence(self) -> None:
+        """The solver's iterations; they may come faster than they can be drawn."""
+        if self._stale:
+            self._stale = False
+            self._convergence.show(convergence_plots(self._store.fit.iterations))
+
+    def _move(self) -> None:
+        """Move the playheads."""
+        self._signals.move(self._store.clock.time)

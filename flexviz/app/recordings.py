@@ -8,42 +8,73 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
-from flexviz.app.gate import is_loopback
+from flexviz.app.server import is_loopback
+from flexviz.app.state import Change, FitProgress
+from flexviz.app.store import Store
 from flexviz.app.workspace import new_recording
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.wording import effect_text_name
 
 if TYPE_CHECKING:
-    from flexviz.app.application import Application
-    from flexviz.diagnosis import Diagnosis, ResidualMap
+    from flexviz.diagnosis import Diagnosis
     from flexviz.identification import Identification
-    from flexviz.progress import Iteration
     from flexviz.recording.live import LiveRecording
-    from flexviz.simulation import Run
 
 Kind = Literal["file", "viewer"]
 KINDS: tuple[Kind, ...] = ("file", "viewer")
+CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recording
+
+
+@dataclass(frozen=True)
+class RecordingEvent:
+    """What has become of a recording.
+
+    Attributes:
+        kind: which one.
+        mark: what it was wanted for.
+        state: it has begun, has ended, or cannot go on.
+        value: the open recording, what was written (or None), or the reason.
+    """
+
+    kind: Kind
+    mark: object
+    state: Literal["open", "closed", "failed"]
+    value: Any
 
 
 class Recordings:
-    """Tells every open recording what happens; only the loop's thread calls it.
+    """Tells every open recording what happens.
 
-    `heard(kind, state, value)` is called in the loop's thread when a recording has begun ("open", its file or
-    None), has ended ("closed", what was written or None), or cannot go on ("failed", the reason).
+    `heard` is called in the loop's thread with every `RecordingEvent`; `call(action, value)` calls there.
     """
 
-    def __init__(self, app: Application, heard: Callable[[Kind, str, Any], None]) -> None:
-        self._app, self._heard = app, heard
+    def __init__(
+        self,
+        store: Store,
+        call: Callable[[Callable[[Any], None], Any], None],
+        heard: Callable[[RecordingEvent], None],
+    ) -> None:
+        self._store, self._call, self._heard = store, call, heard
         self._open: dict[Kind, LiveRecording] = {}
         self._wanted: dict[Kind, object] = {}  # what each is wanted for: another set is another recording
         self._threads: list[threading.Thread] = []
         self._ended = False
         self._newest: Identification | None = None  # what they all know
         self._diagnosis: Diagnosis | None = None
-        app.on("recording", self._happened)
+        self._replays: set[str] = set()  # of the newest result
+        self._maps: object = None
+        self._fit: FitProgress | None = None
+        self._iterations = 0  # of that fit
+        store.subscribe(Change.NEW_STATE, self._changed)
+        store.subscribe(Change.HISTORY, self._noted)
+        store.subscribe(Change.FIT, self._iterated)
+        store.subscribe(Change.DERIVED, self._derived)
+        store.subscribe(Change.TICK, self._tick)
+        store.subscribe(Change.CLOSED, self._close_all)
 
     # -- on and off ----------------------------------------------------------------------------------
 
@@ -51,7 +82,7 @@ class Recordings:
         """Open one; `address` is the viewer's. Whether that worked is told through `heard`."""
         if kind in self._wanted:
             return
-        measurements, mark = self._app.measurements, object()
+        measurements, mark = self._store.measurements, object()
         viewer = None if kind == "file" else local_address(address)
         file = new_recording(measurements.name) if kind == "file" else None
         self._wanted[kind] = mark
@@ -84,13 +115,13 @@ class Recordings:
 
         self._in_thread(end, kind, mark)
 
-    def close(self) -> None:
+    def _close_all(self) -> None:
         """Close all and wait for them."""
         self._ended = True
         for kind in KINDS:
             self.stop(kind)
         for thread in self._threads:
-            thread.join(timeout=20.0)
+            thread.join(timeout=CLOSING_TIME)
 
     def size(self, kind: Kind = "file") -> int:
         """Bytes written so far."""
@@ -98,67 +129,92 @@ class Recordings:
         file = None if recording is None else recording.file
         return file.stat().st_size if file is not None and file.is_file() else 0
 
-    def tick(self) -> None:
+    def _tick(self) -> None:
         """Let go of a viewer that has gone away."""
         viewer = self._open.get("viewer")
         if viewer is not None and viewer.lost_viewer:
             reason = f"the Rerun viewer has gone: {one_line(viewer.lost_viewer)}"
-            self._happened(("viewer", self._wanted.get("viewer"), "failed", reason))
+            self._happened(RecordingEvent("viewer", self._wanted.get("viewer"), "failed", reason))
 
     # -- what is told --------------------------------------------------------------------------------
 
-    def began(self) -> None:
-        """A solve begins: the iterations that follow are its own."""
-        label = model_label(self._app.identify.effects_fitted)
-        for recording in self._open.values():
-            recording.started(label)
-
-    def iterated(self, iteration: Iteration) -> None:
-        """One iteration of it."""
-        for recording in self._open.values():
-            recording.iteration(iteration)
-
-    def changed(self, label: str) -> None:
+    def _changed(self) -> None:
         """The session has gone on: new results, and what was done."""
         for recording in self._open.values():
-            recording.note(label)
+            recording.note(self._store.last_action)
             self._results(recording, self._newest, self._diagnosis)
         self._remember()
 
-    def note(self, text: str) -> None:
-        """Something else that was done."""
+    def _noted(self) -> None:
+        """Something else was done."""
         for recording in self._open.values():
-            recording.note(text)
+            recording.note(self._store.last_action)
 
-    def replayed(self, result: Identification, group: str, run: Run) -> None:
-        """A result's own motion; only the newest result's is recorded."""
-        if result is self._newest:
-            for recording in self._open.values():
-                recording.replayed(group, run)
+    def _iterated(self) -> None:
+        """Iterations of a fit; those of a fit that leads to several results belong to none."""
+        fit = self._store.fit
+        if fit is not self._fit:
+            self._fit, self._iterations = fit, 0
+        if not fit.single:
+            return
+        for recording in self._open.values():
+            self._tell_fit(recording, self._iterations)
+        self._iterations = len(fit.iterations)
 
-    def mapped(self, result: Identification, maps: tuple[ResidualMap, ...]) -> None:
-        """Where a result's model fails."""
-        if result is self._newest:
-            for recording in self._open.values():
-                recording.mapped(maps)
+    def _tell_fit(self, recording: LiveRecording, known: int) -> None:
+        fit = self._store.fit
+        if fit.iterations and not known:
+            recording.started(model_label(fit.effects))
+        for iteration in fit.iterations[known:]:
+            recording.iteration(iteration)
+
+    def _derived(self) -> None:
+        """What was computed of the newest result: its own motion, and where it fails."""
+        derived = self._store.derived_of(self._newest)
+        if self._newest is None or derived is None:
+            return
+        for recording in self._open.values():
+            for group, run in derived.replays.items():
+                if group not in self._replays:
+                    recording.replayed(group, run)
+            if derived.maps and derived.maps is not self._maps:
+                recording.mapped(derived.maps)
+        self._replays, self._maps = set(derived.replays), derived.maps
 
     def _remember(self) -> None:
-        analysis = self._app.session.analysis
-        self._newest, self._diagnosis = analysis.identification, analysis.diagnosis
+        analysis = self._store.analysis
+        if self._newest is not analysis.identification:
+            self._newest, self._replays, self._maps = analysis.identification, set(), None
+        self._diagnosis = analysis.diagnosis
 
     def _results(
-        self, recording: LiveRecording, known: Identification | None, looked: Diagnosis | None
+        self, recording: LiveRecording, known: Identification | None, diagnosed: Diagnosis | None
     ) -> None:
-        """The present state's results, where they are other than those that the recording knows."""
+        """The present results, where they differ from those that the recording knows."""
         from flexviz.observers import make_observer
 
-        analysis = self._app.session.analysis
-        result, diagnosis = analysis.identification, analysis.diagnosis
+        analysis = self._store.analysis
+        result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted_settings
         if result is not None and result is not known:
             recording.observer(make_observer(result.observer_name, result.bandwidth))  # type: ignore[arg-type]
-            recording.identified(result, model_label(analysis.fitted[4] if analysis.fitted else ()))
-        if diagnosis is not None and diagnosis is not looked and analysis.diagnosis_up_to_date:
-            recording.diagnosed(diagnosis, tuple(stair.step for stair in analysis.model_steps))
+            recording.identified(result, model_label(fitted.effects if fitted else ()))
+        if diagnosis is not None and diagnosis is not diagnosed and analysis.diagnosis_up_to_date:
+            recording.diagnosed(diagnosis, tuple(model.step for model in analysis.model_steps))
+
+    def _catch_up(self, recording: LiveRecording) -> None:
+        """All that is known before it began: the present results, and what a running fit has done."""
+        store = self._store
+        for step in store.session.steps:
+            recording.note(step.label)
+        self._results(recording, None, None)
+        for group, run in store.derived.replays.items():
+            recording.replayed(group, run)
+        if store.derived.maps:
+            recording.mapped(store.derived.maps)
+        self._remember()
+        self._replays, self._maps = set(store.derived.replays), store.derived.maps
+        if store.running and store.fit.single:
+            self._tell_fit(recording, 0)
 
     # -- other threads -------------------------------------------------------------------------------
 
@@ -176,43 +232,26 @@ class Recordings:
         self._threads.append(thread)
         thread.start()
 
-    def _tell(self, kind: Kind, mark: object, state: str, value: Any) -> None:
-        self._app.queue.put("recording", (kind, mark, state, value), each=True)
+    def _tell(self, kind: Kind, mark: object, state: Literal["open", "closed", "failed"], value: Any) -> None:
+        self._call(self._happened, RecordingEvent(kind, mark, state, value))
 
-    def _happened(self, what: tuple[Kind, object, str, Any]) -> None:
-        kind, mark, state, value = what
-        wanted = self._wanted.get(kind) is mark
-        if state == "open":
-            if not wanted:  # switched off meanwhile
-                self._close(kind, mark, value)
+    def _happened(self, event: RecordingEvent) -> None:
+        kind, wanted = event.kind, self._wanted.get(event.kind) is event.mark
+        if event.state == "open" and not wanted:  # switched off meanwhile
+            self._close(kind, event.mark, event.value)
+            return
+        if event.state == "open":
+            self._open[kind] = event.value
+        elif event.state == "failed":
+            if not wanted:
                 return
-            self._open[kind] = value
-            self._heard(kind, state, value.file)
-            self._catch_up(value)
-        elif state == "closed":
-            self._heard(kind, state, value)
-        elif wanted:
             self._wanted.pop(kind)
             lost = self._open.pop(kind, None)
             if lost is not None and not lost.failure:
                 self._close(kind, object(), lost)
-            self._heard(kind, state, value)
-
-    def _catch_up(self, recording: LiveRecording) -> None:
-        """All that is known before it began: the present results, and what a running solve has done."""
-        app = self._app
-        for step in (*app.session.past, app.session.present):
-            recording.note(step.label)
-        self._results(recording, None, None)
-        for group, run in app.show.known.replays.items():
-            recording.replayed(group, run)
-        if app.show.known.maps:
-            recording.mapped(app.show.known.maps)
-        self._remember()
-        if app.identify.fitting and app.identify.iterations:
-            recording.started(model_label(app.identify.effects_fitted))
-            for iteration in app.identify.iterations:
-                recording.iteration(iteration)
+        self._heard(event)
+        if event.state == "open":
+            self._catch_up(event.value)
 
 
 def model_label(effects: tuple[str, ...]) -> str:
@@ -236,6 +275,6 @@ def local_address(text: str) -> str:
             host = ""
     if host is not None and not is_loopback(host):
         raise InputError(
-            f'"{text[:60]}" is not on this machine; 127.0.0.1:9876, or the port of a viewer, would be right'
+            f'"{text[:60]}" is not on this machine; expected a viewer at 127.0.0.1:9876, or its port'
         )
     return text

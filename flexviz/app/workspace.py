@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexviz.app.uploads import new_folder
 from flexviz.errors import InputError
+from flexviz.jobs import Task
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.session import Session, save_session, zipped
 
@@ -29,66 +31,123 @@ def output_dir() -> Path:
     return folder
 
 
-def stamped(name: str) -> Path:
-    """A new folder for what is called `name`, with the time in its own name."""
-    return new_folder(output_dir(), f"{name[:36]}-{time.strftime('%Y%m%d-%H%M%S')}")
-
-
-def save(
-    session: Session,
-    measurements: MeasurementSet,
-    folder: Path | None,
-    *,
-    progress: ProgressCallback,
-    should_stop: StopCallback,
-) -> Path:
-    """Save a session: over itself, `folder`, where it lies in the output folder already; else anew."""
-    if folder is None or folder.resolve().parent != output_dir().resolve():
-        folder = stamped(measurements.name)
-    return save_session(session, measurements, folder)
-
-
 def unsaved_dir() -> Path:
     """Where unsaved work is kept."""
     return output_dir() / ".unsaved"
 
 
-def session_zip(
-    session: Session, measurements: MeasurementSet, *, progress: ProgressCallback, should_stop: StopCallback
-) -> tuple[str, bytes]:
-    """A session as a zip file: its name and content."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary) / f"{measurements.name}-session"
-        save_session(session, measurements, folder, carry=True)
-        return f"{folder.name}.zip", zipped(folder)
+def stamped(name: str) -> Path:
+    """A new folder for what is called `name`, with the time in its own name."""
+    return new_folder(output_dir(), f"{name[:36]}-{time.strftime('%Y%m%d-%H%M%S')}")
 
 
-def simulate_quiz(
-    robot: str | Path, effect: str, *, progress: ProgressCallback, should_stop: StopCallback
-) -> Path:
+def new_recording(name: str) -> Path:
+    """A new file for a recording of the set called `name`, with the time in its own name."""
+    folder = output_dir()
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"{stamped(name).name}.rrd"
+
+
+def short(path: Path) -> str:
+    """A path as a person in the current folder would write it."""
+    try:
+        return f"./{path.resolve().relative_to(Path.cwd())}"
+    except ValueError:
+        return str(path)
+
+
+@dataclass(frozen=True)
+class FileContent:
+    """A file that is sent to a browser."""
+
+    name: str
+    content: bytes
+
+
+@dataclass(frozen=True)
+class SaveSession(Task[Path]):
+    """Save a session: over itself, `folder`, where that lies in the output folder already; else anew."""
+
+    session: Session
+    measurements: MeasurementSet
+    folder: Path | None
+    in_process = False
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
+        """Save it; returns the folder."""
+        folder = self.folder
+        if folder is None or folder.resolve().parent != output_dir().resolve():
+            folder = stamped(self.measurements.name)
+        return save_session(self.session, self.measurements, folder)
+
+
+@dataclass(frozen=True)
+class ZipSession(Task[FileContent]):
+    """Make a zip of a session and its measurement set."""
+
+    session: Session
+    measurements: MeasurementSet
+    in_process = False
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
+        """Zip it."""
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary) / f"{self.measurements.name}-session"
+            save_session(self.session, self.measurements, folder, carry=True)
+            return FileContent(f"{folder.name}.zip", zipped(folder))
+
+
+@dataclass(frozen=True)
+class WriteReport(Task[FileContent]):
+    """Write what the session holds as one HTML file; `folder` is where the session is saved."""
+
+    session: Session
+    measurements: MeasurementSet
+    folder: Path | None
+    in_process = False
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
+        """Write it."""
+        from flexviz.report import session_report
+
+        text = session_report(self.session, self.measurements, "html", folder=self.folder)
+        return FileContent(f"{self.measurements.name}-report.html", text.encode())
+
+
+@dataclass(frozen=True)
+class SimulateQuiz(Task[Path]):
     """Simulate a set with a hidden effect; which one, and where, is only in its truth.json.
 
-    `robot` is a preset's name, or the path of a URDF.
+    Attributes:
+        robot: a preset's name, or the path of a URDF.
+        effect: its name, `SURPRISE` or `NOTHING`.
     """
-    import numpy as np
 
-    from flexviz.simulation import make_plan, simulate_preset
+    robot: str | Path
+    effect: str
 
-    if not isinstance(robot, Path) and robot not in PRESETS:
-        raise InputError(f"{robot!r} cannot be simulated here")
-    rng = np.random.default_rng()
-    seed = int(rng.integers(1, 100_000))
-    name = str(rng.choice(hideable())) if effect == SURPRISE else effect
-    if name not in (*hideable(), NOTHING):
-        raise InputError(f"{name!r} cannot be hidden")
-    folder = new_folder(output_dir(), f"quiz-{Path(robot).stem}-{seed}")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    joint = "" if _everywhere(name) else f":{rng.choice(make_plan(robot).robot.joints)}"
-    simulate_preset(
-        robot, folder, [] if name == NOTHING else [name + joint], seed,
-        progress=progress, should_stop=should_stop,
-    )  # fmt: skip
-    return folder
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
+        """Simulate it; returns the set's folder."""
+        import numpy as np
+
+        from flexviz.simulation import make_plan, simulate_preset
+
+        robot = self.robot
+        if not isinstance(robot, Path) and robot not in PRESETS:
+            raise InputError(f"{robot!r} cannot be simulated here")
+        rng = np.random.default_rng()
+        seed = int(rng.integers(1, 100_000))
+        name = str(rng.choice(hideable())) if self.effect == SURPRISE else self.effect
+        if name not in (*hideable(), NOTHING):
+            raise InputError(f"{name!r} cannot be hidden")
+        folder = new_folder(output_dir(), f"quiz-{Path(robot).stem}-{seed}")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        joint = "" if _everywhere(name) else f":{rng.choice(make_plan(robot).robot.joints)}"
+        simulate_preset(
+            robot, folder, [] if name == NOTHING else [name + joint], seed,
+            progress=progress, should_stop=should_stop,
+        )  # fmt: skip
+        return folder
 
 
 def hideable() -> tuple[str, ...]:
@@ -103,25 +162,3 @@ def _everywhere(name: str) -> bool:
     from flexviz.effects import EFFECTS
 
     return name == NOTHING or EFFECTS[name].scope != "joint"
-
-
-def new_recording(name: str) -> Path:
-    """A new file for a recording of the set called `name`, with the time in its own name."""
-    folder = output_dir()
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder / f"{stamped(name).name}.rrd"
-
-
-def report(
-    session: Session,
-    measurements: MeasurementSet,
-    folder: Path | None,
-    *,
-    progress: ProgressCallback,
-    should_stop: StopCallback,
-) -> tuple[str, bytes]:
-    """What the session holds as one HTML file: its name and content; `folder` is where it is saved."""
-    from flexviz.report import session_report
-
-    text = session_report(session, measurements, "html", folder=folder)
-    return f"{measurements.name}-report.html", text.encode()

@@ -3,7 +3,18 @@
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SESSION_FILE, save_session, zipped
-from flexviz.session.state import HISTORY, ROLES, Analysis, ModelStep, Note, Role, Session, Step, with_roles
+from flexviz.session.state import (
+    HISTORY,
+    ROLES,
+    Analysis,
+    ModelStep,
+    Note,
+    Role,
+    Session,
+    Settings,
+    Step,
+    with_roles,
+)
 
 __all__ = [
     "HISTORY",
@@ -16,6 +27,7 @@ __all__ = [
     "OpenedSession",
     "Role",
     "Session",
+    "Settings",
     "Step",
     "Unsaved",
     "find_unsaved",

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 from flexviz import __version__
 from flexviz.errors import InputError, choose_from
@@ -34,6 +34,17 @@ class ModelStep:
 
     effects: tuple[str, ...]
     step: DiagnosisStep
+
+
+class Settings(NamedTuple):
+    """Everything an identification depends on; the fields are those of `Analysis`."""
+
+    path: Path
+    observer: str
+    bandwidth: float | tuple[float, ...] | None
+    roles: tuple[tuple[str, Role], ...]
+    effects: tuple[str, ...]
+    refine: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +80,14 @@ class Analysis:
     model_steps: tuple[ModelStep, ...] = ()
 
     @property
-    def settings(self) -> tuple[Any, ...]:
+    def settings(self) -> Settings:
         """Everything a result depends on."""
-        return (self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine)
+        return Settings(self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine)
+
+    @property
+    def fitted_settings(self) -> Settings | None:
+        """The settings that the last result belongs to."""
+        return None if self.fitted is None else Settings(*self.fitted)
 
     @property
     def up_to_date(self) -> bool:

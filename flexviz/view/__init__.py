@@ -20,7 +20,6 @@ from flexviz.view.signals import signals_plots
 from flexviz.view.staircase import FLOOR, curves, staircase_html, staircase_plots, stepped, treads
 from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots
 from flexviz.view.status import (
-    STEPS,
     error_text,
     joint_colours,
     joint_rms,
@@ -39,7 +38,6 @@ __all__ = [
     "COMMON_EFFECTS",
     "FLOOR",
     "MAP_COLUMNS",
-    "STEPS",
     "VARIABLES",
     "ResidualSamples",
     "addable_effects",

@@ -12,13 +12,11 @@ from flexviz.wording import escape, number, short_names
 if TYPE_CHECKING:
     from flexviz.identification import Identification
 
-STEPS = ("Data", "Observer", "Identify", "Diagnose")
 
-
-def step_line_html(current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
-    """1 Data → 2 Observer → 3 Identify → 4 Diagnose: where one is, what is done, and what comes next."""
+def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
+    """1 Data → 2 Observer → …: where one is, what is done, and what comes next."""
     parts = []
-    for number_, name in enumerate(STEPS, start=1):
+    for number_, name in enumerate(steps, start=1):
         if name == current:
             parts.append(f'<span class="fv-now">{number_} {name} ●</span>')
         else:

@@ -3,97 +3,100 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING
 
-from flexviz.app.controls import off
-from flexviz.app.work import identify_set
-from flexviz.jobs import JobEvent
+from flexviz.app.page import Page, dim, off, warning
+from flexviz.app.state import Change, Turn
+from flexviz.app.store import Store
+from flexviz.app.tasks import CheckParameters
+from flexviz.session import Settings
 from flexviz.view import check_html
 
 if TYPE_CHECKING:
-    from flexviz.app.application import Application
+    from flexviz.identification import Identification
 
 SETTLE = 0.7  # [s] without a further change before it is checked again
 
 
-class Check:
-    """The button, and the sentence in steps Data and Identify. A trial fit whose values are not kept."""
+class ParameterCheck:
+    """The button, and the store's sentence. A trial fit whose values are not kept.
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
-        gui = app.server.gui
-        self._of: tuple[Any, ...] | None = None  # the settings that the sentence belongs to
-        self._asked: tuple[Any, ...] | None = None
+    Once somebody has asked, or has changed a group's use or an effect, the sentence follows the settings.
+    """
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        self._follows = False
+        self._seen: Settings | None = None  # the settings before the latest change
+        self._of: Settings | None = None  # the settings that the sentence belongs to
+        self._asked: Settings | None = None
         self._due: float | None = None
-        self._button = gui.add_button("Check", color="gray")
-        self._texts: list[Any] = []
-        app.press(self._button, "check", self.run)
+        self.button = page.button("Check", self._run)
+        page.command("Check what can be identified", self._run)
+        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Change.NEW_STATE, self._new_state, Turn.CONTROLS)
+        store.subscribe(Change.OPENED | Change.ANALYSIS | Change.ACTIVITY, self._refresh, Turn.CONTROLS)
+        store.subscribe(Change.TICK, self._tick, Turn.CONTROLS)
 
-    @property
-    def button(self) -> Any:
-        """For the style sheet."""
-        return self._button
+    def _opened(self) -> None:
+        self._follows = False
+        self._seen = self._of = self._asked = self._due = None
 
-    def add_text(self) -> None:
-        """Show the sentence in the present folder."""
-        self._texts.append(self._app.server.gui.add_html(""))
+    def _new_state(self) -> None:
+        """From a change of the groups' use or the effects on, the sentence is kept up to date."""
+        new, old = self._store.analysis.settings, self._seen
+        if old is not None and (new.roles, new.effects) != (old.roles, old.effects):
+            self._follows |= not self._store.analysis.up_to_date
 
-    def opened(self) -> None:
-        """A new set is shown: nothing is known about it."""
-        self._app.worker.stop("check")
-        self._of = self._asked = self._due = None
-        self._write("")
-
-    def refresh(self) -> None:
+    def _refresh(self) -> None:
         """The settings may have changed: then it is checked again after a moment."""
-        analysis = self._app.session.analysis
+        analysis = self._store.analysis
+        settings = self._seen = analysis.settings
         hint = "which parameters these groups and effects can identify; changes nothing"
-        off(self._button, self._app.why_not(), hint)
-        if self._of is None or self._of == analysis.settings or self._asked == analysis.settings:
+        off(self.button, self._store.why_not, hint)
+        if not self._follows or settings in (self._of, self._asked):
             return
         if analysis.up_to_date:  # the table says it
-            self._of = analysis.settings
-            self._write(check_html(analysis.identification))
-            return
-        self._due = time.monotonic() + SETTLE
+            self._show(settings, check_html(analysis.identification))
+        else:
+            self._due = time.monotonic() + SETTLE
 
-    def changed(self) -> None:
-        """A group's use or an effect was changed by hand: from now on it is kept up to date."""
-        if self._of is None:
-            self._of = ()
-        self.refresh()
-
-    def tick(self) -> None:
+    def _tick(self) -> None:
         """Check when that is due and nothing else runs."""
-        if self._due is not None and time.monotonic() >= self._due and not self._app.running:
-            self.run()
+        if self._due is not None and time.monotonic() >= self._due and not self._store.running:
+            self._run()
 
-    def run(self) -> None:
+    def _run(self) -> None:
         """Check the present settings."""
-        analysis = self._app.session.analysis
+        store, analysis = self._store, self._store.analysis
         self._due = None
-        if self._app.why_not():
+        if store.why_not:
             return
         self._asked = analysis.settings
-        self._write('<div class="fv fv-dim">Checking what can be identified.</div>')
-        self._app.submit("check", identify_set, replace(analysis.without_result(), refine=False))
+        store.set_check(dim("Checking what can be identified."))
+        store.tasks.start(
+            CheckParameters(analysis.without_result()),
+            partial(self._done, analysis.settings),
+            failed=partial(self._failed, analysis.settings),
+            stopped=partial(self._stopped, analysis.settings),
+        )
 
-    def heard(self, event: JobEvent) -> None:
-        """What the check has to say."""
-        if event.kind in ("started", "progress"):
-            return
-        asked, self._asked = self._asked, None
-        if event.kind == "done" and asked == self._app.session.analysis.settings:
-            self._of = asked
-            self._write(check_html(event.value))
-        elif event.kind == "failed":
-            self._of = asked
-            self._write(f'<div class="fv fv-warn">Check: {event.value}</div>')
+    def _done(self, settings: Settings, result: Identification) -> None:
+        if settings == self._store.analysis.settings:
+            self._show(settings, check_html(result))
         else:
-            self._write("")
+            self._stopped(settings)
 
-    def _write(self, text: str) -> None:
-        for handle in self._texts:
-            if handle.content != text:
-                handle.content = text
+    def _failed(self, settings: Settings, reason: str) -> None:
+        self._show(settings, warning(f"Check: {reason}"))
+
+    def _stopped(self, settings: Settings) -> None:
+        if self._asked == settings:
+            self._asked = None
+            self._store.set_check("")
+
+    def _show(self, settings: Settings, sentence: str) -> None:
+        """The sentence that belongs to these settings."""
+        self._follows, self._of, self._asked = True, settings, None
+        self._store.set_check(sentence)

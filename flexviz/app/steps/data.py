@@ -2,115 +2,102 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from flexviz.app.controls import watch
-from flexviz.app.steps.another import AnotherSet
+from flexviz.app.page import warning
+from flexviz.app.state import Change, Turn
+from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
+from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.steps.unsaved import UnsavedWork
 from flexviz.app.style import label_width
-from flexviz.app.work import open_set, sets_beside
+from flexviz.app.tasks import sets_beside
+from flexviz.measurements import Group
 from flexviz.session import ROLES
 from flexviz.view import set_html
 from flexviz.wording import number
 
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
-
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
+LONGEST_LABEL = 40  # characters of a group's label
 
 
-class DataStep:
+class DataStep(WorkflowStep):
     """Measurement set and group roles."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
-        gui = app.server.gui
+    title = "Data"
+
+    def build(self) -> None:
+        """The set, a row per group, files."""
+        store, page, gui = self.store, self.page, self.page.gui
         self._sets: dict[str, Path] = {}
-        self._rows: list[Any] = []
-        self._roles: dict[str, Any] = {}
-        self.folder = gui.add_folder(None)
-        with self.folder:
-            self.unsaved = UnsavedWork(app)
-            self._choice: Any = gui.add_dropdown("Measurement set", ("–",), initial_value="–")
-            self._about = gui.add_html("")
-            self._heading = gui.add_html(
-                '<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>'
-            )
-            self._rows_folder = gui.add_folder(None)
-            self._hint = gui.add_html("")
-            self.checked = gui.add_folder(None)
-            self.files = Files(app)
-            self.another = AnotherSet(app)
-            self._dark = gui.add_checkbox("Dark theme", False)
-        app.add_style(label_width(self._choice._impl.uuid, "7.6em"))
-        watch(self._choice, app.queue, "set")
-        watch(self._dark, app.queue, "dark")
-        app.on("set", self._chosen)
-        app.on("dark", app.set_dark)
+        self._roles: dict[str, Any] = {}  # group -> its row
+        self.unsaved = UnsavedWork(store, page)
+        self._choice = page.watch(
+            gui.add_dropdown("Measurement set", ("–",), initial_value="–"), self._choose
+        )
+        self._about = gui.add_html("")
+        gui.add_html('<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>')
+        self._rows = gui.add_folder(None)
+        self._hint = gui.add_html("")
+        self._check = gui.add_html("")
+        self.files = Files(store, page)
+        self.another = AnotherSet(store, page)
+        page.watch(gui.add_checkbox("Dark theme", False), page.set_dark)
+        page.style(label_width, self._choice, "7.6em")
+        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Change.OPENED | Change.FOLDER, self._list_sets, Turn.CONTROLS)
+        store.subscribe(Change.OPENED | Change.CHECK, self._show_check, Turn.CONTROLS)
 
-    def opened(self) -> None:
-        """A new set is shown: its name, its facts, a row for each group."""
-        measurements = self._app.measurements
-        self.unsaved.opened()
-        self.list_sets()
-        self.files.opened()
-        self._about.content = set_html(measurements, self._app.missing)
-        for row in self._rows:
+    def _opened(self) -> None:
+        """A new set: its facts, a row for each group."""
+        measurements, page = self.store.measurements, self.page
+        self._about.content = set_html(measurements, self.store.opened.shape.missing)
+        for row in self._roles.values():
             row.remove()
-        self._rows, self._roles = [], {}
-        gui = self._app.server.gui
-        for index, group in enumerate(measurements.groups):
-            key = f"role{index}"
-            with self._rows_folder:
-                row = gui.add_dropdown(
-                    self._row_label(group), ROLE_NAMES, initial_value=ROLE_NAMES[0],
-                    hint=f"trajectory {group.trajectory}, payload {group.payload}, "
-                    f"{number(group.duration, 3)} s",
-                )  # fmt: skip
-            watch(row, self._app.queue, key)
-            self._app.on(key, lambda value, name=group.name: self._role(name, value))
-            self._rows.append(row)
-            self._roles[group.name] = row
-        self.refresh()
+        self._roles = {}
+        for group in measurements.groups:
+            about = f"trajectory {group.trajectory}, payload {group.payload}, {number(group.duration, 3)} s"
+            with self._rows:
+                row = page.gui.add_dropdown(
+                    _label(group), ROLE_NAMES, initial_value=ROLE_NAMES[0], hint=about
+                )
+            self._roles[group.name] = page.watch(row, partial(self._use, group.name))
 
-    def list_sets(self) -> None:
+    def _list_sets(self) -> None:
         """Offer the sets and sessions there are."""
         shown = self._shown()
-        self._sets = sets_beside(shown, self._app.measurements.path)
-        name = next((n for n, p in self._sets.items() if p == shown), shown.name)
+        self._sets = sets_beside(shown, self.store.measurements.path)
         self._choice.options = tuple(self._sets)
-        self._choice.value = name
+        self._choice.value = next((name for name, path in self._sets.items() if path == shown), shown.name)
+
+    def _show_check(self) -> None:
+        self._check.content = self.store.check
 
     def refresh(self) -> None:
-        """Show the session's roles."""
-        self.files.refresh()
-        analysis = self._app.session.analysis
+        """Show the roles."""
+        analysis = self.store.analysis
         for name, role in analysis.roles:
             if name in self._roles:
                 self._roles[name].value = role.capitalize()
-        fit = analysis.groups_with("fit")
-        self._hint.content = (
-            "" if fit else '<div class="fv fv-warn">No group is fitted: choose Fit for at least one.</div>'
-        )
+        fitted = analysis.groups_with("fit")
+        self._hint.content = "" if fitted else warning("No group is fitted: choose Fit for at least one.")
 
     def _shown(self) -> Path:
         """The folder of what is open, a set or a session."""
-        return (self._app.folder or self._app.measurements.path).resolve()
+        return (self.store.folder or self.store.measurements.path).resolve()
 
-    def _row_label(self, group: Any) -> str:
-        label = f"{group.name}: {group.trajectory}, {group.payload}"
-        return label if len(label) <= 40 else label[:39] + "…"
-
-    def _chosen(self, name: str) -> None:
+    def _choose(self, name: str) -> None:
         path = self._sets.get(name)
-        if path is None or path == self._shown():
-            return
-        self._app.say(f"opening {name}", "busy")
-        self._app.submit("open", open_set, path, in_process=False)
+        if path is not None and path != self._shown():
+            self.store.open_path(path, name)
 
-    def _role(self, group: str, role: str) -> None:
-        analysis = self._app.session.analysis.with_role(group, role.lower())  # type: ignore[arg-type]
-        self._app.change(f"{group}: {role}", analysis)
-        self._app.identify.check.changed()
+    def _use(self, group: str, role: str) -> None:
+        analysis = self.store.analysis.with_role(group, role.lower())  # type: ignore[arg-type]
+        self.store.change(f"{group}: {role}", analysis)
+
+
+def _label(group: Group) -> str:
+    label = f"{group.name}: {group.trajectory}, {group.payload}"
+    return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"

@@ -2,141 +2,124 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from flexviz.app.controls import off
-from flexviz.app.recordings import KINDS, Kind, Recordings
+from flexviz.app.page import Page, dim, off
+from flexviz.app.recordings import KINDS, Kind, RecordingEvent, Recordings
+from flexviz.app.state import Change, Turn
+from flexviz.app.store import Store
 from flexviz.app.style import half
-from flexviz.app.workspace import report, save, session_zip
+from flexviz.app.workspace import FileContent, SaveSession, WriteReport, ZipSession, short
 from flexviz.errors import InputError
-from flexviz.jobs import JobEvent
+from flexviz.jobs import Task
 from flexviz.wording import escape
 
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
-
-KEYS = ("save", "download", "report")  # its jobs
-WORDS = {"save": "saving", "download": "preparing the download", "report": "writing the report"}
 VIEWER = "127.0.0.1:9876"  # where a viewer that was started with `rerun` listens
 
 
 class Files:
-    """Made inside the step's folder."""
+    """Save, download, report, record."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
-        self._asked: int | None = None  # the browser that wants a download
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store, self._page = store, page
         self._recorded: Path | None = None  # the last recording that is whole
         self._said: dict[Kind, str] = {}
-        gui = app.server.gui
-        self._save = gui.add_button(
-            "Save session", color="gray", hint="into ./sessions, with all results and the history"
+        gui = page.gui
+        save = page.button(
+            "Save session", self._save, hint="into ./sessions, with all results and the history"
         )
-        self._download = gui.add_button(
-            "Download session", color="gray", hint="with its measurement set, as one zip file"
+        download = page.client_button(
+            "Download session", self._download, hint="with its measurement set, as one zip file"
         )
-        self._report = gui.add_button("Report", color="gray")
-        self._fetch = gui.add_button("Download recording", color="gray")
-        self._record = gui.add_checkbox(
-            "Record", False, hint="records what happens, as it happens, in a Rerun file in ./sessions"
+        self._report = page.client_button("Report", self._write_report)
+        self._fetch = page.client_button("Download recording", self._send_recording)
+        self._record = page.watch(
+            gui.add_checkbox(
+                "Record", False, hint="records what happens, as it happens, in a Rerun file in ./sessions"
+            ),
+            partial(self._switch, "file"),
         )
-        self._live = gui.add_checkbox(
-            "Live viewer", False, hint="sends the same to a Rerun viewer that runs on this machine"
+        self._live = page.watch(
+            gui.add_checkbox(
+                "Live viewer", False, hint="sends the same to a Rerun viewer that runs on this machine"
+            ),
+            partial(self._switch, "viewer"),
         )
-        self._address = gui.add_text("Viewer at", VIEWER, visible=False)
+        self._address = page.watch(gui.add_text("Viewer at", VIEWER, visible=False))
         self._note = gui.add_html("")
-        self.recordings = Recordings(app, self._recording)
+        self.recordings = Recordings(store, page.call, self._heard)
         for box in (self._record, self._live):
-            app.add_style(half(box._impl.uuid))
-        app.row(self._save, self._download)
-        app.row(self._report, self._fetch)
-        app.press(self._save, "save", self.save)
-        app.watch(self._record, "record", lambda on: self._switch("file", on))
-        app.watch(self._live, "record-live", lambda on: self._switch("viewer", on))
-        app.watch(self._address, "viewer-address", lambda _: None)
-        app.press_of(self._download, "download", self.download)
-        app.press_of(self._report, "report", self.report)
-        app.press_of(self._fetch, "fetch", self._fetches)
+            page.style(half, box)
+        page.row((save, download))
+        page.row((self._report, self._fetch))
+        page.command("Save the session", self._save)
+        page.client_command("Send the session as a zip", self._download)
+        page.client_command("Send a report", self._write_report)
+        page.command("Begin or end a recording", self._toggle)
+        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Change.OPENED | Change.ANALYSIS, self._refresh, Turn.CONTROLS)
+        store.subscribe(Change.TICK, self._tick, Turn.CONTROLS)
 
-    def opened(self) -> None:
-        """A new set is shown: it gets recordings of its own."""
+    def _opened(self) -> None:
+        """A new set gets recordings of its own."""
         for kind in KINDS:
             if self._box(kind).value:
                 self.recordings.stop(kind)
                 self._switch(kind, True)
-        self.refresh()
 
-    def refresh(self) -> None:
+    def _refresh(self) -> None:
         """Show what may be pressed, and why not."""
-        analysis = self._app.session.analysis
+        analysis, file = self._store.analysis, self._recorded
         nothing = analysis.identification is None and analysis.diagnosis is None
-        why = "nothing was found yet; press Find the missing effect (step 4) or Run (step 3) first"
-        off(self._report, why if nothing else "", "what was found, as one HTML file that needs nothing else")
-        file = self._recorded
-        why = "nothing is recorded yet; switch Record on, and off again when all is in it"
+        why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
+        off(self._report, why if nothing else "", "all results as one self-contained HTML file")
+        why = "nothing is recorded yet; switch Record on, and off again at the end"
         off(self._fetch, why if file is None else "", f"{file.name if file else ''}, to be opened with Rerun")
         why = "switch Live viewer off first" if self._live.value else ""
         off(self._address, why, "where the viewer listens; start one with: rerun --port 9876")
 
-    def tick(self) -> None:
-        """Let the recordings go on."""
-        self.recordings.tick()
-        size = self.recordings.size()
-        if size:
+    def _tick(self) -> None:
+        if size := self.recordings.size():
             self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
-
-    def heard(self, event: JobEvent) -> None:
-        """What saving and sending have to say."""
-        app, key = self._app, event.job.key
-        if event.kind == "failed":
-            app.fail(event.value)
-        elif event.kind == "stopped":
-            app.say(f"stopped {WORDS[key]}")
-        elif event.kind == "done" and key == "save":
-            app.saved(event.job.args[0], event.value)
-            app.say(f"session saved in {short(event.value)}")
-        elif event.kind == "done":
-            self._send(*event.value)
 
     # -- out of the browser --------------------------------------------------------------------------
 
-    def _start(self, key: str, function: Any, *more: Any) -> None:
-        app = self._app
-        app.say(WORDS[key], "busy")
-        app.submit(key, function, app.session, app.measurements, *more, in_process=False)
+    def _start(self, task: Task[Any], doing: str, done: Any) -> None:
+        self._store.say(doing, "busy")
+        self._store.tasks.start(task, done, stopped=lambda: self._store.say(f"stopped {doing}"))
 
-    def save(self) -> None:
-        """Save the session."""
-        self._start("save", save, self._app.folder)
+    def _save(self) -> None:
+        session = self._store.session
 
-    def download(self, client: int) -> None:
-        """Send the session to a browser."""
-        self._asked = client
-        self._start("download", session_zip)
+        def saved(folder: Path) -> None:
+            self._store.mark_saved(session, folder)
+            self._store.say(f"session saved in {short(folder)}")
 
-    def report(self, client: int) -> None:
-        """Send a report to a browser."""
+        self._start(SaveSession(session, self._store.measurements, self._store.folder), "saving", saved)
+
+    def _download(self, client: int) -> None:
+        task = ZipSession(self._store.session, self._store.measurements)
+        self._start(task, "preparing the download", partial(self._send, client))
+
+    def _write_report(self, client: int) -> None:
         if self._report.disabled:
             raise InputError(str(self._report.hint))
-        self._asked = client
-        self._start("report", report, self._app.folder)
+        task = WriteReport(self._store.session, self._store.measurements, self._store.folder)
+        self._start(task, "writing the report", partial(self._send, client))
 
-    def _fetches(self, client: int) -> None:
+    def _send_recording(self, client: int) -> None:
         if self._recorded is not None:
-            self._asked = client
-            self._send(self._recorded.name, self._recorded.read_bytes())
+            self._send(client, FileContent(self._recorded.name, self._recorded.read_bytes()))
 
-    def _send(self, name: str, content: bytes) -> None:
-        client = self._app.server.get_clients().get(self._asked if self._asked is not None else -1)
-        if client is not None:
-            client.send_file_download(name, content, save_immediately=True)
-        self._app.say(f"{name}: {len(content) / 1e6:.1f} MB sent")
+    def _send(self, client: int, file: FileContent) -> None:
+        self._page.send_file(client, file.name, file.content)
+        self._store.say(f"{file.name}: {len(file.content) / 1e6:.1f} MB sent")
 
     # -- recordings ----------------------------------------------------------------------------------
 
-    def toggle(self) -> None:
-        """Begin or end a recording."""
+    def _toggle(self) -> None:
         self._record.value = not self._record.value
         self._switch("file", self._record.value)
 
@@ -149,44 +132,38 @@ class Files:
                 self.recordings.start(kind, self._address.value)
                 self._say(kind, "A recording begins." if kind == "file" else "Calling the viewer.")
             except Exception:
-                self._box(kind).value = False
-                self._address.visible |= kind == "viewer"
+                self._switched_off(kind)
                 raise
-        self.refresh()
+        self._refresh()
 
-    def _recording(self, kind: Kind, state: str, value: Any) -> None:
-        """What a recording has to say."""
-        app = self._app
-        if state == "failed":
-            self._box(kind).value = False
-            self._address.visible |= kind == "viewer"
+    def _switched_off(self, kind: Kind) -> None:
+        """A recording cannot go on."""
+        self._box(kind).value = False
+        self._address.visible |= kind == "viewer"
+
+    def _heard(self, event: RecordingEvent) -> None:
+        """News of a recording."""
+        kind, value = event.kind, event.value
+        if event.state == "failed":
+            self._switched_off(kind)
             self._say(kind, "")
-            app.fail(value)
-        elif state == "open":
-            where = self._address.value or VIEWER
-            self._say(kind, f"Recording in {short(value)}." if kind == "file" else f"Sent to {where}.")
+            self._store.fail(value)
+        elif event.state == "open":
+            where = f"Sent to {self._address.value or VIEWER}."
+            self._say(kind, f"Recording in {short(value.file)}." if kind == "file" else where)
         elif kind == "viewer":
             self._say(kind, "")
         else:
             self._recorded = value.file
             self._say(kind, f"Recorded in {short(value.file)} ({value.bytes / 1e6:.1f} MB).")
-            app.session = app.session.with_recording(value.file)
-        self.refresh()
+            self._store.note_recording(value.file)
+        self._refresh()
 
     def _box(self, kind: Kind) -> Any:
         return self._record if kind == "file" else self._live
 
     def _say(self, kind: Kind, text: str) -> None:
         self._said[kind] = text
-        lines = "".join(f"<div>{escape(said)}</div>" for said in self._said.values() if said)
-        content = f'<div class="fv fv-dim">{lines}</div>' if lines else ""
-        if content != self._note.content:
-            self._note.content = content
-
-
-def short(path: Path) -> str:
-    """A path as a person in the present folder would write it."""
-    try:
-        return f"./{path.resolve().relative_to(Path.cwd())}"
-    except ValueError:
-        return str(path)
+        self._note.content = dim(
+            "".join(f"<div>{escape(said)}</div>" for said in self._said.values() if said)
+        )

@@ -2,76 +2,68 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from flexviz.app.work import open_set
+from flexviz.app.page import Page, warning
+from flexviz.app.state import Change, Turn
+from flexviz.app.store import Store
 from flexviz.app.workspace import unsaved_dir
 from flexviz.errors import InputError
-from flexviz.session import Analysis, Autosave, Session, Unsaved, find_unsaved
-
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
+from flexviz.session import Autosave, Unsaved, find_unsaved
 
 QUIET = 2.0  # [s] after which a change without a result is kept
 
 
 class UnsavedWork:
-    """Keeps the session, and offers what an earlier run left behind. Made inside the step's folder."""
+    """Keeps the session, and offers what an earlier run left behind."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
         self._found: Unsaved | None = None
-        self.keeper = Autosave(unsaved_dir, lambda text: app.queue.put("not-kept", text))
-        gui = app.server.gui
-        self._text = gui.add_html("", visible=False)
-        self._button = gui.add_button(
-            "Continue unsaved work", color="orange", visible=False,
+        self._due = QUIET
+        self.keeper = Autosave(unsaved_dir, lambda text: page.call(store.fail, text))
+        self._text = page.gui.add_html("", visible=False)
+        self._button = page.button(
+            "Continue unsaved work", self._continue, color="orange", visible=False,
             hint="opens what was kept when flexviz ended without saving; Undo goes through its history",
         )  # fmt: skip
-        app.press(self._button, "continue", self._continue)
-        app.on("not-kept", app.fail)
+        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Change.RESULT | Change.DIAGNOSIS, self._keep_at_once)
+        store.subscribe(Change.ANALYSIS, self._keep)
+        store.subscribe(Change.SAVED, self._saved)
+        store.subscribe(Change.CLOSED, self.keeper.close)
 
-    def opened(self) -> None:
-        """Something is shown: is there unsaved work on it?"""
-        app, before = self._app, self._found
+    def _opened(self) -> None:
+        """Is there unsaved work on what is open now?"""
+        store, before = self._store, self._found
         self.keeper.begin()
-        if before is not None and app.folder == before.folder.resolve():
-            self.keeper.inherit(before, app.session, app.measurements)
-            app.folder = None  # it is saved under a name of its own
+        if before is not None and store.folder == before.folder.resolve():
+            self.keeper.inherit(before, store.session, store.measurements)
+            store.set_folder(None)  # it is saved under a name of its own
         try:
-            self._found = find_unsaved(unsaved_dir(), app.measurements.path, app.folder)
+            self._found = find_unsaved(unsaved_dir(), store.measurements.path, store.folder)
         except (InputError, OSError):
             self._found = None
-        if app.folder is None and before is not None and self._found == before:
+        if store.folder is None and before is not None and self._found == before:
             self._found = None  # it is what is open
-        self._show()
+        self._text.visible = self._button.visible = self._found is not None
+        if self._found is not None:
+            when = self._found.when.astimezone()
+            self._text.content = warning(f"Work of {when:%Y-%m-%d %H:%M} on this set was never saved.")
 
-    def changed(self, before: Analysis) -> None:
-        """The session has changed: results are kept at once."""
-        after = self._app.session.analysis
-        results = after.identification is not before.identification or after.diagnosis is not before.diagnosis
-        self.keeper.keep(self._app.session, self._app.measurements, 0.0 if results else QUIET)
+    def _keep_at_once(self) -> None:
+        self._due = 0.0
 
-    def saved(self, session: Session) -> None:
-        """This session was saved: nothing else is unsaved, unless more was done meanwhile."""
+    def _keep(self) -> None:
+        """Keep the new state; results at once."""
+        self.keeper.keep(self._store.session, self._store.measurements, self._due)
+        self._due = QUIET
+
+    def _saved(self) -> None:
+        """The session was saved: nothing else is unsaved, unless more was done meanwhile."""
+        store = self._store
         self.keeper.saved()
-        if not self._app.session.analysis.same_as(session.analysis):
-            self.keeper.keep(self._app.session, self._app.measurements)
-
-    def close(self) -> None:
-        """Keep what waits."""
-        self.keeper.close()
+        if store.saved is not None and not store.analysis.same_as(store.saved.analysis):
+            self.keeper.keep(store.session, store.measurements)
 
     def _continue(self) -> None:
         if self._found is not None:
-            self._app.say("opening unsaved work", "busy")
-            self._app.submit("open", open_set, self._found.folder, in_process=False)
-
-    def _show(self) -> None:
-        found = self._found
-        self._text.visible = self._button.visible = found is not None
-        if found is not None:
-            when = found.when.astimezone()
-            self._text.content = (
-                f'<div class="fv fv-warn">Work of {when:%Y-%m-%d %H:%M} on this set was never saved.</div>'
-            )
+            self._store.open_path(self._found.folder, "unsaved work")

@@ -12,7 +12,7 @@ from flexviz.wording import escape
 SHADE = f"{COLOURS.playhead}40"
 
 
-class Chart:
+class UplotChart:
     """One chart; `show` brings it to a new plot by sending only what changed."""
 
     def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
@@ -46,8 +46,7 @@ class Chart:
 
     def visible(self, on: bool) -> None:
         """Show or hide the chart."""
-        if self._handle.visible != on:
-            self._handle.visible = on
+        self._handle.visible = on
 
     def move(self, time: float) -> None:
         """Move the playhead [s]; nothing is sent for a plot without one or when it stays where it is."""
@@ -66,15 +65,14 @@ class ChartColumn:
     def __init__(self, server: viser.ViserServer, tab: Any) -> None:
         self._server = server
         self.folder = tab  # what holds the charts
-        self._charts: dict[str, Chart] = {}
+        self._charts: dict[str, UplotChart] = {}
         with tab:
             self._notes = server.gui.add_html("")
 
     def show(self, plots: tuple[Plot, ...]) -> None:
         """Bring the tab to these plots; one without lines is only its note."""
         notes = "".join(f'<div class="fv fv-dim">{escape(plot.note)}</div>' for plot in plots if plot.note)
-        if notes != self._notes.content:
-            self._notes.content = notes
+        self._notes.content = notes
         drawn = [plot for plot in plots if plot.lines]
         for key, chart in self._charts.items():
             chart.visible(any(plot.key == key for plot in drawn))
@@ -82,7 +80,7 @@ class ChartColumn:
             chart = self._charts.get(plot.key)
             if chart is None:
                 with self.folder:
-                    self._charts[plot.key] = Chart(self._server, plot)
+                    self._charts[plot.key] = UplotChart(self._server, plot)
             else:
                 chart.show(plot)
 

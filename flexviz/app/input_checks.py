@@ -1,98 +1,120 @@
-"""The door of the server: who may connect, and which messages and values come in.
+"""What comes in from a browser: every message and value is checked before anything acts on it.
 
-viser itself checks none of this. It leans on viser's inside (the handler tables, and `serve` of the websocket
-library), so viser's version is pinned and tests/test_app_gate.py holds every promise made here.
+viser itself checks none of this. It leans on viser's inside (the handler tables), so viser's version is
+pinned and tests/test_app_input_checks.py holds every promise made here.
 """
 
 from __future__ import annotations
 
 import contextlib
-import http
-import ipaddress
 import logging
-from collections.abc import Callable, Iterator
-from typing import Any
-from urllib.parse import urlsplit
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import viser
-import websockets.asyncio.server as websocket_server
 from viser import _messages as messages
-from websockets.datastructures import Headers
-from websockets.http11 import Request, Response
 
-from flexviz.app.checks import Rule, check
 from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.errors import InputError
 
 log = logging.getLogger("flexviz.app")
 
-
-# -- who may connect -------------------------------------------------------------------------------------
-
-
-def is_loopback(host: str) -> bool:
-    """True for localhost and loopback addresses."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
-
-
-def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
-    """Whether a request with these Host and Origin headers may reach a server bound to `bound_to`.
-
-    A page of another site must not talk to the server of this machine: where the server listens on loopback
-    the Host must be a loopback name (no DNS rebinding), and an Origin, where there is one, the Host itself.
-    """
-    if not host:
-        return False
-    name = urlsplit(f"//{host}").hostname or ""
-    if is_loopback(bound_to) and not is_loopback(name):
-        return False
-    if origin is None:
-        return True
-    return urlsplit(origin).netloc.lower() == host.lower()
-
-
-@contextlib.contextmanager
-def guarded_serve(bound_to: str) -> Iterator[None]:
-    """While a ViserServer starts inside this context, its websocket server gets the Host and Origin check."""
-    module: Any = websocket_server  # viser looks `serve` up here when it starts
-    original = module.serve
-
-    def serve(*args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any) -> Any:
-        def check_first(connection: Any, request: Request) -> Response | None:
-            headers = request.headers
-            hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-            once = len(hosts) == 1 and len(origins) <= 1
-            if not once or not admitted(bound_to, hosts[0], origins[0] if origins else None):
-                log.warning("refused a request for Host %r from Origin %r", hosts, origins)
-                return Response(
-                    http.HTTPStatus.FORBIDDEN, "FORBIDDEN", Headers(), b"this address is not served\n"
-                )
-            return None if process_request is None else process_request(connection, request)
-
-        return original(*args, process_request=check_first, **kwargs)
-
-    module.serve = serve
-    try:
-        yield
-    finally:
-        module.serve = original
-
-
-# -- what may come in ------------------------------------------------------------------------------------
-
+Kind = Literal["number", "choice", "switch", "press", "text", "range", "none"]
+LONGEST_TEXT = 2000
+LARGEST_INTEGER = 2**63
 UNWANTED = (
     messages.ShareUrlRequest,  # opens a public tunnel
     messages.ShareUrlDisconnect,
     messages.GuiFormSubmitMessage,
     messages.GuiFormDirtyMessage,
 )
-MOST_UPLOADS = 4  # at the same time, of all browsers
-LONGEST_NAME = 400
+RUNNING_UPLOADS = 4  # at most, of all browsers
+LONGEST_FILE_NAME = 400
+
+
+# -- values ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class InputRule:
+    """What a control accepts.
+
+    Attributes:
+        kind: "number", "choice" (one of `options`), "switch" (true or false), "press" (a button), "text",
+            "range" (`length` increasing numbers), or "none" (nothing at all).
+        low, high: limits of numbers.
+        whole: whether only whole numbers are accepted.
+        options: what may be chosen.
+        length: how many numbers a range has.
+        disabled: whether the control is greyed out.
+    """
+
+    kind: Kind
+    low: float = -math.inf
+    high: float = math.inf
+    whole: bool = False
+    options: Sequence[str] = ()
+    length: int = 0
+    disabled: bool = False
+
+
+def check(rule: InputRule, value: Any) -> Any:
+    """`value` as the control's own type; InputError where it is not acceptable."""
+    if rule.disabled:
+        raise InputError("the control is disabled")
+    if rule.kind == "number":
+        return _number(rule, value)
+    if rule.kind == "choice":
+        if not isinstance(value, str) or value not in rule.options:
+            raise InputError(f"{_shown(value)} is not one of the {len(rule.options)} options")
+        return value
+    if rule.kind == "switch":
+        if not isinstance(value, bool):
+            raise InputError(f"{_shown(value)} is not true or false")
+        return value
+    if rule.kind == "press":
+        if value is not True:
+            raise InputError(f"a button is pressed with true, not {_shown(value)}")
+        return value
+    if rule.kind == "text":
+        if not isinstance(value, str) or len(value) > LONGEST_TEXT:
+            raise InputError(f"not a text of at most {LONGEST_TEXT} characters")
+        return value
+    if rule.kind == "range":
+        if not isinstance(value, list | tuple) or len(value) != rule.length:
+            raise InputError(f"{_shown(value)} is not a list of {rule.length} numbers")
+        numbers = tuple(_number(rule, item) for item in value)
+        if list(numbers) != sorted(numbers):
+            raise InputError(f"{_shown(value)} does not increase")
+        return numbers
+    raise InputError("this control takes no value")
+
+
+def _number(rule: InputRule, value: Any) -> float | int:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{_shown(value)} is not a number")
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        raise InputError("the number is too large")
+    if not math.isfinite(value):
+        raise InputError(f"{_shown(value)} is not finite")
+    slack = 1e-9 * max(abs(rule.low), abs(rule.high), 1.0) if math.isfinite(rule.low + rule.high) else 0.0
+    if not rule.low - slack <= value <= rule.high + slack:
+        raise InputError(f"{_shown(value)} is not between {rule.low:g} and {rule.high:g}")
+    if rule.whole:
+        if value != int(value):
+            raise InputError(f"{_shown(value)} is not a whole number")
+        return int(value)
+    return min(max(float(value), rule.low), rule.high)
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+# -- messages --------------------------------------------------------------------------------------------
 
 
 def guard_messages(server: viser.ViserServer) -> None:
@@ -145,7 +167,7 @@ def guard_uploads(server: viser.ViserServer) -> None:
         index, content = message.part_index, message.content
         fits = isinstance(content, bytes) and isinstance(index, int) and not isinstance(index, bool)
         if not fits or state["transferred_bytes"] + len(content) > state["total_bytes"]:
-            log.warning("dropped an upload from browser %s: it is not what it said", client_id)
+            log.warning("dropped an upload from browser %s: not as announced", client_id)
             states.pop(message.transfer_uuid, None)
             return
         gui._handle_file_transfer_part(client_id, message)
@@ -163,33 +185,33 @@ def upload_refusal(handle: Any, message: Any, running: int) -> str:
         return "size or count of parts is not a whole number"
     if not 0 <= size <= LARGEST_UPLOAD or not 0 <= parts <= size // 1024 + 1:
         return f"{size} bytes in {parts} parts; at most {LARGEST_UPLOAD} bytes are taken"
-    if not isinstance(message.filename, str) or not 0 < len(message.filename) <= LONGEST_NAME:
+    if not isinstance(message.filename, str) or not 0 < len(message.filename) <= LONGEST_FILE_NAME:
         return "no usable file name"
     if not isinstance(message.transfer_uuid, str) or len(message.transfer_uuid) > 100:
         return "no usable transfer"
-    return "" if running < MOST_UPLOADS else f"{running} uploads run already"
+    return "" if running < RUNNING_UPLOADS else f"{running} uploads run already"
 
 
-def rule_of(handle: Any) -> Rule:
+def rule_of(handle: Any) -> InputRule:
     """What a viser control accepts; unknown kinds accept nothing."""
     disabled = bool(getattr(handle, "disabled", False))
     if isinstance(handle, viser.GuiSliderHandle | viser.GuiNumberHandle):
         low = float("-inf") if handle.min is None else float(handle.min)
         high = float("inf") if handle.max is None else float(handle.max)
-        return Rule("number", low, high, whole=isinstance(handle.value, int), disabled=disabled)
+        return InputRule("number", low, high, whole=isinstance(handle.value, int), disabled=disabled)
     if isinstance(handle, viser.GuiMultiSliderHandle):
         whole = all(isinstance(value, int) for value in handle.value)
         limits = float(handle.min), float(handle.max)
-        return Rule("range", *limits, whole=whole, length=len(handle.value), disabled=disabled)
+        return InputRule("range", *limits, whole=whole, length=len(handle.value), disabled=disabled)
     if isinstance(handle, viser.GuiDropdownHandle | viser.GuiButtonGroupHandle):
-        return Rule("choice", options=tuple(handle.options), disabled=disabled)
+        return InputRule("choice", options=tuple(handle.options), disabled=disabled)
     if isinstance(handle, viser.GuiCheckboxHandle):
-        return Rule("switch", disabled=disabled)
+        return InputRule("switch", disabled=disabled)
     if isinstance(handle, viser.GuiButtonHandle):
-        return Rule("press", disabled=disabled)
+        return InputRule("press", disabled=disabled)
     if isinstance(handle, viser.GuiTextHandle):
-        return Rule("text", disabled=disabled)
-    return Rule("none")
+        return InputRule("text", disabled=disabled)
+    return InputRule("none")
 
 
 def _send_back(server: viser.ViserServer, client_id: Any, handle: Any) -> None:

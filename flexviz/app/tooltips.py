@@ -1,34 +1,30 @@
-"""Hints of buttons. viser shows those of other controls only, so these are drawn by the style sheet."""
+"""Tooltips of buttons. viser shows those of other controls only, so the style sheet draws these."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
-
-from flexviz.app.style import in_row
 
 DELAY = 0.5  # [s] as viser's own
 
 
-class Hints:
-    """Knows every button and on which side of its row it is."""
+class Tooltips:
+    """All buttons, and which of them stand on the right of their row."""
 
     def __init__(self) -> None:
         self._buttons: list[Any] = []
         self._right: set[str] = set()
 
     def add(self, button: Any) -> None:
-        """Show this button's hint, whatever it is, also while the button is greyed."""
+        """Show this button's current hint, also while the button is greyed."""
         self._buttons.append(button)
 
-    def row(self, buttons: Sequence[Any], share: float | None = None) -> str:
-        """The rules that set buttons beside each other (`style.in_row`); hints open towards the middle."""
-        uuids = [button._impl.uuid for button in buttons]
-        self._right |= set(uuids[(len(uuids) + 1) // 2 :] if share is None else uuids)
-        return in_row(*uuids, share=share)
+    def open_left(self, uuids: Iterable[str]) -> None:
+        """Let the hints of these buttons open to the left, towards the middle of their row."""
+        self._right |= set(uuids)
 
     def rules(self) -> list[str]:
-        """Rules for the hints as they are now."""
+        """CSS rules for the present hints."""
         shown = [button for button in self._buttons if button.hint and button.visible]
         if not shown:
             return []

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
-from flexviz.app.controls import watch
+from flexviz.app.page import Page, dim
+from flexviz.app.state import Change, Turn
+from flexviz.app.store import Store
 from flexviz.app.style import wide_label
 from flexviz.effects import EFFECTS
 from flexviz.view import COMMON_EFFECTS, addable_effects, effect_hint, effects_note, more_effects, why_fixed
 from flexviz.wording import escape
 
-if TYPE_CHECKING:
-    from flexviz.app.application import Application
-
 
 class EffectList:
-    """One checkbox an effect; made inside the step's folder."""
+    """One checkbox per effect."""
 
-    def __init__(self, app: Application) -> None:
-        self._app = app
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store, self._page = store, page
         self.boxes: dict[str, Any] = {}
-        gui = app.server.gui
+        gui = page.gui
         with gui.add_folder("Effects in the model"):
             for name in COMMON_EFFECTS:
                 self._add(name)
@@ -30,19 +30,26 @@ class EffectList:
                     gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
                     for name in names:
                         self._add(name)
+        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Change.OPENED | Change.ANALYSIS, self._refresh, Turn.CONTROLS)
 
-    def opened(self) -> None:
-        """A new set is shown: its own effects are in the model and stay there."""
-        measurements = self._app.measurements
+    def _add(self, name: str) -> None:
+        box = self._page.gui.add_checkbox(name, False, hint=effect_hint(EFFECTS[name]))
+        self.boxes[name] = self._page.watch(box, partial(self._set, name))
+        self._page.style(wide_label, box)
+
+    def _opened(self) -> None:
+        """The set's own effects are in the model and stay there."""
+        measurements = self._store.measurements
         payloads = any(group.bodies for group in measurements.groups)
         for name, box in self.boxes.items():
             why = why_fixed(name, measurements.effects, payloads)
             box.disabled = bool(why)
             box.hint = effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
 
-    def refresh(self) -> None:
+    def _refresh(self) -> None:
         """Show which are in the model."""
-        own, added = self._app.measurements.effects, self._app.session.analysis.effects
+        own, added = self._store.measurements.effects, self._store.analysis.effects
         chosen = (*own, *added)
         for name, box in self.boxes.items():
             box.value = name in chosen
@@ -50,18 +57,9 @@ class EffectList:
         hidden += [name for name in chosen if name not in self.boxes]
         text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
         text = f"{text} {effects_note(added, own)}".strip()
-        self._note.content = f'<div class="fv fv-dim">{escape(text)}</div>'
+        self._note.content = dim(escape(text))
         self._note.visible = bool(text)
 
-    def _add(self, name: str) -> None:
-        app = self._app
-        box = app.server.gui.add_checkbox(name, False, hint=effect_hint(EFFECTS[name]))
-        watch(box, app.queue, f"effect-{name}")
-        app.on(f"effect-{name}", lambda on: self._set(name, on))
-        app.add_style(wide_label(box._impl.uuid))
-        self.boxes[name] = box
-
     def _set(self, name: str, on: bool) -> None:
-        analysis = self._app.session.analysis.with_effect(name, on)
-        self._app.change(f"{'with' if on else 'without'} {name}", analysis)
-        self._app.identify.check.changed()
+        analysis = self._store.analysis.with_effect(name, on)
+        self._store.change(f"{'with' if on else 'without'} {name}", analysis)

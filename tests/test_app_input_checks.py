@@ -14,12 +14,11 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from flexviz.app.events import EventQueue
-from flexviz.app.gate import admitted, is_loopback
-from flexviz.app.server import start_server
+from flexviz.app.page import Page
+from flexviz.app.server import admitted, is_loopback, start_server
 from flexviz.errors import InputError
 
 viser = pytest.importorskip("viser")
-from flexviz.app.controls import choose, press, watch  # noqa: E402
 
 PROTOCOL = Subprotocol("viser-v1.1.1")
 
@@ -28,17 +27,29 @@ class Controls:
     """One of each kind, watched."""
 
     def __init__(self, server: Any) -> None:
-        gui = server.gui
         self.queue = EventQueue()
-        self.slider = watch(gui.add_slider("s", 0.0, 10.0, 0.1, 5.0), self.queue, "slider")
-        self.whole = watch(gui.add_slider("i", 0, 10, 1, 5), self.queue, "whole")
-        self.number = watch(gui.add_number("n", 1.0, min=0.5, max=2.0), self.queue, "number")
-        self.choice = watch(gui.add_dropdown("d", ("a", "b"), initial_value="a"), self.queue, "choice")
-        self.box = watch(gui.add_checkbox("c", False), self.queue, "box")
-        self.text = watch(gui.add_text("t", "x"), self.queue, "text")
-        self.button = press(gui.add_button("b"), self.queue, "button")
-        self.off = press(gui.add_button("off", disabled=True), self.queue, "off")
-        self.row = choose(gui.add_button_group("g", ("x", "y")), self.queue, "row")
+        page, gui = Page(server, self.queue), server.gui
+
+        def nothing(value: Any) -> None:
+            pass
+
+        self.slider = page.watch(gui.add_slider("s", 0.0, 10.0, 0.1, 5.0), nothing)
+        self.whole = page.watch(gui.add_slider("i", 0, 10, 1, 5), nothing)
+        self.number = page.watch(gui.add_number("n", 1.0, min=0.5, max=2.0), nothing)
+        self.choice = page.watch(gui.add_dropdown("d", ("a", "b"), initial_value="a"), nothing)
+        self.box = page.watch(gui.add_checkbox("c", False), nothing)
+        self.text = page.watch(gui.add_text("t", "x"), nothing)
+        self.button = page.client_button("b", nothing)
+        self.off = page.client_button("off", nothing, disabled=True)
+        self.row = page.choose(gui.add_button_group("g", ("x", "y")), nothing)
+
+    def name(self, uuid: Any) -> str:
+        """What the control with this id is called here."""
+        return next(
+            name
+            for name, handle in vars(self).items()
+            if hasattr(handle, "_impl") and handle._impl.uuid == uuid
+        )
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +101,10 @@ def settle(queue: EventQueue, client: ClientConnection, controls: Controls) -> l
         event = queue.take(0.05)
         if event is None:
             continue
-        if event.key == "row":
+        name = controls.name(event.source)
+        if name == "row":
             return events
-        events.append((event.key, event.value))
+        events.append((name, None if name == "button" else event.value))
     raise AssertionError("the server does not answer any more")
 
 

@@ -1,0 +1,84 @@
+"""Work of idle time: the identified model's own motion, and where its residual lies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexviz.app.state import Change, Derived, Turn
+from flexviz.app.store import Store
+from flexviz.app.tasks import IdleTask, MapResiduals, Replay
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import ResidualMap
+    from flexviz.simulation import Run
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True, eq=False)
+class _UnderWay:
+    """A task that was started for one entry of a result: a group, or "maps"."""
+
+    derived: Derived
+    entry: str
+
+
+class IdleWork:
+    """Starts what the present result lacks, again where something came between."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._under_way: dict[type[IdleTask[Any]], _UnderWay] = {}
+        missing = Change.OPENED | Change.GROUP | Change.RESULT | Change.DERIVED | Change.ACTIVITY
+        store.subscribe(missing, self._fill, Turn.WORK)
+
+    def _fill(self) -> None:
+        store, derived, analysis = self._store, self._store.derived, self._store.analysis
+        result, group, fitted = derived.result, store.group.name, analysis.fitted_settings
+        if result is None or store.running:
+            return
+
+        def replayed(run: Run) -> None:
+            derived.replays[group] = run
+
+        def mapped(maps: tuple[ResidualMap, ...]) -> None:
+            derived.maps = maps
+
+        if group not in derived.replays and group not in derived.failed:
+            replay = Replay(analysis.path, result.model, group)
+            self._start(replay, _UnderWay(derived, group), replayed, "simulated")
+        if not store.maps and "maps" not in derived.failed and fitted is not None:
+            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
+            task = MapResiduals(settings, result.model)
+            self._start(task, _UnderWay(derived, "maps"), mapped, "mapped")
+
+    def _start(
+        self, task: IdleTask[Result], entry: _UnderWay, keep: Callable[[Result], None], what: str
+    ) -> None:
+        """Have it done, unless that is under way."""
+        store, kind = self._store, type(task)
+        before = self._under_way.get(kind)
+        if before is not None and before.derived is entry.derived and before.entry == entry.entry:
+            return
+
+        def end() -> None:
+            if self._under_way.get(kind) is entry:
+                del self._under_way[kind]
+
+        def done(result: Result) -> None:
+            end()
+            keep(result)
+            store.tell(Change.DERIVED)
+
+        def failed(reason: str) -> None:
+            end()
+            entry.derived.failed.add(entry.entry)
+            if store.derived_of(entry.derived.result) is entry.derived:
+                store.fail(f"the identified model could not be {what}: {reason}")
+                store.tell(Change.DERIVED)
+
+        store.tasks.stop(kind)
+        self._under_way[kind] = entry
+        store.tasks.start(task, done, failed=failed, stopped=end)

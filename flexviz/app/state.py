@@ -1,0 +1,154 @@
+"""The records that the store holds, and the names of what can change in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Flag, IntEnum, auto
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from flexviz.jobs import Task
+from flexviz.scene import LAYOUTS, RobotShape
+from flexviz.session import Session
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import ResidualMap
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+    from flexviz.progress import Iteration
+    from flexviz.simulation import Run
+
+Tone = Literal["", "busy", "bad"]
+
+
+class Change(Flag):
+    """What has changed in the store."""
+
+    OPENED = auto()  # another measurement set or session
+    ANALYSIS = auto()  # anything in the analysis; what exactly, the next three say
+    OBSERVER = auto()  # the observer or its bandwidth
+    RESULT = auto()  # the identification
+    DIAGNOSIS = auto()  # the diagnosis, or the models on the way to the present one
+    NEW_STATE = auto()  # the session has gone on to a new state
+    HISTORY = auto()  # the session has gone back or forward, by undo or redo
+    DERIVED = auto()  # the simulated motion, or the residual maps, of a result
+    FIT = auto()  # iterations of a running fit
+    CHECK = auto()  # the sentence of the last check
+    JOINT = auto()  # the selected joint
+    GROUP = auto()  # the selected group
+    STEP = auto()  # the step whose controls are shown
+    VIEW = auto()  # how the robots are drawn
+    HIGHLIGHT = auto()  # the instants that are marked
+    ACTIVITY = auto()  # what the user waits for has begun or ended
+    PROGRESS = auto()  # how much of it is done
+    MESSAGE = auto()  # the status line
+    SAVED = auto()  # the session
+    FOLDER = auto()  # where the session is saved
+    TICK = auto()  # a moment has passed
+    CLOSED = auto()  # the application ends
+
+
+class Turn(IntEnum):
+    """The order in which subscribers are told of a change.
+
+    Whoever reads a new error in the status line, or sees Stop go out, finds the plots and tables that belong
+    to it.
+    """
+
+    PLOTS = auto()
+    CONTROLS = auto()
+    STATUS = auto()
+    WORK = auto()
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """A measurement set, ready to be shown.
+
+    Attributes:
+        truth: what a simulated set was made with, or None; only shown when asked for.
+        session, folder: of a saved session and where it lies; None for a set.
+    """
+
+    measurements: MeasurementSet
+    shape: RobotShape
+    truth: dict[tuple[str, str | None], float] | None
+    session: Session | None = None
+    folder: Path | None = None
+
+
+@dataclass(frozen=True)
+class Message:
+    """What the status line says."""
+
+    text: str = ""
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class Activity:
+    """The task that the user waits for.
+
+    Attributes:
+        share: how much of it is done, 0 … 1; 1 where that is not known.
+    """
+
+    task: Task[Any]
+    share: float
+
+
+@dataclass(eq=False)
+class FitProgress:
+    """The latest fit: its effects beside the set's own, and its iterations so far.
+
+    Attributes:
+        single: whether its iterations lead to one result.
+    """
+
+    effects: tuple[str, ...] = ()
+    single: bool = True
+    iterations: list[Iteration] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """How the robots are drawn.
+
+    Attributes:
+        deflection: factor of the deflection; None is one that fits the motion.
+        error: factor of simulated − measured.
+        link_side: compare link sides instead of motor sides.
+        torque: draw arrows for the measured torque.
+    """
+
+    layout: str = LAYOUTS[0]
+    deflection: float | None = None
+    error: float = 1.0
+    link_side: bool = False
+    torque: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Highlight:
+    """Instants (M,) [s] of the selected group, and whether each is marked (M,)."""
+
+    time: np.ndarray
+    marked: np.ndarray
+
+
+@dataclass(eq=False)
+class Derived:
+    """What was computed from one result in idle time.
+
+    Attributes:
+        replays: group -> the model simulated along it.
+        maps: where the model's residual lies.
+        failed: groups, and "maps", that could not be computed.
+    """
+
+    result: Identification | None
+    replays: dict[str, Run] = field(default_factory=dict)
+    maps: tuple[ResidualMap, ...] = ()
+    failed: set[str] = field(default_factory=set)

@@ -1,0 +1,147 @@
+"""Another set in step 1: upload one, or a robot; simulate a set that hides an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flexviz.app.page import Page, dim, warning
+from flexviz.app.state import Change
+from flexviz.app.store import Store
+from flexviz.app.uploads import UploadFolder
+from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir
+from flexviz.errors import FlexvizError, InputError
+from flexviz.jobs import Task
+from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.robot import Robot
+from flexviz.wording import escape, plural
+
+WAITING = "A zip, or measurements.toml and the files it names; or a robot's URDF, to simulate it."
+NAMED_FILES = 6  # missing ones that are listed
+
+
+@dataclass(frozen=True)
+class Unpack(Task[None]):
+    """Unpack a zip into the upload folder."""
+
+    folder: UploadFolder
+    name: str
+    content: bytes
+    in_process = False
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
+        """Unpack it."""
+        self.folder.unpack(self.name, self.content)
+
+
+@dataclass(frozen=True)
+class AcceptUpload(Task[Path]):
+    """Move a complete upload into the output folder."""
+
+    folder: UploadFolder
+    in_process = False
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
+        """Read and move it; returns its new folder."""
+        return self.folder.take(output_dir())
+
+
+class AnotherSet:
+    """Upload and quiz."""
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        self._uploads = UploadFolder()
+        self._robots: dict[str, str | Path] = {name: name for name in PRESETS}
+        gui = page.gui
+        with gui.add_folder("Another set", expand_by_default=False):
+            self.upload = page.upload(
+                "Upload", self._uploaded,
+                hint="a zip of a measurement set or session, its files one by one, or a robot's URDF",
+            )  # fmt: skip
+            self._waiting = gui.add_html(dim(WAITING))
+            self._robot = page.watch(
+                gui.add_dropdown(
+                    "Robot", PRESETS, initial_value=PRESETS[0], hint="an uploaded URDF can be chosen here too"
+                )
+            )
+            self._effect = page.watch(
+                gui.add_dropdown("Hide", (SURPRISE, NOTHING, *hideable()), initial_value=SURPRISE)
+            )
+            self.quiz = page.button(
+                "Quiz me", self._simulate,
+                hint="simulates a set with a hidden effect; the truth stays hidden until you ask for it",
+            )  # fmt: skip
+        store.subscribe(Change.CLOSED, self._uploads.close)
+
+    def _simulate(self) -> None:
+        def progress(news: Progress) -> None:
+            self._store.say(f"simulating: {100 * (news.share or 0.0):.0f} %", "busy")
+
+        self._store.say("simulating", "busy")
+        self._store.tasks.start(
+            SimulateQuiz(self._robots[self._robot.value], self._effect.value),
+            self._open,
+            progress=progress,
+            stopped=lambda: self._store.say("stopped simulating"),
+        )
+
+    def _read(self, task: Task[Any], done: Callable[[Any], None]) -> None:
+        """Start reading an upload."""
+        self._store.tasks.start(task, done, stopped=lambda: self._store.say("stopped reading the upload"))
+
+    def _uploaded(self, file: Any) -> None:
+        """A browser has sent a file (`name`, `content`)."""
+        if file.name.lower().endswith(".zip"):
+            self._store.say("unpacking", "busy")
+            self._read(
+                Unpack(self._uploads, file.name, file.content), lambda _: self._look(self._uploads.urdf())
+            )
+            return
+        try:
+            place = self._uploads.put(file.name, file.content)
+        except FlexvizError as error:
+            self._store.fail(f"upload: {error}")
+            return
+        self._look(place if place.suffix.lower() == ".urdf" else None)
+
+    def _look(self, urdf: Path | None) -> None:
+        """Is there a whole set now, or a robot alone?"""
+        store, uploads = self._store, self._uploads
+        try:
+            missing = uploads.missing()
+            if uploads.no_set and urdf is not None:
+                self._offer_robot(urdf)
+            elif missing:
+                names = ", ".join(missing[:NAMED_FILES])
+                text = f"{plural(uploads.count, 'file')} uploaded; still missing: {names}"
+                self._waiting.content = warning(escape(text))
+                store.say(text)
+            else:
+                store.say("reading the upload", "busy")
+                self._read(AcceptUpload(uploads), self._open)
+        except FlexvizError as error:
+            store.fail(f"upload: {error}")
+
+    def _offer_robot(self, urdf: Path) -> None:
+        """A URDF alone: it can be simulated, or be the robot of a set that follows."""
+        try:
+            robot = Robot.load(urdf)
+        except FlexvizError as error:
+            urdf.unlink()
+            raise InputError(str(error).replace(f"{urdf.parent}/", "")) from None
+        self._robots[urdf.name] = urdf
+        self._robot.options = tuple(self._robots)
+        self._robot.value = urdf.name
+        text = (
+            f"{urdf.name}: {robot.name}, {plural(robot.n, 'joint')}. Quiz me simulates a set with it; "
+            "or upload the measurements.toml that names it."
+        )
+        self._waiting.content = dim(escape(text))
+        self._store.say(f"{urdf.name} uploaded")
+
+    def _open(self, folder: Path) -> None:
+        self._waiting.content = dim(WAITING)
+        self._store.open_path(folder)

@@ -1,0 +1,367 @@
+"""The store: what is open, selected and under way, and the signal that says what has changed.
+
+Steps, plots and the scene know only this. They change it through its methods and draw what it holds whenever
+it tells them so. Only the loop's thread calls it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from flexviz.app.clock import PlaybackClock
+from flexviz.app.runner import TaskRunner
+from flexviz.app.state import (
+    Activity,
+    Change,
+    Derived,
+    FitProgress,
+    Highlight,
+    Message,
+    Opened,
+    Tone,
+    Turn,
+    ViewSettings,
+)
+from flexviz.app.tasks import IdleTask, OpenSet, SetTask
+from flexviz.jobs import Task
+from flexviz.progress import Progress, ProgressCallback
+from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
+from flexviz.session import Analysis, Session
+from flexviz.view import progress_text
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import FreeCurve, ResidualMap
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+
+Result = TypeVar("Result")
+KEPT_RESULTS = 8  # whose simulated motions and maps are kept, so that undo shows them at once
+
+
+@dataclass(frozen=True)
+class _Subscriber:
+    stage: Turn
+    changes: Change
+    act: Callable[[], None]
+
+
+class Store:
+    """The state of the application.
+
+    Attributes:
+        opened: the measurement set.
+        session: its analysis with the history; `change` goes on with it.
+        folder: where the session is saved, or None.
+        joint, group: what is selected.
+        clock: the instant that is shown.
+        activity: what the user waits for, or None.
+        last_action: what was done last, for a log.
+        saved: the session as it was last saved.
+    """
+
+    def __init__(self, tasks: TaskRunner, alert: Callable[[str], None], step: str = "") -> None:
+        """`alert` shows a failure to the user; `step` is the first step."""
+        self.tasks, self._alert = tasks, alert
+        self.clock = PlaybackClock()
+        self.step = step
+        self.view = ViewSettings()
+        self.message = Message()
+        self.activity: Activity | None = None
+        self.saved: Session | None = None
+        self.last_action = ""
+        self._subscribers: list[_Subscriber] = []
+        self._untold = Change(0)
+        self._telling = False
+
+    # -- the signal ----------------------------------------------------------------------------------
+
+    def subscribe(self, changes: Change, act: Callable[[], None], stage: Turn = Turn.PLOTS) -> None:
+        """Call `act` after any of these changes, stage by stage and then in the order of subscription."""
+        self._subscribers.append(_Subscriber(stage, changes, act))
+        self._subscribers.sort(key=lambda subscriber: subscriber.stage)
+
+    def tell(self, change: Change) -> None:
+        """Tell the subscribers; what one of them changes is told once all have heard of this."""
+        self._untold |= change
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while change := self._untold:
+                self._untold = Change(0)
+                for subscriber in self._subscribers:
+                    if subscriber.changes & change:
+                        subscriber.act()
+        finally:
+            self._telling, self._untold = False, Change(0)
+
+    # -- what is open --------------------------------------------------------------------------------
+
+    def open(self, opened: Opened) -> None:
+        """Show a set or session."""
+        self.tasks.stop(SetTask)
+        self.opened, self.folder = opened, opened.folder
+        self.session = opened.session or Session.of(opened.measurements)
+        self.joint, self.group = 0, opened.measurements.groups[0]
+        self.view = replace(self.view, deflection=None)
+        self.fit, self.check, self.message = FitProgress(), "", Message()
+        self.highlight: Highlight | None = None
+        self._derived = [Derived(None)]  # the present result's last
+        self._motion: tuple[tuple[Any, ...], RobotMotion] | None = None
+        self._span()
+        self.tell(Change.OPENED)
+
+    @property
+    def measurements(self) -> MeasurementSet:
+        """The measurement set."""
+        return self.opened.measurements
+
+    @property
+    def analysis(self) -> Analysis:
+        """The present state of the analysis."""
+        return self.session.analysis
+
+    def open_path(self, path: Path, what: str = "") -> None:
+        """Read a set or session, `what` to the user, and show it."""
+
+        def failed(reason: str) -> None:
+            self.fail(reason)
+            self.tell(Change.FOLDER)  # whoever names what is open names the old one again
+
+        self.say(f"opening {what or path.name}", "busy")
+        self.tasks.start(OpenSet(path), self.open, failed=failed)
+
+    def set_folder(self, folder: Path | None) -> None:
+        """The session is saved here from now on (None: under a name of its own)."""
+        self.folder = folder
+        self.tell(Change.FOLDER)
+
+    def mark_saved(self, session: Session, folder: Path) -> None:
+        """This session has been saved there."""
+        self.saved, self.folder = session, folder
+        self.tell(Change.SAVED | Change.FOLDER)
+
+    # -- the analysis --------------------------------------------------------------------------------
+
+    def change(self, label: str, analysis: Analysis) -> None:
+        """Go on to a new state of the analysis; changes with one label in a row count as one."""
+        self._go(label, self.session.then(label, analysis), Change.NEW_STATE)
+
+    def undo(self) -> None:
+        """Go one state back."""
+        self._go(f"undone: {self.session.present.label}", self.session.undo(), Change.HISTORY)
+
+    def redo(self) -> None:
+        """Go one undone state forward."""
+        session = self.session.redo()
+        self._go(f"redone: {session.present.label}", session, Change.HISTORY)
+
+    def _go(self, action: str, session: Session, change: Change) -> None:
+        before, self.session = self.analysis, session
+        after = self.analysis
+        if after.same_as(before):
+            return
+        self.last_action = action
+        if change & Change.HISTORY:
+            self.message = Message(action)
+        change |= Change.ANALYSIS
+        if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
+            change |= Change.OBSERVER
+        if after.identification is not before.identification:
+            change |= Change.RESULT
+        if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
+            change |= Change.DIAGNOSIS
+        self.tell(change)
+
+    def note_recording(self, file: Path) -> None:
+        """Remember a recording of this session."""
+        self.session = self.session.with_recording(file)
+
+    # -- what follows from it ------------------------------------------------------------------------
+
+    @property
+    def derived(self) -> Derived:
+        """What is computed of the present result; kept for a while."""
+        result = self.analysis.identification
+        if self._derived[-1].result is not result:
+            same = self.derived_of(result) or Derived(result)
+            others = [derived for derived in self._derived if derived is not same]
+            self._derived = [*others[1 - KEPT_RESULTS :], same]
+        return self._derived[-1]
+
+    def derived_of(self, result: Identification | None) -> Derived | None:
+        """What is computed of a result, while it is kept."""
+        return next((derived for derived in self._derived if derived.result is result), None)
+
+    @property
+    def motion(self) -> RobotMotion:
+        """The motion of both robots in the selected group."""
+        result, group = self.analysis.identification, self.group
+        run = self.derived.replays.get(group.name)
+        if self._motion is None or any(
+            a is not b for a, b in zip(self._motion[0], (result, group, run), strict=True)
+        ):
+            motion = measured_motion(self.measurements, group, result)
+            self._motion = (result, group, run), motion if run is None else with_replay(motion, run)
+        return self._motion[1]
+
+    @property
+    def deflection(self) -> float:
+        """By how much the deflection is exaggerated."""
+        return nice_factor(self.motion) if self.view.deflection is None else self.view.deflection
+
+    @property
+    def maps(self) -> tuple[ResidualMap, ...]:
+        """Where the present model's residual lies: from the diagnosis, or computed in idle time."""
+        analysis = self.analysis
+        if analysis.diagnosis is not None and analysis.diagnosis_up_to_date and analysis.diagnosis.maps:
+            return analysis.diagnosis.maps
+        return self.derived.maps
+
+    @property
+    def free_curve(self) -> FreeCurve | None:
+        """The free curve of the diagnosis, where it drew one."""
+        analysis = self.analysis
+        return analysis.diagnosis.free_curve if analysis.diagnosis and analysis.diagnosis_up_to_date else None
+
+    # -- what is shown -------------------------------------------------------------------------------
+
+    def select(self, *, joint: int | None = None, group: str | None = None) -> None:
+        """Show another joint, or another group, everywhere."""
+        if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
+            self.joint = joint
+            self.tell(Change.JOINT)
+        if group is not None and group != self.group.name:
+            self.group = self.measurements.group(group)
+            self._span()
+            self.tell(Change.GROUP)
+
+    def _span(self) -> None:
+        """Let the clock run over the selected group."""
+        segments = self.group.segments
+        self.clock.span(float(segments[0].time[0]), float(segments[-1].time[-1]))
+
+    @property
+    def joint_name(self) -> str:
+        """The selected joint."""
+        return self.measurements.joints[self.joint]
+
+    def go(self, step: str) -> None:
+        """Show another step's controls."""
+        self.step = step
+        self.tell(Change.STEP)
+
+    def set_view(self, view: ViewSettings) -> None:
+        """Draw the robots like this."""
+        self.view = view
+        self.tell(Change.VIEW)
+
+    def set_highlight(self, highlight: Highlight | None) -> None:
+        """Mark these instants; None marks nothing."""
+        if highlight is not None or self.highlight is not None:
+            self.highlight = highlight
+            self.tell(Change.HIGHLIGHT)
+
+    def set_check(self, sentence: str) -> None:
+        """What the groups and effects can identify (HTML)."""
+        if sentence != self.check:
+            self.check = sentence
+            self.tell(Change.CHECK)
+
+    def say(self, text: str, tone: Tone = "") -> None:
+        """Write the status line."""
+        self.message = Message(text, tone)
+        self.tell(Change.MESSAGE)
+
+    def fail(self, reason: str) -> None:
+        """Say what went wrong where nobody overlooks it; the app stays usable."""
+        self.say(reason, "bad")
+        self._alert(reason)
+
+    # -- what is under way ---------------------------------------------------------------------------
+
+    def await_task(
+        self,
+        task: Task[Result],
+        done: Callable[[Result], None],
+        *,
+        begin: str,
+        stopped: str,
+        progress: ProgressCallback | None = None,
+        share: float = 0.0,
+    ) -> None:
+        """Start a task that the user waits for, one at a time.
+
+        Args:
+            done: gets its result.
+            begin, stopped: what the status line says when it starts, and when it ends without a result.
+            progress: gets its progress; by default `report`.
+            share: where the progress bar starts.
+        """
+
+        def end(act: Callable[[], None]) -> None:
+            self.activity = None
+            try:
+                act()
+            finally:
+                self.tell(Change.ACTIVITY)
+
+        self.activity = Activity(task, share)
+        self.say(begin, "busy")
+        self.tasks.start(
+            task,
+            done=lambda result: end(lambda: done(result)),
+            progress=progress or self.report,
+            failed=lambda reason: end(lambda: self.fail(reason)),
+            stopped=lambda: end(lambda: self.say(stopped)),
+        )
+        self.tell(Change.ACTIVITY)
+
+    def report(self, news: Progress) -> None:
+        """Show the progress of what the user waits for."""
+        if news.iteration is not None:
+            self.fit.iterations.append(news.iteration)
+            self.tell(Change.FIT)
+            self.say(progress_text(self.fit.iterations), "busy")
+            return
+        if self.activity is not None:
+            self.activity = replace(self.activity, share=news.share or 0.0)
+            self.tell(Change.PROGRESS)
+        self.say(news.text, "busy")
+
+    def stop(self) -> None:
+        """Stop what runs; identification and sweep keep what they have."""
+        if self.activity is not None:
+            self.tasks.stop(type(self.activity.task))
+            self.say("stopping", "busy")
+
+    @property
+    def running(self) -> bool:
+        """True while the user waits for something."""
+        return self.activity is not None
+
+    def runs(self, kind: type[Task[Any]]) -> bool:
+        """Whether it is a task of this class."""
+        return self.activity is not None and isinstance(self.activity.task, kind)
+
+    @property
+    def why_not(self) -> str:
+        """Why no fit can be started now, or ""."""
+        if self.running:
+            return "something is running"
+        return "" if self.analysis.groups_with("fit") else "no group is set to Fit in step Data"
+
+    def may_start(self, what: str) -> bool:
+        """Whether a fit can be started now; says why not (a key or command may ask at any time)."""
+        if self.why_not:
+            self.say(f"{what} is off: {self.why_not}", "bad")
+        return not self.why_not
+
+    def begin_fit(self, effects: tuple[str, ...], single: bool = True) -> None:
+        """A fit with these effects begins: what is computed in idle time makes room."""
+        self.tasks.stop(IdleTask)
+        self.fit = FitProgress(effects, single)
+        self.tell(Change.FIT)

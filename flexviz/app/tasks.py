@@ -1,0 +1,260 @@
+"""The long work on a measurement set: open, identify, check, sweep, diagnose, simulate. No viser."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from flexviz.app.state import Opened
+from flexviz.errors import Cancelled, InputError
+from flexviz.jobs import Task
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
+from flexviz.scene import robot_shape
+from flexviz.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
+from flexviz.view import truth_values
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis, ResidualMap
+    from flexviz.identification import Identification, SweepResult
+    from flexviz.measurements import MeasurementSet
+    from flexviz.model import FlexibleModel
+    from flexviz.simulation import Run
+
+Result = TypeVar("Result")
+WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "flexviz.simulation")
+
+
+class SetTask(Task[Result]):
+    """Work on the open measurement set; another set makes it pointless."""
+
+
+class IdleTask(SetTask[Result]):
+    """Work that nobody waits for; it makes room for a fit."""
+
+
+@dataclass(frozen=True)
+class OpenSet(Task[Opened]):
+    """Read a measurement set, or a session and its set, and the robot's shape."""
+
+    path: Path
+    in_process = False
+
+    def run(self, progress: ProgressCallback = ignore, should_stop: StopCallback = never) -> Opened:
+        """Read it."""
+        saved = is_session(self.path)
+        opened = open_session(self.path)
+        measurements = opened.measurements
+        shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
+        session, folder = (opened.session, opened.folder.resolve()) if saved else (None, None)
+        return Opened(measurements, shape, truth, session, folder)
+
+
+def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
+    """The values a simulated set was made with, or None."""
+    file = folder / "truth.json"
+    if not file.is_file():
+        return None
+    try:
+        return truth_values(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(f"not a usable truth file ({error})", file=file) from None
+
+
+@dataclass(frozen=True)
+class Identify(SetTask["Identification"]):
+    """Identify with these settings."""
+
+    analysis: Analysis
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
+        """Identify; stopped, the result is what the solver has."""
+        return _identify(self.analysis, progress, should_stop)
+
+
+@dataclass(frozen=True)
+class CheckParameters(IdleTask["Identification"]):
+    """A trial fit that shows what these groups and effects can identify."""
+
+    analysis: Analysis
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
+        """Identify without refinement."""
+        return _identify(replace(self.analysis, refine=False), progress, should_stop)
+
+
+def _identify(analysis: Analysis, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
+    from flexviz.identification import identify
+
+    return identify(
+        chosen_set(analysis),
+        effects=analysis.effects,
+        observer=analysis.observer,
+        bandwidth=analysis.bandwidth,
+        refine=analysis.refine,
+        progress=progress,
+        should_stop=should_stop,
+    )
+
+
+@dataclass(frozen=True)
+class Sweep(SetTask["SweepResult"]):
+    """Identify at several bandwidths [rad/s]."""
+
+    analysis: Analysis
+    bandwidths: tuple[float, ...]
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> SweepResult:
+        """Identify at each; stopped, the result holds those that are done."""
+        from flexviz.identification import sweep
+
+        return sweep(
+            chosen_set(self.analysis),
+            self.analysis.observer,
+            self.bandwidths,
+            effects=self.analysis.effects,
+            progress=progress,
+            should_stop=should_stop,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class AddedEffect:
+    """A model with one effect more: all effects beside the set's own, and its identification."""
+
+    effects: tuple[str, ...]
+    identification: Identification
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosedSet:
+    """What `Diagnose` found.
+
+    Attributes:
+        diagnosis: of the model it started with.
+        identification: of that model; None where it was known before.
+        added: the models after each added effect.
+    """
+
+    diagnosis: Diagnosis
+    identification: Identification | None
+    added: tuple[AddedEffect, ...] = ()
+
+
+@dataclass(frozen=True)
+class Diagnose(SetTask[DiagnosedSet]):
+    """Identify where needed, then look for missing effects; with `apply` add all that are found.
+
+    Attributes:
+        model: the identified model, where there is one already.
+    """
+
+    analysis: Analysis
+    model: FlexibleModel | None
+    apply: bool
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
+        """Look; progress holds the identification's iterations and the diagnosis's sentences."""
+        from flexviz.diagnosis import diagnose
+
+        analysis, known = self.analysis, self.model
+        identification = None
+        if known is None:
+            identification = _identify(analysis, progress, should_stop)
+            if should_stop():
+                raise Cancelled
+            known = identification.model if identification.converged else None
+        if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
+            known = None  # another observer's values may lie far from where the diagnosis would start
+        measurements = chosen_set(analysis)
+        measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
+        diagnosis = diagnose(
+            measurements, apply=self.apply, start=known, progress=progress, should_stop=should_stop
+        )
+        added: list[AddedEffect] = []
+        effects = analysis.effects
+        for step in diagnosis.steps[1:] if self.apply else ():
+            if step.added is None or should_stop():
+                break
+            effects = (*effects, step.added.text)
+            fitted = replace(analysis, effects=effects)
+            added.append(AddedEffect(effects, _identify(fitted, progress, should_stop)))
+        return DiagnosedSet(diagnosis, identification, tuple(added))
+
+
+@dataclass(frozen=True)
+class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
+    """Find where a model's residual lies: every joint's, against every variable."""
+
+    analysis: Analysis
+    model: FlexibleModel
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[ResidualMap, ...]:
+        """Map it as the diagnosis does."""
+        from flexviz.diagnosis import maps_of
+
+        def check() -> None:
+            if should_stop():
+                raise Cancelled
+
+        return maps_of(chosen_set(self.analysis), self.model, self.analysis.effects, check)
+
+
+@dataclass(frozen=True)
+class Replay(IdleTask["Run"]):
+    """Simulate the identified model along one group's recording."""
+
+    path: Path
+    model: FlexibleModel
+    group: str
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Run:
+        """Simulate it."""
+        from flexviz.simulation import replay
+
+        measurements = cached_set(self.path)
+        return replay(
+            measurements.robot,
+            self.model,
+            measurements.group(self.group),
+            measurements.kp,
+            measurements.kd,
+            torque_hold=measurements.torque_hold,
+            progress=progress,
+            should_stop=should_stop,
+        )
+
+
+def chosen_set(analysis: Analysis) -> MeasurementSet:
+    """The measurement set with its groups used as the analysis says."""
+    return with_roles(cached_set(analysis.path), dict(analysis.roles))
+
+
+def cached_set(path: Path) -> MeasurementSet:
+    """The set as this process last read it; read again when its file has changed."""
+    return _read(path, (path / "measurements.toml").stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=1)
+def _read(path: Path, stamp: int) -> MeasurementSet:
+    from flexviz.importing.doubts import with_doubts
+    from flexviz.measurements import read_set
+
+    return with_doubts(read_set(path))
+
+
+def sets_beside(*paths: Path) -> dict[str, Path]:
+    """Name -> folder of what can be opened: `paths`, and what is bundled, in ./sessions, or beside them."""
+    from flexviz.resources import sessions_dir
+
+    found: dict[str, Path] = {}
+    for parent in (*(path.parent for path in paths), Path.cwd() / "sessions", sessions_dir()):
+        names = ("measurements.toml", SESSION_FILE)
+        for folder in sorted({file.parent for name in names for file in parent.glob(f"*/{name}")})[:200]:
+            if folder.resolve() not in found.values():
+                found.setdefault(folder.name, folder.resolve())
+    for path in paths:
+        found.setdefault(path.name, path.resolve())
+    return found
