@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexviz._pinocchio import pin
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.effects.elastic_joint import hardened
-from flexviz.exporting import Document, Subject, subject_of
+from flexviz.exporting import Document, IdentifiedRobot, identified_robot
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
 from flexviz.simulation import Plan, inject, make_plan, simulate_plan, write_plan
@@ -47,11 +47,11 @@ def document(model: FlexibleModel, **more: Any) -> Document:
     )
 
 
-def made_subject(
+def identified(
     measurements: MeasurementSet, model: FlexibleModel, payload: str | None = None, **more: Any
-) -> Subject:
+) -> IdentifiedRobot:
     """A model as an export takes it."""
-    return subject_of(measurements, document(model, **more), payload=payload)
+    return identified_robot(measurements, document(model, **more), payload=payload)
 
 
 def motion(n: int, seed: int = 0) -> tuple[Array, Array]:
@@ -75,21 +75,21 @@ def differentiated(x: Array, order: int) -> Array:
     return np.fft.irfft(spectrum * factor[:, None], len(x), axis=0)
 
 
-def library_link_torque(subject: Subject, q: Array) -> Array:
+def library_link_torque(made: IdentifiedRobot, q: Array) -> Array:
     """(N, n) what Pinocchio says the links take for a motion (5, N, n), with viscous friction [Nm]."""
-    robot = subject.robot
-    model = robot.model_with(subject.model.inertial, subject.laws.bodies, subject.laws.gravity)
+    robot = made.robot
+    model = robot.model_with(made.model.inertial, made.laws.bodies, made.laws.gravity)
     data = model.createData()
     rows = [np.ascontiguousarray(robot.to_pin(x)) for x in q[:3]]
     torque = np.array([pin.rnea(model, data, *row).copy() for row in zip(*rows, strict=True)])
-    return robot.from_pin(torque) + subject.model.link_viscous_friction * q[1]
+    return robot.from_pin(torque) + made.model.link_viscous_friction * q[1]
 
 
-def library_motor_torque(subject: Subject, time: Array, q: Array, theta: Array, load: Array) -> Array:
+def library_motor_torque(made: IdentifiedRobot, time: Array, q: Array, theta: Array, load: Array) -> Array:
     """(N, n) motor torque by the effects' own laws [Nm], for the motors' motion theta (3, N, n)."""
-    model = subject.model
+    model = made.model
     torque = load + model.motor_inertia * theta[2] + model.motor_viscous_friction * theta[1]
-    gain = np.ones(subject.robot.n)
+    gain = np.ones(made.robot.n)
     for effect in model.effects:
         i = 0 if effect.joint is None else model.joints.index(effect.joint)
         law, values = EFFECTS[effect.effect], np.array(list(effect.parameters.values()))
@@ -117,8 +117,8 @@ def seen(model: FlexibleModel, i: int, time: Array, q: Array, theta: Array, load
     )
 
 
-def deflections(subject: Subject, load: Array) -> Array:
+def deflections(made: IdentifiedRobot, load: Array) -> Array:
     """(N, n) deflection of the library's elastic law at the torque `load` (N, n)."""
-    laws = subject.laws
+    laws = made.laws
     columns = zip(load.T, laws["stiffness"], laws["cubic"], strict=True)
     return np.stack([hardened(torque, float(k), float(k3)) for torque, k, k3 in columns], axis=1)

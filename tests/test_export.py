@@ -15,13 +15,13 @@ from flexviz import export
 from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES
 from flexviz.errors import InputError
-from flexviz.exporting import FORMATS, read_result, subject_of, write
+from flexviz.exporting import FORMATS, identified_robot, read_result, write
 from flexviz.exporting.documents import model_of
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, fingerprint, read_set
 from flexviz.model import FlexibleModel
 from flexviz.session import Session, save_session
-from tests.exporting_cases import document, made_subject, plan, short_set
+from tests.exporting_cases import document, identified, plan, short_set
 from tests.small_set import write_small_set
 from tests.test_view_diagnosis import DIAGNOSIS, STEP
 
@@ -90,7 +90,7 @@ def test_parameters_say_everything(small: MeasurementSet, found: Identification,
 
 def test_every_effect_comes_back(planar: MeasurementSet, tmp_path: Path) -> None:
     model = plan("planar-2r", *EFFECT_NAMES).model
-    done = write(made_subject(planar, model), tmp_path / "out", ["json", "yaml"])
+    done = write(identified(planar, model), tmp_path / "out", ["json", "yaml"])
     for name in ("json", "yaml"):
         assert same(model_of(read_result(done.files[name][0]), planar.joints, "x"), model)
 
@@ -99,7 +99,7 @@ def test_yaml_is_the_json_for_old_and_new_readers(planar: MeasurementSet, tmp_pa
     """Programs that read YAML 1.1 take `yes` for a truth value and 1e-05 for a text, if they are let."""
     model = plan("planar-2r", "coulomb_friction").model
     tiny = replace(model, motor_viscous_friction=np.array([1e-5, 2.5e-17]), stiffness=np.array([1e20, 900.0]))
-    done = write(made_subject(planar, tiny), tmp_path / "out", ["json", "yaml"])
+    done = write(identified(planar, tiny), tmp_path / "out", ["json", "yaml"])
     expected = json.loads(done.files["json"][0].read_text(encoding="utf-8"))
     for version in ((1, 1), (1, 2)):
         reader = YAML(typ="safe", pure=True)
@@ -138,9 +138,9 @@ def test_a_diagnosis_is_exported_by_its_final_model(
 
 def test_remarks(small: MeasurementSet, found: Identification, tmp_path: Path) -> None:
     doubtful = replace(found, converged=False, stopped=True)
-    made = subject_of(small, doubtful)
+    made = identified_robot(small, doubtful)
     assert len(made.remarks) == 2 and "did not converge" in made.remarks[0]
-    older = subject_of(small, document(found.model, set_sha256="0" * 64))
+    older = identified_robot(small, document(found.model, set_sha256="0" * 64))
     assert older.remarks == ("The measurement set has changed since these values were found.",)
     done = write(made, tmp_path / "out")
     for files in done.files.values():
@@ -289,7 +289,7 @@ def test_not_converged(folder: Path, found: Identification, tmp_path: Path, caps
         (["--effect", "no_such"], 'effect "no_such" does not exist'),
         (["--out", "{full}"], "the folder is not empty, expected a new or empty folder"),
         (["--out", "{full}/there"], "this is a file, expected a new folder"),
-        (["--out", "{full}/there/out"], "full/there: this is a file, a folder would be right"),
+        (["--out", "{full}/there/out"], "full/there: this is a file, expected a folder"),
     ],
 )
 def test_bad_usage(

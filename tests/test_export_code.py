@@ -18,20 +18,19 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, LawEffect, forget_effects, load_effects
 from flexviz.errors import InputError
-from flexviz.exporting import FORMATS, Subject
-from flexviz.exporting.code import c_code, python_code
+from flexviz.exporting import FORMATS, IdentifiedRobot
+from flexviz.exporting.code import c_code, python_code, section_names, with_sections
+from flexviz.exporting.code_tables import code_tables
 from flexviz.exporting.parameters import json_parameters
-from flexviz.exporting.sections import section_names, with_sections
-from flexviz.exporting.values import numbers
 from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue
 from flexviz.robot import Robot
 from tests.exporting_cases import (
     deflections,
     differentiated,
+    identified,
     library_link_torque,
     library_motor_torque,
-    made_subject,
     motion,
     plan,
     seen,
@@ -66,7 +65,7 @@ class Calculated:
     link: Array
 
 
-Run = Callable[[Subject, Path, Array, Array | float, bool], Calculated]
+Run = Callable[[IdentifiedRobot, Path, Array, Array | float, bool], Calculated]
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +78,9 @@ def panda(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
     return short_set("panda", tmp_path_factory.mktemp("panda"))
 
 
-def module_of(subject: Subject, folder: Path) -> ModuleType:
+def module_of(made: IdentifiedRobot, folder: Path) -> ModuleType:
     """The exported Python, imported by itself."""
-    ((name, content),) = python_code(subject)[0].items()
+    ((name, content),) = python_code(made).contents.items()
     (folder / name).write_bytes(content)
     spec = importlib.util.spec_from_file_location(f"exported_{abs(hash(folder))}", folder / name)
     assert spec is not None and spec.loader is not None
@@ -90,8 +89,10 @@ def module_of(subject: Subject, folder: Path) -> ModuleType:
     return module
 
 
-def run_python(subject: Subject, folder: Path, q: Array, time: Array | float, remember: bool) -> Calculated:
-    module = module_of(subject, folder)
+def run_python(
+    made: IdentifiedRobot, folder: Path, q: Array, time: Array | float, remember: bool
+) -> Calculated:
+    module = module_of(made, folder)
     memory = [module.Memory() if remember else None for _ in range(2)]
     out = module.inverse_dynamics(*q, time=time, memory=memory[0])
     rigid = module.rigid_inverse_dynamics(*q[:3], time=time, memory=memory[1])
@@ -102,17 +103,17 @@ def run_python(subject: Subject, folder: Path, q: Array, time: Array | float, re
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
 
 
-def sources_of(subject: Subject, folder: Path) -> Path:
+def sources_of(made: IdentifiedRobot, folder: Path) -> Path:
     """The exported C, written to `folder`."""
     folder.mkdir(exist_ok=True)
-    for name, content in c_code(subject)[0].items():
+    for name, content in c_code(made).contents.items():
         (folder / name).write_bytes(content)
-    return folder / f"{subject.name}_dynamics.c"
+    return folder / f"{made.name}_dynamics.c"
 
 
-def run_c(subject: Subject, folder: Path, q: Array, time: Array | float, remember: bool) -> Calculated:
+def run_c(made: IdentifiedRobot, folder: Path, q: Array, time: Array | float, remember: bool) -> Calculated:
     """The exported C, compiled without a warning, called as another program would."""
-    n, count, name = subject.robot.n, len(q[0]), subject.name
+    n, count, name = made.robot.n, len(q[0]), made.name
     compiled = folder / f"{len(list(folder.iterdir()))}.so"  # one of the same name would not be loaded again
     command = [
         str(GCC),
@@ -122,7 +123,7 @@ def run_c(subject: Subject, folder: Path, q: Array, time: Array | float, remembe
         "-fPIC",
         "-o",
         compiled,
-        sources_of(subject, folder),
+        sources_of(made, folder),
         "-lm",
     ]
     subprocess.run(command, check=True)
@@ -158,62 +159,62 @@ def run_c(subject: Subject, folder: Path, q: Array, time: Array | float, remembe
 LANGUAGES = [pytest.param(run_python, id="python"), pytest.param(run_c, id="c", marks=needs_gcc)]
 
 
-def check(subject: Subject, folder: Path, run: Run, *, remember: bool = False) -> Calculated:
+def check(made: IdentifiedRobot, folder: Path, run: Run, *, remember: bool = False) -> Calculated:
     """Compare with the library along a periodic motion, without asking for a derivative of the code's own."""
-    time, q = motion(subject.robot.n)
-    found = run(subject, folder, q, time, remember)
-    load = library_link_torque(subject, q)
+    time, q = motion(made.robot.n)
+    found = run(made, folder, q, time, remember)
+    load = library_link_torque(made, q)
     scale = np.abs(load).max()
     np.testing.assert_allclose(found.tau_joint, load, atol=EXACT * scale)
     np.testing.assert_allclose(found.link, load, atol=EXACT * scale)
     gear = np.zeros_like(load)
-    for effect in subject.model.effects:
+    for effect in made.model.effects:
         if effect.effect == "transmission_error":
-            i = subject.joints.index(str(effect.joint))
-            at = seen(subject.model, i, time, q, np.stack([found.theta] * 3), load)
+            i = made.joints.index(str(effect.joint))
+            at = seen(made.model, i, time, q, np.stack([found.theta] * 3), load)
             law, values = EFFECTS["transmission_error"], np.array(list(effect.parameters.values()))
             assert isinstance(law, LawEffect)
             gear[:, i] += law.law(at, values)[0]
-    np.testing.assert_allclose(found.theta + gear, q[0] + deflections(subject, load), atol=EXACT)
+    np.testing.assert_allclose(found.theta + gear, q[0] + deflections(made, load), atol=EXACT)
     theta = np.stack([found.theta, differentiated(found.theta, 1), differentiated(found.theta, 2)])
     np.testing.assert_allclose(found.theta_velocity, theta[1], atol=EXACT * 10)
-    torque = library_motor_torque(subject, time, q, theta, load)
+    torque = library_motor_torque(made, time, q, theta, load)
     np.testing.assert_allclose(found.tau, torque, atol=EXACT * np.abs(torque).max())
-    rigid = library_motor_torque(subject, time, q, q[:3], load)
+    rigid = library_motor_torque(made, time, q, q[:3], load)
     np.testing.assert_allclose(found.rigid, rigid, atol=EXACT * np.abs(rigid).max())
     return found
 
 
 @pytest.mark.parametrize("run", LANGUAGES)
 def test_base_model(run: Run, planar: MeasurementSet, tmp_path: Path) -> None:
-    made = made_subject(planar, plan("planar-2r").model)
+    made = identified(planar, plan("planar-2r").model)
     check(made, tmp_path, run)
-    assert section_names(c_code(made)[0]["planar_2r_dynamics.c"].decode()) == set()
+    assert section_names(c_code(made).contents["planar_2r_dynamics.c"].decode()) == set()
 
 
 @pytest.mark.parametrize("effect", MOTOR)
 def test_each_effect_in_python(effect: str, planar: MeasurementSet, tmp_path: Path) -> None:
     model = plan("planar-2r", effect).model
-    check(made_subject(planar, model), tmp_path, run_python, remember=effect == "presliding_hysteresis")
+    check(identified(planar, model), tmp_path, run_python, remember=effect == "presliding_hysteresis")
 
 
 @needs_gcc
 def test_many_effects_in_c(panda: MeasurementSet, tmp_path: Path) -> None:
     hidden = [f"{effect}:panda_joint{1 + k % 6}" for k, effect in enumerate(MOTOR) if effect != "base_tilt"]
     model = plan("panda", "base_tilt", *hidden).model
-    check(made_subject(panda, model), tmp_path, run_c, remember=True)
+    check(identified(panda, model), tmp_path, run_c, remember=True)
 
 
 @needs_gcc
 def test_c_and_python_agree_with_everything_on(planar: MeasurementSet, tmp_path: Path) -> None:
     everything = [name for name in EFFECTS if name not in ("payload_error", "external_contact")]
-    made = made_subject(planar, plan("planar-2r", *everything).model)
+    made = identified(planar, plan("planar-2r", *everything).model)
     time, q = motion(2)
     c, python = (run(made, tmp_path, q, time, True) for run in (run_c, run_python))
     for name in ("tau", "theta", "theta_velocity", "tau_joint", "rigid", "link"):
         one, other = getattr(c, name), getattr(python, name)
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
-    assert set(numbers(made).sections) >= section_names(
+    assert set(code_tables(made).sections) >= section_names(
         (Path(__file__).parent.parent / "flexviz/exporting/template.c").read_text()
     )
 
@@ -225,7 +226,7 @@ def test_c_with_one_effect_has_what_it_needs(planar: MeasurementSet, tmp_path: P
     for effect in (name for name in EFFECTS if name not in ("payload_error", "external_contact")):
         model = plan("planar-2r", effect).model
         one = replace(model, effects=tuple(e for e in model.effects if e.joint in (None, "joint2")))
-        sources.append(sources_of(made_subject(planar, one), tmp_path / effect))
+        sources.append(sources_of(identified(planar, one), tmp_path / effect))
     run = subprocess.run([str(GCC), *STRICT, "-fsyntax-only", *sources], capture_output=True, text=True)
     assert run.returncode == 0 and run.stderr == "", run.stderr
 
@@ -244,7 +245,7 @@ def test_sliding_joints_in_another_order(panda: MeasurementSet, tmp_path: Path) 
         motor_viscous_friction=ones, inertial=robot.cad_parameters,
     )  # fmt: skip
     measurements = replace(panda, robot=robot, joints=robot.joints)
-    check(made_subject(measurements, model), tmp_path, run_python)
+    check(identified(measurements, model), tmp_path, run_python)
 
 
 @pytest.mark.parametrize("run", LANGUAGES)
@@ -252,17 +253,17 @@ def test_payload_is_carried_as_found(run: Run, planar: MeasurementSet, tmp_path:
     wrong = EffectValue("payload_error", None, {"relative_mass_error": 0.3}, payload="p2")
     other = EffectValue("payload_error", None, {"relative_mass_error": 0.5}, payload="p3")
     model = replace(plan("planar-2r").model, effects=(wrong, other))
-    made = made_subject(planar, model, payload="p2")
+    made = identified(planar, model, payload="p2")
     mass = sum(body.mass for body in planar.payloads["p2"])
     assert sum(body.mass for body in made.laws.bodies) == pytest.approx(1.3 * mass) and mass > 0
-    assert [line.split(": ")[0] for line in c_code(made)[1]] == ["payload_error:p3"]
+    assert [line.split(": ")[0] for line in c_code(made).left_out] == ["payload_error:p3"]
     check(made, tmp_path, run)
 
 
 @pytest.mark.parametrize("run", LANGUAGES)
 def test_springs_and_dry_friction_of_the_link(run: Run, planar: MeasurementSet, tmp_path: Path) -> None:
     """Friction of the link is in torque and position; its jump is kept from their derivatives."""
-    made = made_subject(planar, plan("planar-2r", "link_coulomb_friction", "cable_spring").model)
+    made = identified(planar, plan("planar-2r", "link_coulomb_friction", "cable_spring").model)
     time, q = motion(2)
     found = run(made, tmp_path, q, time, False)
     model = made.model
@@ -289,9 +290,9 @@ def test_springs_and_dry_friction_of_the_link(run: Run, planar: MeasurementSet, 
 @pytest.mark.parametrize("run", LANGUAGES)
 def test_backlash_moves_the_position_only(run: Run, planar: MeasurementSet, tmp_path: Path) -> None:
     model = plan("planar-2r", "backlash").model
-    with_play = made_subject(planar, model)
+    with_play = identified(planar, model)
     time, q = motion(2)
-    without = check(made_subject(planar, replace(model, effects=())), tmp_path, run)
+    without = check(identified(planar, replace(model, effects=())), tmp_path, run)
     found = run(with_play, tmp_path, q, time, False)
     play = np.array([e.parameters["half_width"] for e in model.effects])
     np.testing.assert_allclose(found.theta - without.theta, play * np.sign(found.tau_joint), atol=EXACT)
@@ -301,7 +302,7 @@ def test_backlash_moves_the_position_only(run: Run, planar: MeasurementSet, tmp_
 
 @pytest.mark.parametrize("run", LANGUAGES)
 def test_joint_damping_is_as_good_as_it_says(run: Run, planar: MeasurementSet, tmp_path: Path) -> None:
-    made = made_subject(planar, plan("planar-2r", "joint_damping").model)
+    made = identified(planar, plan("planar-2r", "joint_damping").model)
     time, q = motion(2)
     found = run(made, tmp_path, q, time, False)
     load, k = library_link_torque(made, q), made.laws["stiffness"]
@@ -323,15 +324,15 @@ def test_presliding_without_memory_slides_at_once(planar: MeasurementSet, tmp_pa
         EffectValue("coulomb_friction", e.joint, {"coulomb": e.parameters["coulomb"]}) for e in model.effects
     )
     time, q = motion(2)
-    found = run_python(made_subject(planar, model), tmp_path, q, time, False)
-    sliding = run_python(made_subject(planar, replace(model, effects=coulomb)), tmp_path, q, time, False)
+    found = run_python(identified(planar, model), tmp_path, q, time, False)
+    sliding = run_python(identified(planar, replace(model, effects=coulomb)), tmp_path, q, time, False)
     np.testing.assert_array_equal(found.tau, sliding.tau)
 
 
 def test_what_the_code_cannot_hold_is_said(planar: MeasurementSet) -> None:
-    made = made_subject(planar, plan("planar-2r", "external_contact", "torque_delay").model)
+    made = identified(planar, plan("planar-2r", "external_contact", "torque_delay").model)
     for export in (c_code, python_code):
-        files, missing = export(made)
+        files, missing = export(made).contents, export(made).left_out
         assert len(missing) == 1 and missing[0].startswith("external_contact:joint2@")
         text = " ".join(list(files.values())[-1].decode().replace("\n * ", " ").split())
         assert f"NOT CONTAINED: {missing[0][:40]}" in text and "Torque delay: evaluate" in text
@@ -341,34 +342,34 @@ def test_user_defined_effects_are_named(planar: MeasurementSet) -> None:
     load_effects(Path(__file__).parent.parent / "examples" / "user_effects.py")
     try:
         own = EffectValue("cubic_friction", "joint1", {"cubic": 0.8})
-        made = made_subject(planar, replace(plan("planar-2r").model, effects=(own,)))
+        made = identified(planar, replace(plan("planar-2r").model, effects=(own,)))
         for export in FORMATS.values():
-            files, missing = export(made)
-            assert files and all(
-                line.startswith("cubic_friction:joint1: a user-defined effect") for line in missing
+            found = export(made)
+            assert found.contents and all(
+                line.startswith("cubic_friction:joint1: a user-defined effect") for line in found.left_out
             )
-        assert "cubic_friction" in json_parameters(made)[0]["parameters.json"].decode()
+        assert "cubic_friction" in json_parameters(made).contents["parameters.json"].decode()
     finally:
         forget_effects()
 
 
 def test_delay_is_a_number_of_the_code(planar: MeasurementSet, tmp_path: Path) -> None:
-    module = module_of(made_subject(planar, plan("planar-2r", "torque_delay").model), tmp_path)
+    module = module_of(identified(planar, plan("planar-2r", "torque_delay").model), tmp_path)
     np.testing.assert_array_equal(module.TORQUE_DELAY, [0.002, 0.002])
 
 
 def test_shapes_of_python(planar: MeasurementSet, tmp_path: Path) -> None:
-    module = module_of(made_subject(planar, plan("planar-2r").model), tmp_path)
+    module = module_of(identified(planar, plan("planar-2r").model), tmp_path)
     _, q = motion(2)
     many, one = module.inverse_dynamics(*q[:, :3]), module.inverse_dynamics(*q[:, 1])
     assert many.tau.shape == (3, 2) and one.tau.shape == (2,) and one.theta.shape == (2,)
     np.testing.assert_allclose(many.tau[1], one.tau, rtol=1e-13)
-    with pytest.raises(ValueError, match=r"\(2,\) or \(N, 2\) would be right"):
+    with pytest.raises(ValueError, match=r"expected \(2,\) or \(N, 2\)"):
         module.inverse_dynamics(*np.zeros((5, 3)))
 
 
 def test_python_needs_numpy_only(planar: MeasurementSet, tmp_path: Path) -> None:
-    module_of(made_subject(planar, plan("planar-2r", "coulomb_friction").model), tmp_path)
+    module_of(identified(planar, plan("planar-2r", "coulomb_friction").model), tmp_path)
     program = (
         "import sys, planar_2r_dynamics as m; print(m.link_torque([0, 0], [0, 0], [0, 0])); "
         "assert not {'flexviz', 'pinocchio', 'scipy'} & set(sys.modules)"
@@ -391,9 +392,21 @@ def test_the_pattern_itself_runs() -> None:
 @pytest.mark.parametrize(
     "effect, values, says",
     [
-        ("transmission_error", {"amplitude": 0.1, "order": 12.0, "phase": 0.0}, "order is 1.2; below 1"),
-        ("stiffness_hardening", {"cubic_stiffness": -1.0}, "cubic of joint1 is negative"),
-        ("presliding_hysteresis", {"presliding_stiffness": 1.0, "coulomb": 0.0}, "have to be positive"),
+        (
+            "transmission_error",
+            {"amplitude": 0.1, "order": 12.0, "phase": 0.0},
+            "order is 1.2, expected less than 1",
+        ),
+        (
+            "stiffness_hardening",
+            {"cubic_stiffness": -1.0},
+            "cubic of joint1 is -1, expected zero or",
+        ),
+        (
+            "presliding_hysteresis",
+            {"presliding_stiffness": 1.0, "coulomb": 0.0},
+            "expected positive numbers",
+        ),
     ],
 )
 def test_values_that_make_no_robot_are_refused(
@@ -401,13 +414,13 @@ def test_values_that_make_no_robot_are_refused(
 ) -> None:
     model = replace(plan("planar-2r").model, effects=(EffectValue(effect, "joint1", values),))
     with pytest.raises(InputError, match=says):
-        made_subject(planar, model)
+        identified(planar, model)
 
 
 def test_no_stiffness_no_robot(planar: MeasurementSet) -> None:
     model = replace(plan("planar-2r").model, stiffness=np.array([1000.0, 0.0]))
-    with pytest.raises(InputError, match="stiffness of joint2 is 0 Nm/rad, a positive number would be right"):
-        made_subject(planar, model)
+    with pytest.raises(InputError, match="stiffness of joint2 is 0 Nm/rad, expected a positive number"):
+        identified(planar, model)
 
 
 def test_sections() -> None:

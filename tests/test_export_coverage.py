@@ -8,9 +8,9 @@ import pytest
 
 from flexviz.effects import EFFECT_NAMES, EFFECTS
 from flexviz.exporting import FORMATS, LeftOut, Written, coverage
-from flexviz.exporting.coverage import EXPORTS, PerJoint, PerRow
+from flexviz.exporting.coverage import REGISTRIES, PerJoint, PerRow
 from tests import test_export_code, test_export_robot
-from tests.exporting_cases import made_subject, plan, short_set
+from tests.exporting_cases import identified, plan, short_set
 
 
 def names(target: str, kind: type[Written] | type[LeftOut]) -> set[str]:
@@ -26,8 +26,8 @@ def test_every_effect_has_an_entry_in_every_format() -> None:
     found = coverage()
     assert set(found) == {(effect, target) for effect in EFFECTS for target in FORMATS}
     missing = [pair for pair, entry in found.items() if entry is None]
-    assert not missing, f"flexviz/exporting/coverage.py has no entry for {missing}"
-    assert set(EXPORTS) <= set(EFFECTS)
+    assert not missing, f"flexviz/exporting/coverage.py: no entry for {missing}"
+    assert all(set(registry) == set(EFFECT_NAMES) for registry in REGISTRIES.values())
 
 
 def test_whatever_is_left_out_has_a_reason() -> None:
@@ -51,18 +51,19 @@ def test_whatever_is_written_is_checked(target: str) -> None:
 
 
 def test_an_effect_without_an_entry_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.delitem(EXPORTS, "torque_ripple")
+    for registry in {id(r): r for r in REGISTRIES.values()}.values():
+        monkeypatch.delitem(registry, "torque_ripple")
     undecided = {target for (_, target), entry in coverage().items() if entry is None}
     assert undecided == {"urdf", "mjcf", "c", "python"}
-    made = made_subject(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)
+    made = identified(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)
     for target in undecided:
-        assert FORMATS[target](made)[1] == ["torque_ripple:joint1: no export is registered for it"]
+        assert FORMATS[target](made).left_out == ["torque_ripple:joint1: no export is registered for it"]
 
 
 def test_numbers_of_the_code_are_parameters_of_the_effect() -> None:
-    for effect, export in EXPORTS.items():
+    for effect, code in REGISTRIES["c"].items():
         known = [p.name for p in EFFECTS[effect].parameters]
-        if isinstance(export.code, PerRow):
-            assert list(export.code.columns) == known
-        elif isinstance(export.code, PerJoint):
-            assert export.code.parameter in known
+        if isinstance(code, PerRow):
+            assert list(code.columns) == known
+        elif isinstance(code, PerJoint):
+            assert code.parameter in known

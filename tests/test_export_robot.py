@@ -12,9 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.exporting import Subject, write
+from flexviz.exporting import IdentifiedRobot, write
 from flexviz.exporting.bodies import carriers
-from flexviz.exporting.coverage import EXPORTS, LeftOut
+from flexviz.exporting.coverage import MJCF, LeftOut
 from flexviz.exporting.mjcf import timestep
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
@@ -22,7 +22,7 @@ from flexviz.model import EffectValue
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.simulation import Run, Sampled, make_plan, replay, simulate_run
-from tests.exporting_cases import document, made_subject, plan, short_set
+from tests.exporting_cases import document, identified, plan, short_set
 from tests.small_set import LINK, URDF, write_small_set
 
 mujoco = pytest.importorskip("mujoco")
@@ -37,7 +37,7 @@ EXACT = (
 NEARLY = ("coulomb_friction", "link_coulomb_friction", "torque_delay")
 MJCF_CHECKED = {name.split(":")[0] for name in EXACT} | {*NEARLY, "presliding_hysteresis"}
 URDF_CHECKED = {"coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error"}
-NOT_IN_MJCF = [name for name, e in EXPORTS.items() if isinstance(e.mjcf, LeftOut) and e.code != e.mjcf]
+NOT_IN_MJCF = [name for name, e in MJCF.items() if isinstance(e, LeftOut) and name != "external_contact"]
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_urdf_read_again_gives_the_same(preset: str, tmp_path: Path, request: py
     hidden = "coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error:p2"
     model = plan(preset, *hidden).model
     model = replace(model, inertial=1.07 * model.inertial)  # not the CAD values
-    made = made_subject(measurements, model, payload="p2")
+    made = identified(measurements, model, payload="p2")
     inertial = model.inertial + 1.1 * measurements.robot.payload_parameters(measurements.payloads["p2"])
     done = write(made, tmp_path / "out", ["urdf"])
     (file,) = done.files["urdf"]
@@ -102,9 +102,9 @@ def test_urdf_says_what_stays_with_the_prior(planar: MeasurementSet, tmp_path: P
     found = document(plan("planar-2r", "backlash").model).model_dump()
     for p in found["parameters"]:
         p["identifiable"] = {"mass": "no", "izz": "weak", "stiffness": "weak"}.get(p["name"], "yes")
-    from flexviz.exporting import Document, subject_of
+    from flexviz.exporting import Document, identified_robot
 
-    made = subject_of(planar, Document.model_validate(found))
+    made = identified_robot(planar, Document.model_validate(found))
     done = write(made, tmp_path / "out", ["urdf"])
     text = done.files["urdf"][0].read_text(encoding="utf-8")
     assert text.count("prior (near CAD): mass\n") + text.count("prior (near CAD): mass ") == 2
@@ -127,22 +127,24 @@ def test_a_link_takes_all_where_nothing_else_could_exist(panda: MeasurementSet, 
     model = plan("panda").model
     inertial = model.inertial.copy()
     inertial[6] *= 0.3
-    made = made_subject(panda, replace(model, inertial=inertial))
+    made = identified(panda, replace(model, inertial=inertial))
     assert carriers(panda.robot, inertial)[6].emptied
     (file,) = write(made, tmp_path / "out", ["urdf"]).files["urdf"]
     np.testing.assert_allclose(
         Robot.load(file, panda.joints).cad_parameters, inertial, rtol=1e-12, atol=1e-13
     )
-    assert "its inertia is that of panda_link7" in file.read_text(encoding="utf-8")
+    assert "its inertia is included in panda_link7" in file.read_text(encoding="utf-8")
 
 
 def test_bodies_that_cannot_exist_are_refused(planar: MeasurementSet, tmp_path: Path) -> None:
     model = plan("planar-2r").model
     inertial = model.inertial.copy()
     inertial[1, 9] = 5.0  # Izz far above Ixx + Iyy
-    made = made_subject(planar, replace(model, inertial=inertial))
+    made = identified(planar, replace(model, inertial=inertial))
     for name in ("urdf", "mjcf"):
-        with pytest.raises(InputError, match=r"what joint2 moves belong to no body .* eigenvalue -1\.\d"):
+        with pytest.raises(
+            InputError, match=r"joint2 moves belong to no physical body: .* eigenvalue -1\.\d"
+        ):
             write(made, tmp_path / "out", ["json", name])
         assert not list(tmp_path.iterdir())
     assert len(write(made, tmp_path / "out", ["json", "yaml", "c", "python"]).files) == 4
@@ -160,7 +162,7 @@ def test_meshes_of_relative_paths_come_along(tmp_path: Path) -> None:
         LINK.format(name="link2"), LINK.format(name="link2").replace("</link>", visuals + "</link>")
     )
     measurements = small_set(tmp_path / "set", urdf)
-    done = write(made_subject(measurements, small_model(measurements)), tmp_path / "out", ["urdf", "mjcf"])
+    done = write(identified(measurements, small_model(measurements)), tmp_path / "out", ["urdf", "mjcf"])
     root = ElementTree.parse(done.files["urdf"][0]).getroot()
     found = [mesh.get("filename") for mesh in root.iter("mesh")]
     assert found == ["meshes/box.stl", "box.stl", "shapes/ball.stl", "gone.stl", "package://other/away.stl"]
@@ -175,7 +177,7 @@ def test_meshes_of_relative_paths_come_along(tmp_path: Path) -> None:
 # -- MJCF ----------------------------------------------------------------------------------------------------
 
 
-def load(made: Subject, folder: Path) -> Any:
+def load(made: IdentifiedRobot, folder: Path) -> Any:
     """The exported model as MuJoCo compiles it."""
     return mujoco.MjModel.from_xml_path(str(write(made, folder, ["mjcf"]).files["mjcf"][0]))
 
@@ -207,7 +209,7 @@ def worst(theirs: Array, ours: Run) -> float:
     return float((np.sqrt(np.mean((theirs - mine) ** 2, axis=1)) / motion).max())
 
 
-def compared(made: Subject, folder: Path, preset: str, duration: float, group: int = 0) -> float:
+def compared(made: IdentifiedRobot, folder: Path, preset: str, duration: float, group: int = 0) -> float:
     """`worst` for a preset's own motion and controller."""
     scene = make_plan(preset)
     reference, controller = scene.groups[group].reference, scene.controller
@@ -224,16 +226,16 @@ def test_identified_motion_in_mujoco(tmp_path: Path) -> None:
     """The whole way: identify, export, load, and drive both along the recorded reference."""
     measurements = read_set(sessions_dir() / "planar-2r-demo")
     found = identify(measurements, effects=["coulomb_friction"])
-    from flexviz.exporting import subject_of
+    from flexviz.exporting import identified_robot
 
-    made = subject_of(measurements, found)
+    made = identified_robot(measurements, found)
     group = measurements.groups[1]
     first = group.segments[0]
     cut = {name: getattr(first, name)[:2001] for name in ("time", "theta", "tau")}
     short = replace(group, segments=(replace(first, **cut),))
     kp, kd = measurements.kp, measurements.kd
     assert kp is not None and kd is not None
-    carried = subject_of(measurements, found, payload=group.payload)
+    carried = identified_robot(measurements, found, payload=group.payload)
     ours = replay(measurements.robot, made.model, short, kp, kd, torque_hold=measurements.torque_hold)
     assert ours.note.startswith("closed loop")
     hold = measurements.torque_hold
@@ -253,26 +255,26 @@ def test_identified_motion_in_mujoco(tmp_path: Path) -> None:
 
 
 def test_effects_with_a_place_move_alike(planar: MeasurementSet, tmp_path: Path) -> None:
-    made = made_subject(planar, plan("planar-2r", *EXACT).model, payload="p2")
+    made = identified(planar, plan("planar-2r", *EXACT).model, payload="p2")
     assert compared(made, tmp_path / "out", "planar-2r", 1.0) < 1e-7
 
 
 @pytest.mark.parametrize("effect", NEARLY)
 def test_effects_with_nearly_a_place(effect: str, planar: MeasurementSet, tmp_path: Path) -> None:
-    made = made_subject(planar, plan("planar-2r", effect).model)
+    made = identified(planar, plan("planar-2r", effect).model)
     assert write(made, tmp_path / "all", ["mjcf"]).left_out["mjcf"] == ()
     near = compared(made, tmp_path / "out", "planar-2r", 1.0)
     assert near < 0.5 * PERCENT
 
 
 def test_panda(panda: MeasurementSet, tmp_path: Path) -> None:
-    made = made_subject(panda, plan("panda", "stiffness_hardening:panda_joint2").model, payload="p3")
+    made = identified(panda, plan("panda", "stiffness_hardening:panda_joint2").model, payload="p3")
     assert compared(made, tmp_path / "out", "panda", 0.6, group=2) < 1e-6
 
 
 def test_mjcf_read_again_gives_the_same(panda: MeasurementSet, tmp_path: Path) -> None:
     model = plan("panda", "coulomb_friction", "backlash", "stiffness_hardening", "torque_gain").model
-    made = made_subject(panda, model)
+    made = identified(panda, model)
     compiled = load(made, tmp_path / "out")
     for i, joint in enumerate(panda.joints):
         link, motor = compiled.joint(joint), compiled.joint(f"{joint}_motor")
@@ -308,7 +310,7 @@ def test_what_mjcf_has_no_place_for_is_said(planar: MeasurementSet, tmp_path: Pa
     hidden = [*NOT_IN_MJCF, "coulomb_friction", "presliding_hysteresis", "external_contact"]
     model = plan("planar-2r", *hidden).model
     early = EffectValue("torque_delay", None, {"delay": -0.001})
-    made = made_subject(planar, replace(model, effects=(*model.effects, early)))
+    made = identified(planar, replace(model, effects=(*model.effects, early)))
     done = write(made, tmp_path / "out", ["mjcf"])
     named = {line.split(":")[0] for line in done.left_out["mjcf"]}
     assert named == {*NOT_IN_MJCF, "presliding_hysteresis", "external_contact", "torque_delay"}
@@ -322,8 +324,8 @@ def test_what_mjcf_has_no_place_for_is_said(planar: MeasurementSet, tmp_path: Pa
 
 def test_the_time_step_follows_the_stiffest_joint(planar: MeasurementSet) -> None:
     model = plan("planar-2r").model
-    soft, slow = timestep(made_subject(planar, model))
-    hard, fast = timestep(made_subject(planar, replace(model, stiffness=np.array([1000.0, 1e9]))))
+    soft, slow = timestep(identified(planar, model))
+    hard, fast = timestep(identified(planar, replace(model, stiffness=np.array([1000.0, 1e9]))))
     assert soft == planar.torque_hold == 0.00025 and soft * slow < 0.3
     assert 0.15 < hard * fast <= 0.3 and np.log2(soft / hard) == round(np.log2(soft / hard)) > 0
 
@@ -343,7 +345,7 @@ def test_names_that_are_taken(tmp_path: Path) -> None:
     papq.write_table(table.rename_columns(names), tmp_path / "set/b.parquet")
     measurements = read_set(tmp_path / "set")
     model = replace(small_model(measurements), joints=measurements.joints)
-    compiled = load(made_subject(measurements, model), tmp_path / "out")
+    compiled = load(identified(measurements, model), tmp_path / "out")
     assert {compiled.joint(k).name for k in range(compiled.njnt)} == {
         "joint1", "joint1_motor", "joint1_motor_", "joint1_motor_motor",
     }  # fmt: skip

@@ -22,7 +22,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 from flexviz.errors import Cancelled, InputError
 
 if TYPE_CHECKING:
-    from flexviz.exporting import Exported, Subject
+    from flexviz.exporting import Exported, IdentifiedRobot
 
 DEFAULT_OBSERVER = "butterworth-zero-phase"
 
@@ -76,15 +76,15 @@ def export(
             "the measurement set",
             file=source,
         )
-    subject = _from_file(source, result, payload) if result is not None else None
-    subject = subject or _from_session(source, payload)
-    subject = subject or _identified(asked, payload)
-    for text in subject.remarks:
+    identified = _from_file(source, result, payload) if result is not None else None
+    identified = identified or _from_session(source, payload)
+    identified = identified or _identified(asked, payload)
+    for text in identified.remarks:
         note(f"note: {text}")
     console = output.results()
-    for line in summary(write(subject, out, formats)):
+    for line in summary(write(identified, out, formats)):
         console.print(line, soft_wrap=True)
-    return 0 if subject.document.converged else 1
+    return 0 if identified.document.converged else 1
 
 
 def summary(done: Exported) -> list[str]:
@@ -98,21 +98,21 @@ def summary(done: Exported) -> list[str]:
     return lines
 
 
-def _from_file(source: Path, file: Path, payload: str | None) -> Subject:
+def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot:
     from flexviz.cli.progress import note
-    from flexviz.exporting import read_result, subject_of
+    from flexviz.exporting import identified_robot, read_result
     from flexviz.session import open_session
 
     document = read_result(file)
     measurements = open_session(source).measurements
     if document.set != measurements.name:
         note(f'note: {file} is a result of the set "{document.set}", used for {measurements.name}')
-    return subject_of(measurements, document, payload=payload, file=file)
+    return identified_robot(measurements, document, payload=payload, file=file)
 
 
-def _from_session(source: Path, payload: str | None) -> Subject | None:
+def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
     """The session's present result; None where there is none."""
-    from flexviz.exporting import subject_of
+    from flexviz.exporting import identified_robot
     from flexviz.session import is_session, open_session
 
     if not is_session(source):
@@ -134,7 +134,7 @@ def _from_session(source: Path, payload: str | None) -> Subject | None:
     elif not current:
         remarks.append("The session's settings have been changed since these values were found.")
     fits = found is not diagnosis and analysis.diagnosis_up_to_date
-    return subject_of(
+    return identified_robot(
         opened.measurements,
         found,
         payload=payload,
@@ -144,9 +144,9 @@ def _from_session(source: Path, payload: str | None) -> Subject | None:
     )
 
 
-def _identified(wanted: Wanted, payload: str | None) -> Subject:
+def _identified(wanted: Wanted, payload: str | None) -> IdentifiedRobot:
     from flexviz.cli.progress import Reporter, interruptible
-    from flexviz.exporting import check_payload, subject_of
+    from flexviz.exporting import check_payload, identified_robot
     from flexviz.measurements import read_set
 
     with (
@@ -158,4 +158,4 @@ def _identified(wanted: Wanted, payload: str | None) -> Subject:
         measurements, found = run_identification(wanted, report, should_stop)
         if found.stopped:
             raise Cancelled("stopped by the user; nothing was written")
-    return subject_of(measurements, found, payload=payload)
+    return identified_robot(measurements, found, payload=payload)

@@ -1,8 +1,8 @@
-"""What was found, in the formats that others read: URDF, MJCF, YAML, JSON, C and Python."""
+"""Export of an identified robot as URDF, MJCF, YAML, JSON, C and Python."""
 
 from flexviz.exporting.coverage import Entry, LeftOut, Written, coverage
 from flexviz.exporting.documents import Document, read_result
-from flexviz.exporting.subject import Subject, check_payload, subject_of
+from flexviz.exporting.identified import IdentifiedRobot, check_payload, identified_robot
 from flexviz.exporting.writing import FORMATS, Exported, check_folder, check_formats, export, write
 
 __all__ = [
@@ -10,15 +10,15 @@ __all__ = [
     "Document",
     "Entry",
     "Exported",
+    "IdentifiedRobot",
     "LeftOut",
-    "Subject",
     "Written",
     "check_folder",
     "check_formats",
     "check_payload",
     "coverage",
     "export",
+    "identified_robot",
     "read_result",
-    "subject_of",
     "write",
 ]

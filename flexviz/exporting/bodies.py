@@ -1,9 +1,9 @@
-"""From the inertia that a joint moves to the links of the robot's description.
+"""The inertia that a joint moves, distributed to the links of the URDF.
 
-A joint moves one rigid body, and motion shows no more than that body's inertia; a URDF often draws it as
-several links (a hand fixed to the last one, fingers that stay locked). What was identified goes to the link
-with the most mass, less the CAD values of the others, which stay. Where that would leave nothing that could
-exist, the link takes the whole, and the others are left without inertia.
+A joint moves one rigid body, and only that body's inertia can be identified; a URDF often divides it into
+several links (a hand fixed to the last one, locked fingers). The identified inertia goes to the heaviest
+link, less the CAD values of the others, which stay. If the rest is not a physical body, the link takes the
+whole and the others lose their inertia.
 """
 
 from __future__ import annotations
@@ -24,14 +24,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LinkInertia:
-    """A link's inertia as a URDF has it.
+    """A link's inertia as a URDF gives it.
 
-    Attributes
-    ----------
-    mass: [kg].
-    com: (3,) centre of mass in the link's frame [m].
-    rotation: (3, 3) axes of `inertia` in the link's frame.
-    inertia: (3, 3) about the centre of mass along those axes [kg m²].
+    Attributes:
+        mass: [kg].
+        com: (3,) centre of mass in the link's frame [m].
+        rotation: (3, 3) axes of `inertia` in the link's frame.
+        inertia: (3, 3) about the centre of mass along those axes [kg m²].
     """
 
     mass: float
@@ -60,14 +59,13 @@ class LinkInertia:
 
 @dataclass(frozen=True, eq=False)
 class Carrier:
-    """Where a joint's inertia goes.
+    """The link that takes a joint's inertia.
 
-    Attributes
-    ----------
-    link: name of the link that takes it.
-    inertia: what that link has from now on.
-    others: links that move with it.
-    emptied: those of them that lose their inertia to it.
+    Attributes:
+        link: its name.
+        inertia: its new inertia.
+        others: links that move with it.
+        emptied: those of them that lose their inertia.
     """
 
     link: str
@@ -77,7 +75,7 @@ class Carrier:
 
 
 def carriers(robot: Robot, inertial: Array) -> list[Carrier]:
-    """One for each joint, in the set's order; `inertial` (n, 10) as in `Robot.cad_parameters`."""
+    """One per joint, in the set's order; `inertial` (n, 10) as in `Robot.cad_parameters`."""
     given = link_inertias(robot.urdf)
     return [_carrier(robot, i, inertial[i], given) for i in range(robot.n)]
 
@@ -88,7 +86,7 @@ def _carrier(robot: Robot, i: int, whole: Array, given: dict[str, LinkInertia]) 
     others = [name for name in links if name != link]
     rest = whole - sum((_moved(given[o].dynamic, placement(robot, o)) for o in others if o in given), start=0)
     emptied = [name for name in others if name in given]
-    if _possible(rest):
+    if _physical(rest):
         whole, emptied = rest, []
     own = _moved(whole, placement(robot, link).inverse())
     rotation = given[link].rotation if link in given else np.eye(3)
@@ -96,7 +94,7 @@ def _carrier(robot: Robot, i: int, whole: Array, given: dict[str, LinkInertia]) 
 
 
 def placement(robot: Robot, link: str) -> Any:
-    """Pinocchio's placement of a link in the frame of the joint that moves it."""
+    """Pinocchio's placement of a link in its joint's frame."""
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
@@ -127,7 +125,7 @@ def _moved(dynamic: Array, placement: Any) -> Array:
     return np.array(placement.act(pin.Inertia.FromDynamicParameters(dynamic)).toDynamicParameters())
 
 
-def _possible(dynamic: Array) -> bool:
+def _physical(dynamic: Array) -> bool:
     return bool(np.linalg.eigvalsh(pseudo_inertia(dynamic))[0] > 0.0)
 
 

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.errors import InputError
-from flexviz.exporting.coverage import EVENT, EXPORTS, USER_DEFINED, LeftOut, PerJoint, PerRow
+from flexviz.errors import InputError, choose_from
+from flexviz.exporting.coverage import CODE, EVENT, USER_DEFINED, LeftOut, PerJoint, PerRow
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
-from flexviz.simulation import check_effect, neighbour, scaled_body, tilted_gravity
 
 Array = NDArray[np.float64]
-
 Row = tuple[float, ...]
 
 
@@ -26,8 +25,7 @@ class Laws:
     Attributes:
         base: (n,) arrays: stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad].
         tables: (n,) arrays of the effects registered as `PerJoint`, by table; units as registered there.
-            `spring_torque` [Nm] belongs to `spring`: the link's spring pulls back with
-            spring q − spring_torque.
+            With `spring` comes `spring_torque` [Nm]: the link's spring pulls with spring q − spring_torque.
         rows: rows of the effects registered as `PerRow`, by table: joint indices, then the numbers.
         gravity: (3,) [m/s²] in the base's frame.
         bodies: the payload's bodies as identified.
@@ -44,37 +42,42 @@ class Laws:
         return self.base[name] if name in self.base else self.tables[name]
 
     def sliding_friction(self, i: int) -> float:
-        """Coulomb friction of joint i's motor, of the presliding effect too [Nm]."""
+        """Friction of joint i's motor while it slides: Coulomb and presliding [Nm]."""
         return float(self["motor_coulomb"][i] + sum(f for at, _, f in self.rows["presliding"] if at == i))
 
 
 def laws(
     robot: Robot, model: FlexibleModel, payload: str | None = None, bodies: Sequence[PayloadBody] = ()
 ) -> Laws:
-    """The laws of `model`; `bodies` are carried, and the set calls them `payload`.
+    """The laws of `model`; `bodies` are those of the payload that the set calls `payload`.
 
     Raises:
-        InputError: for values with which there is no such robot, as a stiffness of zero.
+        InputError: an effect's joint does not exist, or a value is impossible, such as a stiffness of zero.
     """
-    n, codes = robot.n, {name: export.code for name, export in EXPORTS.items()}
-    tables = {code.table: np.zeros(n) for code in codes.values() if isinstance(code, PerJoint)}
+    n = robot.n
+    tables = {code.table: np.zeros(n) for code in CODE.values() if isinstance(code, PerJoint)}
     tables["spring_torque"] = np.zeros(n)
-    rows: dict[str, list[Row]] = {code.table: [] for code in codes.values() if isinstance(code, PerRow)}
+    rows: dict[str, list[Row]] = {code.table: [] for code in CODE.values() if isinstance(code, PerRow)}
     gravity, carried = GRAVITY, tuple(bodies)
     for effect in model.effects:
-        name, p, code = effect.effect, effect.parameters, codes.get(effect.effect, USER_DEFINED)
+        name, p, code = effect.effect, effect.parameters, CODE.get(effect.effect, USER_DEFINED)
         if isinstance(code, LeftOut) or not_of_robot(effect, payload):
             continue
-        check_effect(effect, robot.joints)
+        if effect.joint is not None and effect.joint not in robot.joints:
+            valid = choose_from(effect.joint, robot.joints)
+            raise InputError(f'effect {name}: joint "{effect.joint}" does not exist; {valid}')
         if name == "payload_error":
-            carried = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in carried)
+            factor = 1.0 + p["relative_mass_error"]
+            carried = tuple(PayloadBody(b.link, b.mass * factor, b.com, b.inertia * factor) for b in carried)
         elif name == "base_tilt":
-            gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
+            x, y, g = p["tilt_x"], p["tilt_y"], -GRAVITY[2]
+            gravity = (g * sin(y), -g * cos(y) * sin(x), -g * cos(y) * cos(x))
         for i in range(n) if effect.joint is None else (robot.joints.index(effect.joint),):
             if isinstance(code, PerJoint):
                 tables[code.table][i] += p[code.parameter]
             elif isinstance(code, PerRow):
-                indices = (i, neighbour(robot, int(robot.order[i]))) if "other" in code.joints else (i,)
+                neighbour = i + 1 if i + 1 < n else i - 1
+                indices = (i, neighbour)[: len(code.joints)]
                 rows[code.table].append((*indices, *(p[k] for k in code.columns)))
             if name == "cable_spring":
                 tables["spring_torque"][i] += p["stiffness"] * p["rest_angle"]
@@ -90,7 +93,7 @@ def laws(
 
 
 def not_of_robot(effect: EffectValue, payload: str | None) -> str:
-    """Why an effect at its place is not a property of the exported robot; empty where it is."""
+    """Why an effect with this scope is not part of the exported robot; empty where it is."""
     if effect.group is not None:
         return EVENT.because
     if effect.payload not in (None, payload):
@@ -104,19 +107,20 @@ def _check(found: Laws, joints: Sequence[str]) -> None:
             value = float(found[name][i])
             if not (np.isfinite(value) and value > 0.0):
                 what = name.replace("_", " ")
-                raise InputError(f"{what} of {joint} is {value:g} {unit}, a positive number would be right")
+                raise InputError(f"{what} of {joint} is {value:g} {unit}, expected a positive number")
         for name in ("cubic", "half_width", "damping"):
             if found[name][i] < 0.0:
-                raise InputError(
-                    f"{name.replace('_', ' ')} of {joint} is negative: no such joint is exported"
-                )
+                what, value = name.replace("_", " "), found[name][i]
+                raise InputError(f"{what} of {joint} is {value:g}, expected zero or a positive number")
         swing = sum(abs(a * n) for at, a, n, _ in found.rows["error"] if at == i)
         if swing >= 1.0:
             raise InputError(
-                f"transmission error of {joint}: amplitude times order is {swing:.3g}; below 1 would be "
-                "right, else the link would turn back while the motor goes on"
+                f"transmission error of {joint}: amplitude times order is {swing:.3g}, expected less than 1: "
+                "with more the link turns back while the motor goes on"
             )
     for i, stiffness, coulomb in found.rows["presliding"]:
         if not (stiffness > 0.0 and coulomb > 0.0):
             what = f"presliding_hysteresis of {joints[int(i)]}"
-            raise InputError(f"{what}: its stiffness and friction have to be positive")
+            raise InputError(
+                f"{what}: stiffness {stiffness:g} and friction {coulomb:g}, expected positive numbers"
+            )

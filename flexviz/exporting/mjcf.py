@@ -1,15 +1,11 @@
 """A MuJoCo model with elastic joints.
 
-Every joint of the robot becomes two: the link's own, called as in the URDF, with the position q, and the
-motor's, with the position θ, a rotor without mass whose armature is the motor inertia B. A fixed tendon of
-length θ − q between them is the elastic joint. This is the robot's equation as it was identified: the rotor
-adds B θ̈ to its own row and nothing else, and gravity does not act on it. The torque of the actuators acts on
-the motors.
+Every joint of the robot becomes two: the link's, named as in the URDF, with the position q, and the motor's,
+with the position θ, a massless rotor whose armature is the motor inertia B. A fixed tendon of length θ − q
+between them is the elastic joint. This is the identified equation: the rotor adds B θ̈ to its own row and
+nothing else, and gravity does not act on it. The actuators act on the motors.
 
-Effects with a place in MJCF: joint stiffness and damping (tendon), hardening (its cubic stiffness), backlash
-(its slack), viscous and quadratic friction (joint damping), Coulomb friction (frictionloss), a spring on the
-link (joint stiffness), torque offset, gain and delay (actuator), tilt (gravity). Hardening and quadratic
-friction need MuJoCo 3.7, a delay 3.5.
+`coverage.MJCF` lists the effects. Hardening and quadratic friction need MuJoCo 3.7, a delay 3.5.
 """
 
 from __future__ import annotations
@@ -17,65 +13,68 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from math import ceil
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from flexviz._pinocchio import pin
 from flexviz.exporting.bodies import LinkInertia, placement
-from flexviz.exporting.kinematics import axis
+from flexviz.exporting.code_tables import axis
+from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.shapes import Shapes
-from flexviz.exporting.subject import Subject, left_out
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.robot import Robot
 from flexviz.simulation import fastest, make_plant
 
 LARGEST_STEP = 0.001  # [s]
 SMALLEST_STEP = 1e-6  # [s]
-ROTOR = 1e-9  # [kg], and 1e-12 kg m²: MuJoCo wants some mass in everything that moves
-FRICTION = "0.004 1"  # solver's time constant [s] and damping ratio: nearly the jump that Coulomb friction is
+ROTOR_MASS, ROTOR_INERTIA = 1e-9, "1e-12"  # [kg], [kg m²]: MuJoCo requires mass in everything that moves
+FRICTION = "0.004 1"  # solver's time constant [s] and damping ratio: close to the jump of Coulomb friction
+ENDLESS = 100.0  # [rad] a hinge with a wider range turns without an end
 
 
-def mjcf(subject: Subject) -> tuple[dict[str, bytes], list[str]]:
-    """The model and its meshes by file name, and what it does not hold."""
-    subject.require_bodies()
-    robot, laws = subject.robot, subject.laws
-    step, vibration = timestep(subject)
-    more = [
-        f"joint_damping:{robot.joints[i]}: MuJoCo's acts within the play too"
-        for i in np.flatnonzero(laws["damping"] * laws["half_width"])
-    ]
-    more += [
-        f"torque_delay:{robot.joints[i]}: the torque acts before it is recorded: no simulator can do that"
-        for i in np.flatnonzero(laws["delay"] < 0.0)
-    ]
-    missing = [*left_out(subject, "mjcf"), *more]
-    root = ElementTree.Element("mujoco", model=subject.name)
+def mjcf(identified: IdentifiedRobot) -> FormatFiles:
+    """The model and its meshes."""
+    identified.require_bodies()
+    robot, laws, name = identified.robot, identified.laws, identified.name
+    step, vibration = timestep(identified)
+    root = Element("mujoco", model=name)
     _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
     option = _add(root, "option", timestep=repr(step), integrator="RK4", gravity=number_text(laws.gravity))
     _add(option, "flag", contact="disable")
-    shapes = Shapes(robot, f"{subject.name}_meshes")
+    shapes = Shapes(robot, f"{name}_meshes")
     asset = _add(root, "asset")
-    world = _add(root, "worldbody")
-    names = motor_names(robot)
-    _bodies(subject, world, shapes, names)
+    motors = motor_names(robot)
+    _bodies(identified, _add(root, "worldbody"), shapes, motors)
     asset.extend(shapes.assets)
     if not shapes.assets:
         root.remove(asset)
-    _tendons(subject, root, names)
-    _actuators(subject, root, names, step)
-    missing += shapes.missing
+    _tendons(identified, root, motors)
+    _actuators(identified, root, motors, step)
+    missing = [
+        *identified.left_out("mjcf"),
+        *(
+            f"joint_damping:{robot.joints[i]}: MuJoCo's acts within the play too"
+            for i in np.flatnonzero(laws["damping"] * laws["half_width"])
+        ),
+        *(
+            f"torque_delay:{robot.joints[i]}: the torque acts before it is recorded: no simulator can do that"
+            for i in np.flatnonzero(laws["delay"] < 0.0)
+        ),
+        *shapes.missing,
+    ]
     about = [
-        *subject.heading,
+        *identified.heading,
         "Each joint has two positions: <joint> is the link's, <joint>_motor the motor's; the tendon between",
         "them is the elastic joint, armature the motor inertia. ctrl is the motor torque [Nm].",
-        "Contacts are off, collision shapes are not here.",
-        f"The time step is made for the fastest vibration, {vibration:.0f} rad/s.",
+        "Contacts are off, collision shapes are omitted.",
+        f"The time step resolves the fastest vibration, {vibration:.0f} rad/s.",
         *(f"NOT CONTAINED: {text}" for text in missing),
     ]
     root.insert(0, ElementTree.Comment(comment_text(about, "  ")))
     ElementTree.indent(root)
     text = ElementTree.tostring(root, encoding="unicode") + "\n"
-    return {f"{subject.name}.xml": text.encode(), **shapes.files}, missing
+    return FormatFiles({f"{name}.xml": text.encode(), **shapes.files}, missing)
 
 
 def motor_names(robot: Robot) -> dict[str, str]:
@@ -91,44 +90,40 @@ def motor_names(robot: Robot) -> dict[str, str]:
     return names
 
 
-def timestep(subject: Subject) -> tuple[float, float]:
-    """A step [s] that resolves the fastest vibration, and that [rad/s].
-
-    It is the controller's cycle, halved as often as needed.
-    """
+def timestep(identified: IdentifiedRobot) -> tuple[float, float]:
+    """The controller's cycle [s], halved until it resolves the fastest vibration, and that one [rad/s]."""
     kept = ("stiffness_hardening", "joint_damping", "quadratic_friction")
-    model = replace(subject.model, effects=tuple(e for e in subject.model.effects if e.effect in kept))
-    plant, _ = make_plant(subject.robot, model, subject.laws.bodies)
+    model = replace(identified.model, effects=tuple(e for e in identified.model.effects if e.effect in kept))
+    plant, _ = make_plant(identified.robot, model, identified.laws.bodies)
     rows = [group.segments[0].theta[:: max(1, len(group.segments[0]) // 4)] for group in
-            subject.measurements.groups if group.segments]  # fmt: skip
-    rates = fastest(plant, subject.robot.to_pin(np.concatenate(rows)))
-    hold = subject.measurements.torque_hold
+            identified.measurements.groups if group.segments]  # fmt: skip
+    rates = fastest(plant, identified.robot.to_pin(np.concatenate(rows)))
+    hold = identified.measurements.torque_hold
     step = hold if 0.0 < hold <= LARGEST_STEP else LARGEST_STEP
     while step > rates.longest_step and step > SMALLEST_STEP:
         step /= 2.0
     return step, rates.vibration
 
 
-def _bodies(subject: Subject, world: ElementTree.Element, shapes: Shapes, names: dict[str, str]) -> None:
-    robot = subject.robot
-    inside: dict[int, ElementTree.Element] = {-1: world}  # Pinocchio's joint -> its body
+def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: dict[str, str]) -> None:
+    robot = identified.robot
+    inside: dict[int, Element] = {-1: world}  # Pinocchio's joint -> its body
     for link in robot.links:
         if robot.joint_of_link(link) is None:
             parent = world if link == "world" else _frame(world, link, placement(robot, link))
             parent.extend(shapes.geoms(link))
-    at = {int(robot.order[i]): i for i in range(robot.n)}
+    joint_of_body = np.argsort(robot.order)
     children = child_links(robot)
     for b in range(robot.n):
-        i = at[b]
+        i = joint_of_body[b]
         joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
         parent = inside[int(robot.model.parents[1 + b]) - 1]
         motor = _frame(parent, names[joint], pose)
-        _add(motor, "inertial", pos="0 0 0", mass=repr(ROTOR), diaginertia="1e-12 1e-12 1e-12")
+        _add(motor, "inertial", pos="0 0 0", mass=repr(ROTOR_MASS), diaginertia=" ".join([ROTOR_INERTIA] * 3))
         body = _frame(parent, children[joint], pose)
-        _joints(subject, i, motor, body, names[joint])
-        inertia = LinkInertia.of(subject.inertial[i], np.eye(3))
-        t = inertia.inertia
-        full = (t[0, 0], t[1, 1], t[2, 2], t[0, 1], t[0, 2], t[1, 2])
+        _joints(identified, i, motor, body, names[joint])
+        inertia = LinkInertia.of(identified.inertial[i], np.eye(3))
+        full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         _add(
             body, "inertial", pos=number_text(inertia.com), mass=number_text(inertia.mass),
             fullinertia=number_text(full),
@@ -151,9 +146,13 @@ def child_links(robot: Robot) -> dict[str, str]:
 
 
 def _joints(
-    subject: Subject, i: int, motor: ElementTree.Element, body: ElementTree.Element, motor_name: str
+    identified: IdentifiedRobot,
+    i: int,
+    motor: Element,
+    body: Element,
+    motor_name: str,
 ) -> None:
-    robot, laws, joint = subject.robot, subject.laws, subject.joints[i]
+    robot, laws, joint = identified.robot, identified.laws, identified.joints[i]
     linear, angular = axis(robot, int(robot.order[i]))
     kind = "hinge" if angular.any() else "slide"
     shared = {"type": kind, "axis": number_text(angular + linear)}
@@ -172,15 +171,15 @@ def _joints(
             "springref": number_text(laws["spring_torque"][i] / laws["spring"][i]),
         }
     low, high = robot.lower_limit[i], robot.upper_limit[i]
-    if low < high and (kind == "slide" or high - low < 100.0):  # wider: it turns without an end
+    if low < high and (kind == "slide" or high - low < ENDLESS):
         more["range"] = number_text((low, high))
     _add(body, "joint", name=joint, **shared, **more)
 
 
-def _tendons(subject: Subject, root: ElementTree.Element, names: dict[str, str]) -> None:
-    laws = subject.laws
+def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) -> None:
+    laws = identified.laws
     tendon = _add(root, "tendon")
-    for i, joint in enumerate(subject.joints):
+    for i, joint in enumerate(identified.joints):
         stiffness = [laws["stiffness"][i], *([0.0, laws["cubic"][i]] if laws["cubic"][i] else [])]
         slack = [-laws["half_width"][i], laws["half_width"][i]] if laws["half_width"][i] else [0.0]
         more = {"damping": number_text(laws["damping"][i])} if laws["damping"][i] else {}
@@ -192,10 +191,10 @@ def _tendons(subject: Subject, root: ElementTree.Element, names: dict[str, str])
         _add(fixed, "joint", joint=joint, coef="-1")
 
 
-def _actuators(subject: Subject, root: ElementTree.Element, names: dict[str, str], step: float) -> None:
-    laws = subject.laws
+def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str], step: float) -> None:
+    laws = identified.laws
     actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
-    for i, joint in enumerate(subject.joints):
+    for i, joint in enumerate(identified.joints):
         more = {}
         if laws["delay"][i] > 0.0:
             more = {
@@ -213,11 +212,11 @@ def _actuators(subject: Subject, root: ElementTree.Element, names: dict[str, str
             _add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
 
 
-def _add(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
+def _add(parent: Element, tag: str, **attributes: str) -> Element:
     return ElementTree.SubElement(parent, tag, attributes)
 
 
-def _frame(parent: ElementTree.Element, name: str, pose: object) -> ElementTree.Element:
+def _frame(parent: Element, name: str, pose: object) -> Element:
     """A body in `parent` at Pinocchio's pose."""
     quaternion = pin.Quaternion(pose.rotation).coeffs()  # type: ignore[attr-defined]  # x y z w
     place = {"pos": number_text(pose.translation)}  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""The links' visual shapes for MJCF: boxes, cylinders and spheres as they are, meshes as STL."""
+"""The links' visual shapes for MJCF: boxes, cylinders and spheres unchanged, meshes as STL."""
 
 from __future__ import annotations
 
@@ -14,18 +14,17 @@ from flexviz.exporting.xml_text import number_text
 from flexviz.robot import Robot
 from flexviz.scene import geometry_mesh, thinned_mesh
 
-FACES = 100_000  # of one mesh; MuJoCo takes no more than 200,000
+MAX_FACES = 100_000  # per mesh; MuJoCo's limit is 200,000
 GREY = (0.7, 0.7, 0.72, 1.0)
 
 
 class Shapes:
-    """Collects meshes while it turns links into geoms that are only seen.
+    """Turns links into visual geoms and collects their meshes.
 
-    Attributes
-    ----------
-    assets: <mesh> elements.
-    files: file name -> STL.
-    missing: what could not be read, a line each.
+    Attributes:
+        assets: <mesh> elements.
+        files: file name -> STL.
+        missing: what could not be read, a line each.
     """
 
     def __init__(self, robot: Robot, folder: str) -> None:
@@ -72,7 +71,7 @@ class Shapes:
 
     def _mesh(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
         try:
-            mesh = thinned_mesh(geometry_mesh(geometry, self._robot), FACES)
+            mesh = thinned_mesh(geometry_mesh(geometry, self._robot), MAX_FACES)
         except InputError as error:
             self.missing.append(f"mesh {geometry.mesh.filename}: {error.message}")
             return False

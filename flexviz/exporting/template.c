@@ -1,7 +1,7 @@
-/* Inverse dynamics of elastic joints: the pattern of exported C code.
+/* Inverse dynamics of elastic joints: the template of the exported C code.
  *
- * What stands above "code:" is a robot's own numbers; NAME becomes the robot's name, and parts between
- * [name and name] are left out where the robot has no such effect.
+ * The robot's numbers replace "code:"; NAME becomes the robot's name, and sections between [name and name]
+ * are left out if the robot has no such effect.
  */
 #include "NAME_dynamics.h"
 
@@ -12,7 +12,7 @@ enum { N = NAME_JOINTS };
 
 /* code: */
 
-/* A quantity with its first and second derivative in time. */
+/* A quantity with its first and second time derivative. */
 typedef struct {
     double d[3];
 } jet;
@@ -56,14 +56,14 @@ static void add_cross(jet out[3], const jet a[3], const jet b[3])
     }
 }
 
-/* out += factor * axis, a constant axis */
+/* out += factor * axis, with a constant axis */
 static void add_along(jet out[3], const double axis[3], jet factor)
 {
     int i;
     for (i = 0; i < 3; ++i) out[i] = add(out[i], scaled(axis[i], factor));
 }
 
-/* out += matrix * v, a constant matrix */
+/* out += matrix * v, with a constant matrix */
 static void add_matrix(jet out[3], const double matrix[3][3], const jet v[3])
 {
     int i, j;
@@ -103,7 +103,7 @@ static void sum(jet out[3], const jet a[3], const jet b[3])
     for (i = 0; i < 3; ++i) out[i] = add(a[i], b[i]);
 }
 
-/* Where body b stands in its parent: its axes and its origin. */
+/* Pose of body b in its parent: axes and origin. */
 static void pose(int b, jet q, jet rotation[3][3], jet place[3])
 {
     const double s = sin(q.d[0]), c = cos(q.d[0]), q1 = q.d[1], q2 = q.d[2];
@@ -118,8 +118,8 @@ static void pose(int b, jet q, jet rotation[3][3], jet place[3])
     }
 }
 
-/* Torque that the links take, by recursive Newton-Euler, each body in its own frame; gravity lifts the
- * base instead. w, u: angular and linear velocity; dw, du: their rates; force, moment: on the body. */
+/* Torque on the links by recursive Newton-Euler, each body in its own frame; gravity is an acceleration
+ * of the base. w, u: angular and linear velocity; dw, du: their rates; force, moment: on the body. */
 static void links(const jet q[N], const jet v[N], const jet a[N], jet torque[N])
 {
     jet rotation[N][3][3], place[N][3];
@@ -196,13 +196,13 @@ static void links(const jet q[N], const jet v[N], const jet a[N], jet torque[N])
         torque[i] = add(torque[i], add(scaled(SPRING[i], q[i]), constant(-SPRING_TORQUE[i])));
         /* spring] */
         /* [link_coulomb */
-        /* dry friction jumps where a link turns back: the jump has no derivatives that a motor could follow */
+        /* dry friction jumps where a link reverses: the jump has no derivatives that a motor could follow */
         torque[i].d[0] += LINK_COULOMB[i] * tanh(v[i].d[0] / SIGN_VELOCITY);
         /* link_coulomb] */
     }
 }
 
-/* The deflection at which joint i's spring carries a torque. */
+/* Deflection of joint i's spring under a torque. */
 static jet spring(int i, jet load)
 {
     /* [cubic */
@@ -220,7 +220,7 @@ static jet spring(int i, jet load)
     return scaled(1.0 / STIFFNESS[i], load);
 }
 
-/* The deflection at which joint i carries a torque. */
+/* Deflection of joint i under a torque. */
 static jet deflection(int i, jet load)
 {
     jet x = spring(i, load);
@@ -236,7 +236,7 @@ static jet deflection(int i, jet load)
 }
 
 /* [error */
-/* Joint i's angle behind the gear's error, with slope and bend in the motor's angle. */
+/* Joint i's angle behind the gear's error, with slope and curvature over the motor's angle. */
 static void with_error(int i, double theta, double out[3])
 {
     size_t k;
@@ -273,7 +273,7 @@ static jet before_error(int i, jet link)
 
 /* error] */
 /* [presliding */
-/* The share of its sliding friction that presliding friction k has reached (Dahl). */
+/* Presliding friction k as a share of its sliding friction, by Dahl's law. */
 static double presliding(size_t k, double theta, double sign, NAME_memory *memory)
 {
     const int i = PRESLIDING[k].joint;
@@ -289,7 +289,7 @@ static double presliding(size_t k, double theta, double sign, NAME_memory *memor
 }
 
 /* presliding] */
-/* Torque to command for the motors' motion theta against the joints' torque. */
+/* Motor torque for the motion theta of the motors under the joint torque. */
 static void motors(const jet theta[N], const jet load[N], double time, NAME_memory *memory, double tau[N])
 {
     int i;
@@ -373,7 +373,7 @@ void NAME_inverse_dynamics(const double q[N], const double dq[N], const double d
     for (i = 0; i < N; ++i) {
         theta[i] = add(p[i], deflection(i, load[i]));
         /* [half_width */
-        /* the play jumps where the load changes sides: the jump is left to the controller */
+        /* the play jumps where the load changes sides; the jump is left to the controller */
         theta[i].d[0] += HALF_WIDTH[i] * (double)((load[i].d[0] > 0.0) - (load[i].d[0] < 0.0));
         /* half_width] */
         /* [error */
@@ -386,7 +386,7 @@ void NAME_inverse_dynamics(const double q[N], const double dq[N], const double d
     motors(theta, load, time, memory, out->tau);
 }
 
-/* The links' torque alone, without its derivatives. */
+/* Torque on the links without its derivatives. */
 static void still_links(const double q[N], const double dq[N], const double ddq[N], jet load[N])
 {
     jet p[N], v[N], a[N];

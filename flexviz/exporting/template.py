@@ -1,7 +1,7 @@
-"""Inverse dynamics of two elastic joints with every effect: the pattern of exported Python code.
+"""Inverse dynamics of two elastic joints with every effect: the template of the exported Python code.
 
-What stands above "code:" is an example and is replaced by a robot's own numbers; parts between `# [name` and
-`# name]` are left out where the robot has no such effect. flexviz itself does not use this module.
+The numbers above "code:" are an example, replaced by the robot's own; sections between `# [name` and
+`# name]` are left out if the robot has no such effect. flexviz itself does not use this module.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ COUPLING = ((0, 1, 0.2),)
 
 
 class FeedForward(NamedTuple):
-    """What the drives need for a desired motion of the links, each of the shape of q.
+    """Commands for a desired motion of the links, each with the shape of q.
 
-    tau: motor torque to command [Nm]; theta, theta_velocity: motor position [rad] and velocity [rad/s] that
-    belong to it, for a position controller; tau_joint: torque in the elastic joints [Nm].
+    tau: motor torque [Nm]; theta, theta_velocity: motor position [rad] and velocity [rad/s] for a position
+    controller; tau_joint: torque in the elastic joints [Nm].
     """
 
     tau: np.ndarray
@@ -65,7 +65,7 @@ class FeedForward(NamedTuple):
 
 
 class Memory:
-    """What presliding friction remembers from one call to the next: give the same one at every cycle."""
+    """State of the presliding friction: pass the same memory at every cycle."""
 
     def __init__(self) -> None:
         self.theta: np.ndarray | None = None  # last motor position [rad]
@@ -76,8 +76,8 @@ def inverse_dynamics(q, dq, ddq, d3q, d4q, time=np.inf, memory: Memory | None = 
     """Motor torque, position and velocity for a desired motion of the links.
 
     q ... d4q: link positions [rad] and their four derivatives, shape (n,), or (N, n) for N instants in order.
-    time: since this run began with cold gears [s], one number or (N,); infinity: they are warm.
-    memory: of presliding friction; None: its sliding friction acts at once.
+    time: since the run began with cold gears [s], one number or (N,); infinity for warm gears.
+    memory: state of the presliding friction; None: its sliding friction acts at once.
     """
     shape = np.shape(q)
     p = [_columns(x) for x in (q, dq, ddq, d3q, d4q)]
@@ -85,7 +85,7 @@ def inverse_dynamics(q, dq, ddq, d3q, d4q, time=np.inf, memory: Memory | None = 
     deflection = _deflection(load)
     theta = p[0] + deflection[0], p[1] + deflection[1], p[2] + deflection[2]
     # [half_width
-    # the play jumps where the load changes sides: the jump is left to the controller
+    # the play jumps where the load changes sides; the jump is left to the controller
     theta = theta[0] + HALF_WIDTH[:, None] * np.sign(load[0]), theta[1], theta[2]
     # half_width]
     # [error
@@ -96,14 +96,14 @@ def inverse_dynamics(q, dq, ddq, d3q, d4q, time=np.inf, memory: Memory | None = 
 
 
 def rigid_inverse_dynamics(q, dq, ddq, time=np.inf, memory: Memory | None = None) -> np.ndarray:
-    """Motor torque [Nm] as if the joints were rigid, for motions of which only ddq is known."""
+    """Motor torque [Nm] as if the joints were rigid, for motions known up to ddq."""
     p = [_columns(x) for x in (q, dq, ddq)]
     load = _link_torque(*(np.stack((x, 0 * x, 0 * x)) for x in p))[0]
     return _motor_torque((p[0], p[1], p[2]), load, time, memory).T.reshape(np.shape(q))
 
 
 def link_torque(q, dq, ddq) -> np.ndarray:
-    """Torque that the links take, friction behind the elastic joints included [Nm]; shapes as above."""
+    """Torque on the links, friction on the link side included [Nm]; shapes as above."""
     p = [_columns(x) for x in (q, dq, ddq)]
     return _link_torque(*(np.stack((x, 0 * x, 0 * x)) for x in p))[0].T.reshape(np.shape(q))
 
@@ -111,7 +111,7 @@ def link_torque(q, dq, ddq) -> np.ndarray:
 def _columns(x) -> np.ndarray:
     x = np.asarray(x, dtype=float)
     if x.ndim not in (1, 2) or x.shape[-1] != len(JOINTS):
-        raise ValueError(f"shape {x.shape}, ({len(JOINTS)},) or (N, {len(JOINTS)}) would be right")
+        raise ValueError(f"shape {x.shape}, expected ({len(JOINTS)},) or (N, {len(JOINTS)})")
     return x.reshape(-1, len(JOINTS)).T
 
 
@@ -187,14 +187,14 @@ def _link_torque(q, v, a):
     torque[0] -= SPRING_TORQUE[:, None]
     # spring]
     # [link_coulomb
-    # dry friction jumps where a link turns back: the jump has no derivatives that a motor could follow
+    # dry friction jumps where a link reverses: the jump has no derivatives that a motor could follow
     torque[0] += LINK_COULOMB[:, None] * np.tanh(v[0] / SIGN_VELOCITY)
     # link_coulomb]
     return torque
 
 
 def _deflection(load):
-    """The deflection (3, n, N) at which the joints carry the torque `load` (3, n, N)."""
+    """Deflection (3, n, N) of the joints under the torque `load` (3, n, N)."""
     # [damping
     # K x + D dx/dt = load: the series in D/K as far as the given derivatives reach
     x = _spring(load)
@@ -252,7 +252,7 @@ def _with_error(theta):
 
 # error]
 def _motor_torque(theta, load, time, memory):
-    """Torque to command for the motors' motion theta (3, n, N) against the joints' torque `load` (n, N)."""
+    """Motor torque for the motion theta (3, n, N) of the motors under the joint torque `load` (n, N)."""
     position, speed, acceleration = theta
     tau = load + MOTOR_INERTIA[:, None] * acceleration + MOTOR_VISCOUS[:, None] * speed
     # [sign
@@ -299,7 +299,7 @@ def _motor_torque(theta, load, time, memory):
 
 # [presliding
 def _presliding(position, sign, memory):
-    """The share (n, N) of its sliding friction that a joint's presliding friction has reached (Dahl)."""
+    """Presliding friction as a share of its sliding friction (n, N), by Dahl's law."""
     if memory is None:
         return sign
     shares = np.zeros_like(position)

@@ -1,4 +1,4 @@
-"""Several formats into one folder: all of it, or nothing."""
+"""Write the formats into one folder: all of them or nothing."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from flexviz.errors import InputError, choose_from
 from flexviz.exporting.code import c_code, python_code
+from flexviz.exporting.identified import FormatFiles, IdentifiedRobot, identified_robot
 from flexviz.exporting.mjcf import mjcf
 from flexviz.exporting.parameters import json_parameters, yaml_parameters
-from flexviz.exporting.subject import Subject, subject_of
 from flexviz.exporting.urdf import urdf
 from flexviz.measurements import check_free
 
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
-# format -> (files, what of the model they do not hold)
-Writer = Callable[[Subject], tuple[dict[str, bytes], list[str]]]
-FORMATS: dict[str, Writer] = {
+FORMATS: dict[str, Callable[[IdentifiedRobot], FormatFiles]] = {
     "urdf": urdf,
     "mjcf": mjcf,
     "yaml": yaml_parameters,
@@ -37,13 +35,12 @@ FORMATS: dict[str, Writer] = {
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """The files of an export.
 
-    Attributes
-    ----------
-    folder: where.
-    files: format -> its files, the main one first.
-    left_out: format -> what of the model it does not hold, a line each.
+    Attributes:
+        folder: where they are.
+        files: format -> its files, the main one first.
+        left_out: format -> what of the model it does not contain, a line each.
     """
 
     folder: Path
@@ -52,10 +49,10 @@ class Exported:
 
 
 def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats in their own order, each once; none stands for all.
+    """The formats without repetition, in the order of `FORMATS`; all if none is named.
 
     Raises:
-        InputError: one does not exist.
+        InputError: a format does not exist.
     """
     for name in formats:
         if name not in FORMATS:
@@ -64,36 +61,32 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_folder(folder: str | Path) -> Path:
-    """The folder to write to, absolute; InputError where nothing can be written there."""
+    """The folder to write to, absolute; InputError if nothing can be written there."""
     folder = Path(folder).absolute()
     above = next(parent for parent in folder.parents if parent.exists())
     if not above.is_dir():
-        raise InputError("this is a file, a folder would be right", file=above)
+        raise InputError("this is a file, expected a folder", file=above)
     check_free(folder)
     return folder
 
 
-def write(subject: Subject, folder: str | Path, formats: Sequence[str] = ()) -> Exported:
-    """Write `formats` (all of them where none is named) into a new or empty folder.
-
-    Everything is written beside `folder`, which then appears with all in it.
+def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str] = ()) -> Exported:
+    """Write `formats` (all if none is named) into a new or empty folder, which appears complete.
 
     Raises:
-        InputError: a format does not exist, the folder is not empty, or the model cannot be written so.
+        InputError: a format does not exist, the folder is not empty, or a format cannot hold the model.
     """
     chosen = check_formats(formats)
     folder = check_folder(folder)
-    made = {name: FORMATS[name](subject) for name in chosen}
+    made = {name: FORMATS[name](identified) for name in chosen}
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
             new = Path(temporary) / "new"
             new.mkdir()
-            for files, _ in made.values():
-                for name, content in files.items():
-                    path = new / name
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    path.write_bytes(content)
+            for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):
+                (new / name).parent.mkdir(parents=True, exist_ok=True)
+                (new / name).write_bytes(content)
             if folder.exists():
                 folder.rmdir()
             os.replace(new, folder)
@@ -101,8 +94,8 @@ def write(subject: Subject, folder: str | Path, formats: Sequence[str] = ()) -> 
         raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
     return Exported(
         folder,
-        {name: tuple(folder / file for file in files) for name, (files, _) in made.items()},
-        {name: tuple(missing) for name, (_, missing) in made.items()},
+        {name: tuple(folder / file for file in files.contents) for name, files in made.items()},
+        {name: tuple(files.left_out) for name, files in made.items()},
     )
 
 
@@ -114,17 +107,17 @@ def export(
     *,
     payload: str | None = None,
 ) -> Exported:
-    """Write what was found on a set to a new or empty folder.
+    """Write a result to a new or empty folder.
 
     Args:
         measurements: the set.
-        result: its identification, its diagnosis (the final model), or what `read_result` has read.
-        folder: it appears with everything in it, or not at all.
-        formats: some of `FORMATS`; all of them where none is named.
-        payload: name of one of the set's payloads that the robot is to carry.
+        result: its identification, its diagnosis (the final model), or a result read by `read_result`.
+        folder: it appears complete or not at all.
+        formats: some of `FORMATS`; all if none is named.
+        payload: name of one of the set's payloads, which the robot is to carry.
 
     Raises:
         InputError: a format or the payload does not exist, the folder is not empty, the result does not fit
-            the set, or the model cannot be written in a format.
+            the set, or a format cannot hold the model.
     """
-    return write(subject_of(measurements, result, payload=payload), folder, formats)
+    return write(identified_robot(measurements, result, payload=payload), folder, formats)

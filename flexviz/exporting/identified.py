@@ -1,4 +1,4 @@
-"""What is exported: a robot, the model that was found for it, and what is known about both."""
+"""The robot to be exported, the model identified for it, and what is known about both."""
 
 from __future__ import annotations
 
@@ -17,18 +17,16 @@ from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.exporting.documents import Document, Parameter, model_of, plain
-from flexviz.exporting.laws import laws, not_of_robot
+from flexviz.exporting.laws import Laws, laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
-    from flexviz.exporting.laws import Laws
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
-GRADES = ("yes", "weak", "no")
 VERDICTS = {
     "missing": "an effect is missing from this model",
     "nothing-missing": "nothing is missing from this model",
@@ -37,17 +35,29 @@ VERDICTS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
-    """What is exported.
+class FormatFiles:
+    """An export in one format.
 
-    Attributes
-    ----------
-    measurements: the set that the result belongs to.
-    document: the result.
-    model: its model.
-    payload: name of the payload that the robot carries in the export, or None.
-    verdict: of the diagnosis, or None where there was none.
-    remarks: what else a reader of the exported files should know, a sentence each.
+    Attributes:
+        contents: file name -> content, the main file first.
+        left_out: what of the model it does not contain, a line each.
+    """
+
+    contents: dict[str, bytes]
+    left_out: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedRobot:
+    """A robot with its identified model.
+
+    Attributes:
+        measurements: the set that the result belongs to.
+        document: the result.
+        model: its model.
+        payload: name of the payload that the exported robot carries, or None.
+        verdict: of the diagnosis, or None without one.
+        remarks: warnings for readers of the exported files, a sentence each.
     """
 
     measurements: MeasurementSet
@@ -69,7 +79,7 @@ class Subject:
 
     @cached_property
     def name(self) -> str:
-        """The robot's name as a file and a C program can have it."""
+        """The robot's name in a form that files and C programs accept."""
         name = re.sub(r"[^A-Za-z0-9]+", "_", self.robot.name).strip("_").lower() or "robot"
         return name if name[0].isalpha() else f"robot_{name}"
 
@@ -80,12 +90,12 @@ class Subject:
 
     @cached_property
     def laws(self) -> Laws:
-        """The model's effects, sorted for exporters."""
+        """The model's numbers by table."""
         return laws(self.robot, self.model, self.payload, self.bodies)
 
     @cached_property
     def inertial(self) -> Array:
-        """(n, 10) inertial parameters about the joint frames, the payload among them."""
+        """(n, 10) inertial parameters about the joint frames, payload included."""
         return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
 
     @cached_property
@@ -97,22 +107,19 @@ class Subject:
         return self._parameters[f"{name}:{joint}"].identifiable
 
     def estimate(self, effect: EffectValue, name: str) -> Parameter | None:
-        """What is known about an effect's parameter; None where the result does not list it."""
+        """An effect's parameter among the result's parameters; None where it is not listed."""
         place = (effect.joint, effect.payload, effect.group)
-        full = ":".join(part for part in (f"{effect.effect}.{name}", *place) if part)
-        return self._parameters.get(full)
+        return self._parameters.get(":".join(part for part in (f"{effect.effect}.{name}", *place) if part))
 
     def std(self, effect: EffectValue, name: str) -> float | None:
-        """Standard error of an effect's parameter as the result's list of effects gives it."""
+        """Standard error of an effect's parameter, from the result's parameters or its list of effects."""
+        if known := self.estimate(effect, name):
+            return known.std
         place = (effect.effect, effect.joint, effect.group, effect.payload)
-        for entry in self.document.all_effects or ():
-            if (entry.effect, entry.joint, entry.group, entry.payload) == place:
-                return entry.parameters[name].std
+        for listed in self.document.all_effects or ():
+            if (listed.effect, listed.joint, listed.group, listed.payload) == place:
+                return listed.parameters[name].std
         return None
-
-    def graded(self, names: Sequence[str], joint: str) -> dict[str, list[str]]:
-        """Grade -> those of `names` that have it."""
-        return {grade: [n for n in names if self.grade(n, joint) == grade] for grade in GRADES}
 
     @cached_property
     def sha256(self) -> str:
@@ -122,25 +129,23 @@ class Subject:
         return fingerprint(self.measurements).sha256
 
     def require_bodies(self) -> None:
-        """InputError where a link's inertial parameters belong to no body that could exist.
+        """InputError where a link's inertial parameters are not those of a physical body.
 
-        Simulators refuse such links or run away with them, so that a model with them is no model. The
-        identification itself never leaves the bodies that can exist.
+        Simulators refuse such links or diverge. The identification itself stays with physical bodies.
         """
         for joint, row in zip(self.joints, self.inertial, strict=True):
             lowest = float(np.linalg.eigvalsh(pseudo_inertia(row))[0])
             if not lowest > 0.0:
                 raise InputError(
-                    f"the inertial parameters of what {joint} moves belong to no body that could exist (its "
-                    f"pseudo-inertia has the eigenvalue {lowest:.3g}, all have to be positive): URDF and "
-                    "MJCF are not written; identify again, or export --to json, yaml, c, python"
+                    f"the inertial parameters of what {joint} moves belong to no physical body: its "
+                    f"pseudo-inertia has the eigenvalue {lowest:.3g}, expected a positive one; URDF and "
+                    "MJCF are not written: identify again, or export --to json, yaml, c, python"
                 )
 
     @property
     def heading(self) -> list[str]:
-        """Lines that say at the top of every file what it is."""
-        ms = self.measurements
-        groups = self.document.groups
+        """The lines at the top of every exported file."""
+        ms, groups = self.measurements, self.document.groups
         lines = [
             f"{self.robot.name}: identified by flexviz {__version__} from the measurement set {ms.name}"
             + (" (simulated data)" if ms.simulated else ""),
@@ -155,8 +160,19 @@ class Subject:
             lines.append(f"Diagnosis: {VERDICTS.get(self.verdict, self.verdict)}.")
         return lines + list(self.remarks)
 
+    def left_out(self, target: str) -> list[str]:
+        """The model's effects that a format does not contain: `external_contact:joint1@g2: an event of …`"""
+        lines = []
+        for effect in self.model.effects:
+            found = entry_of(effect.effect, target) or UNREGISTERED
+            reason = found.because if isinstance(found, LeftOut) else found.missing
+            reason = not_of_robot(effect, self.payload) or reason
+            if reason:
+                lines.append(f"{effect.text}: {reason}")
+        return lines
 
-def subject_of(
+
+def identified_robot(
     measurements: MeasurementSet,
     result: Identification | Diagnosis | Document,
     *,
@@ -164,16 +180,16 @@ def subject_of(
     diagnosis: Diagnosis | None = None,
     file: str | Path = "the result",
     remarks: Sequence[str] = (),
-) -> Subject:
-    """What is exported of a result.
+) -> IdentifiedRobot:
+    """The robot of a set with the model of a result.
 
     Args:
-        measurements: the set it belongs to.
-        result: an identification, a diagnosis (its final model), or what was read from a file.
-        payload: name of one of the set's payloads that the robot is to carry.
+        measurements: the set that the result belongs to.
+        result: an identification, a diagnosis (its final model), or a result read from a file.
+        payload: name of one of the set's payloads, which the robot is to carry.
         diagnosis: of the same model, for its verdict.
         file: where the result comes from, for errors.
-        remarks: what else the exported files are to say, a sentence each.
+        remarks: further sentences for the exported files.
 
     Raises:
         InputError: the result does not fit the set, or the payload does not exist.
@@ -182,17 +198,17 @@ def subject_of(
     check_payload(measurements, payload)
     model = model_of(document, measurements.joints, file)
     verdict = document.final_verdict if diagnosis is None else diagnosis.verdict
-    subject = Subject(measurements, document, model, payload, verdict)
-    said = list(remarks)
+    found = IdentifiedRobot(measurements, document, model, payload, verdict)
+    warnings = list(remarks)
     if not document.converged:
-        said.append("The identification did not converge: do not rely on these values.")
+        warnings.append("The identification did not converge: do not rely on these values.")
     if document.stopped:
-        said.append("The identification was stopped before its end.")
-    if document.set_sha256 is not None and document.set_sha256 != subject.sha256:
-        said.append("The measurement set has changed since these values were found.")
-    subject = replace(subject, remarks=tuple(said))
-    assert subject.laws  # values that make no robot are refused here, whatever is exported
-    return subject
+        warnings.append("The identification was stopped before its end.")
+    if document.set_sha256 is not None and document.set_sha256 != found.sha256:
+        warnings.append("The measurement set has changed since these values were found.")
+    found = replace(found, remarks=tuple(warnings))
+    assert found.laws  # impossible values are refused here, whatever the format
+    return found
 
 
 def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
@@ -200,15 +216,3 @@ def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
     if payload is not None and payload not in measurements.payloads:
         valid = choose_from(payload, measurements.payloads)
         raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)
-
-
-def left_out(subject: Subject, target: str) -> list[str]:
-    """What a format does not hold of the model's effects: `external_contact:joint1@g2: an event of ...`"""
-    lines = []
-    for effect in subject.model.effects:
-        found = entry_of(effect.effect, target) or UNREGISTERED
-        reason = found.because if isinstance(found, LeftOut) else found.missing
-        reason = not_of_robot(effect, subject.payload) or reason
-        if reason:
-            lines.append(f"{effect.text}: {reason}")
-    return lines

@@ -1,0 +1,146 @@
+"""The numbers of generated code, by the names that the templates use: the robot's tree and its laws.
+
+Bodies are in Pinocchio's order, parents first. Body b hangs on its parent by
+
+    rotation     STILL + SINE sin q + COSINE cos q   (3, 3), SINE = COSINE = 0 if it slides
+    translation  PLACE + SLIDE q                     (3,) in the parent's frame [m]; SLIDE = 0 if it turns
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz._pinocchio import pin
+from flexviz.effects.base import SIGN_VELOCITY
+from flexviz.errors import InputError
+from flexviz.exporting.coverage import CODE, PerJoint, PerRow
+from flexviz.exporting.identified import IdentifiedRobot
+from flexviz.robot import Robot
+
+Array = NDArray[np.float64]
+INDICES = ("joint", "other")  # columns of rows that hold joint indices
+SIGNED = {"motor_coulomb", "load", "stribeck", "presliding"}  # tables whose torque has the speed's sign
+
+
+@dataclass(frozen=True, eq=False)
+class CodeArray:
+    """An array of the code, integers where it holds indices; `meaning` is its comment."""
+
+    values: np.ndarray
+    meaning: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CodeRows:
+    """A list of effects with several numbers each: one row per effect, and the names of its columns."""
+
+    rows: list[tuple[float, ...]]
+    columns: tuple[str, ...]
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class CodeTables:
+    """Everything that the templates name.
+
+    Attributes:
+        arrays, rows: by NAME.
+        sections: the parts of the templates that this robot needs.
+    """
+
+    arrays: Mapping[str, CodeArray]
+    rows: Mapping[str, CodeRows]
+    sections: frozenset[str]
+
+
+def code_tables(identified: IdentifiedRobot) -> CodeTables:
+    """The numbers of an identified robot, the payload among the inertial parameters.
+
+    Raises:
+        InputError: a joint neither turns about nor slides along one axis.
+    """
+    laws = identified.laws
+    arrays = _tree(identified.robot)
+    gamma = identified.inertial[arrays["JOINT"].values]  # in the order of the bodies
+    arrays |= {
+        "MASS": CodeArray(gamma[:, 0], "mass [kg]"),
+        "MOMENT": CodeArray(gamma[:, 1:4], "mass times centre of mass [kg m]"),
+        "INERTIA": CodeArray(_inertia_matrices(gamma), "about the joint's frame [kg m^2]"),
+        "GRAVITY": CodeArray(np.array(laws.gravity), "[m/s^2] in the base's frame"),
+        "SIGN_VELOCITY": CodeArray(np.array(SIGN_VELOCITY), "[rad/s] sign(v) is tanh(v / SIGN_VELOCITY)"),
+        "STIFFNESS": CodeArray(laws["stiffness"], "K [Nm/rad]"),
+        "MOTOR_INERTIA": CodeArray(laws["motor_inertia"], "B [kg m^2]"),
+        "MOTOR_VISCOUS": CodeArray(laws["motor_viscous"], "f_mv [Nm s/rad]"),
+        "LINK_VISCOUS": CodeArray(laws["link_viscous"], "f_lv [Nm s/rad]"),
+        "TORQUE_DELAY": CodeArray(laws["delay"], "how much later than commanded each torque acts [s]"),
+    }
+    rows: dict[str, CodeRows] = {}
+    for code in CODE.values():
+        if isinstance(code, PerJoint) and code.table != "delay" and laws[code.table].any():
+            arrays[code.table.upper()] = CodeArray(laws[code.table], code.meaning)
+        elif isinstance(code, PerRow) and laws.rows[code.table]:
+            columns = (*code.joints, *code.columns.values())
+            rows[code.table.upper()] = CodeRows(laws.rows[code.table], columns, code.meaning)
+    if "SPRING" in arrays:
+        arrays["SPRING_TORQUE"] = CodeArray(laws["spring_torque"], "minus its torque at q = 0 [Nm]")
+    sections = {name.lower() for name in (*arrays, *rows)}
+    sections |= {"sign"} if sections & SIGNED else set()
+    sections |= {"lists"} if rows.keys() - {"ERROR"} else set()
+    sections |= {"undamped"} if "damping" not in sections else set()
+    sections |= {"linear"} if "cubic" not in sections else set()
+    if not sections & {"sign", "link_coulomb"}:
+        del arrays["SIGN_VELOCITY"]
+    return CodeTables(arrays, rows, frozenset(sections))
+
+
+def _inertia_matrices(gamma: Array) -> Array:
+    """(n, 3, 3) inertia about the joint's frame of parameters (n, 10) [kg m²]."""
+    xx, xy, yy, xz, yz, zz = gamma[:, 4:].T
+    return np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=1).reshape(-1, 3, 3)
+
+
+def _tree(robot: Robot) -> dict[str, CodeArray]:
+    """How the bodies hang on each other."""
+    n = robot.n
+    still, sine, cosine = (np.zeros((n, 3, 3)) for _ in range(3))
+    place, slide, turn, push = (np.zeros((n, 3)) for _ in range(4))
+    for b in range(n):
+        linear, angular = axis(robot, b)
+        placement = robot.model.jointPlacements[1 + b]
+        rotation = np.array(placement.rotation)
+        place[b], turn[b], push[b] = placement.translation, angular, linear
+        if angular.any():
+            along = np.outer(angular, angular)
+            still[b], cosine[b] = rotation @ along, rotation @ (np.eye(3) - along)
+            sine[b] = rotation @ pin.skew(angular)
+        else:
+            still[b], slide[b] = rotation, rotation @ linear
+    parents = np.array([int(robot.model.parents[1 + b]) - 1 for b in range(n)])
+    return {
+        "JOINT": CodeArray(np.argsort(robot.order), "joint that moves each body, parents first"),
+        "PARENT": CodeArray(parents, "body that it hangs on; -1: the base"),
+        "STILL": CodeArray(still, "rotation into the parent's axes: STILL + SINE sin q + COSINE cos q"),
+        "SINE": CodeArray(sine),
+        "COSINE": CodeArray(cosine),
+        "PLACE": CodeArray(place, "origin in the parent's frame: PLACE + SLIDE q [m]"),
+        "SLIDE": CodeArray(slide),
+        "TURN": CodeArray(turn, "axis that the joint turns about, in the body's frame"),
+        "PUSH": CodeArray(push, "axis that it slides along"),
+    }
+
+
+def axis(robot: Robot, b: int) -> tuple[Array, Array]:
+    """Unit vectors (3,) that Pinocchio's joint b slides along and turns about; one of them is zero."""
+    joint = robot.model.joints[1 + b]
+    data = joint.createData()
+    joint.calc(data, np.zeros(1))
+    s = np.array(data.S, dtype=float).reshape(6)
+    linear, angular = s[:3], s[3:]
+    if bool(linear.any()) == bool(angular.any()):
+        name = robot.model.names[1 + b]
+        raise InputError(f'joint "{name}" cannot be exported, expected a turning or sliding joint')
+    return linear, angular
