@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._pinocchio import pin
-from flexviz.effects.base import SIGN_VELOCITY
+from flexviz.effects import SIGN_VELOCITY
 from flexviz.errors import InputError
 from flexviz.exporting.coverage import CODE, PerJoint, PerRow
 from flexviz.exporting.identified import IdentifiedRobot

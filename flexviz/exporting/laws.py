@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.errors import InputError, choose_from
+from flexviz.errors import InputError
 from flexviz.exporting.coverage import CODE, EVENT, USER_DEFINED, LeftOut, PerJoint, PerRow
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
+from flexviz.simulation import check_effect, neighbour, scaled_body, tilted_gravity
 
 Array = NDArray[np.float64]
 Row = tuple[float, ...]
@@ -63,21 +63,16 @@ def laws(
         name, p, code = effect.effect, effect.parameters, CODE.get(effect.effect, USER_DEFINED)
         if isinstance(code, LeftOut) or not_of_robot(effect, payload):
             continue
-        if effect.joint is not None and effect.joint not in robot.joints:
-            valid = choose_from(effect.joint, robot.joints)
-            raise InputError(f'effect {name}: joint "{effect.joint}" does not exist; {valid}')
+        check_effect(effect, robot.joints)
         if name == "payload_error":
-            factor = 1.0 + p["relative_mass_error"]
-            carried = tuple(PayloadBody(b.link, b.mass * factor, b.com, b.inertia * factor) for b in carried)
+            carried = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in carried)
         elif name == "base_tilt":
-            x, y, g = p["tilt_x"], p["tilt_y"], -GRAVITY[2]
-            gravity = (g * sin(y), -g * cos(y) * sin(x), -g * cos(y) * cos(x))
+            gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
         for i in range(n) if effect.joint is None else (robot.joints.index(effect.joint),):
             if isinstance(code, PerJoint):
                 tables[code.table][i] += p[code.parameter]
             elif isinstance(code, PerRow):
-                neighbour = i + 1 if i + 1 < n else i - 1
-                indices = (i, neighbour)[: len(code.joints)]
+                indices = (i, neighbour(robot, int(robot.order[i]))) if "other" in code.joints else (i,)
                 rows[code.table].append((*indices, *(p[k] for k in code.columns)))
             if name == "cable_spring":
                 tables["spring_torque"][i] += p["stiffness"] * p["rest_angle"]
