@@ -15,6 +15,7 @@ from benchmarks.paper_study.simulated import STARTS, Motion, simulate_all
 from flexviz.estimation.base_parameters import base_parameters
 from flexviz.simulation import make_plan
 from flexviz.simulation.building import make_plant
+from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plan import Plan
 
 MAIN = ("inertial", "stiffness", "motor inertia")
@@ -153,7 +154,7 @@ def test_sensitivities_are_those_of_the_simulator(name: str, short: tuple[Plan, 
         plant, _ = make_plant(robot, replace(model, **{name: changed}), motion.bodies)
         x = plant.empty_state()
         x[:] = np.concatenate((run.q[0], run.theta[0], run.q_velocity[0], run.theta_velocity[0]))
-        advance = plant.stepper(x)
+        advance = stepper(plant, x)
         for k in range(CYCLES):
             advance(run.tau[k], k * cycle, cycle, 1)
         return x[2:4].copy()

@@ -11,6 +11,7 @@ import numpy as np
 from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.robots import ROBOTS
 from benchmarks.diagnosis_study.sizes import SIZES
+from flexviz.effects import EFFECTS
 
 NOISES = (0.5, 1.0, 3.0)
 NUMBERS: dict[tuple[str, str], int] = {  # (kind, robot): how many
@@ -35,18 +36,11 @@ CLEAN_BASES = (
     (), ("coulomb_friction",), (), ("coulomb_friction", "torque_offset"), (), ("coulomb_friction",),
     (), ("coulomb_friction", "quadratic_friction"), (), ("link_coulomb_friction",),
 )  # fmt: skip
+USUAL = "coulomb_friction"  # what a set's model most often has from the start
+OFTEN_BESIDE_USUAL = {"load_dependent_friction", "presliding_hysteresis"}
+NEVER_BESIDE_USUAL = {USUAL, *EFFECTS[USUAL].twins}
 # pairs that data of this kind cannot tell apart: naming the twin counts, where it is reported as tied
-TWINS = {
-    frozenset(pair)
-    for pair in (
-        ("coulomb_friction", "link_coulomb_friction"),
-        ("torque_delay", "joint_damping"),
-        ("torque_offset", "base_tilt"),
-    )
-}
-NEEDS_COULOMB = {"stribeck_friction"}
-OFTEN_BESIDE_COULOMB = {"load_dependent_friction", "presliding_hysteresis"}
-NEVER_BESIDE_COULOMB = {"coulomb_friction", "link_coulomb_friction"}
+TWINS = {frozenset((name, twin)) for name, effect in EFFECTS.items() for twin in effect.twins}
 
 
 @dataclass(frozen=True)
@@ -120,27 +114,31 @@ def _case(kind: str, robot: str, k: int, seed: int) -> Case:
         base = CLEAN_BASES[k % len(CLEAN_BASES)]
     else:
         own = list(OWN)[(k + shift) % len(OWN)]
-        base = ("coulomb_friction",) if rng.random() < 0.3 else ()
+        base = (USUAL,) if rng.random() < 0.3 else ()
     label = "+".join(effects) or own or "+".join(base) or "plain"
     return Case(f"{kind}-{robot}-{k:03d}-{label}", kind, robot, effects, own, base, noise, seed)
 
 
 def _base(effects: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:
-    if set(effects) & NEVER_BESIDE_COULOMB:
+    if set(effects) & NEVER_BESIDE_USUAL:
         return ()
-    share = 1.0 if set(effects) & NEEDS_COULOMB else 0.6 if set(effects) & OFTEN_BESIDE_COULOMB else 0.2
-    return ("coulomb_friction",) if rng.random() < share else ()
+    needed = any(EFFECTS[name].beside == USUAL for name in effects)
+    share = 1.0 if needed else 0.6 if set(effects) & OFTEN_BESIDE_USUAL else 0.2
+    return (USUAL,) if rng.random() < share else ()
 
 
 def _pair(names: list[str], rng: np.random.Generator) -> tuple[tuple[str, ...], tuple[str, ...]]:
     while True:
         first, second = (str(name) for name in rng.choice(names, 2, replace=False))
-        both = frozenset((first, second))
-        if both in TWINS or both == {"coulomb_friction", "presliding_hysteresis"}:
+        if frozenset((first, second)) in TWINS or _clash(first, second) or _clash(second, first):
             continue
-        if "link_coulomb_friction" in both and both & (NEEDS_COULOMB | {"presliding_hysteresis"}):
-            continue  # Coulomb friction on both sides of a joint is one of the twins
-        if both == {"stribeck_friction", "presliding_hysteresis"}:
-            continue  # the second replaces what the first needs
-        base = () if both == {"stribeck_friction", "coulomb_friction"} else _base((first, second), rng)
-        return (first, second), base
+        needed = EFFECTS[first].beside == second or EFFECTS[second].beside == first
+        return (first, second), () if needed else _base((first, second), rng)
+
+
+def _clash(one: str, other: str) -> bool:
+    """Whether one replaces the other or what that needs, or is a twin of what it needs or replaces."""
+    refined = {EFFECTS[other].beside, EFFECTS[other].replaces} - {None}
+    return EFFECTS[one].replaces in {other, EFFECTS[other].beside} - {None} or bool(
+        refined & set(EFFECTS[one].twins)
+    )

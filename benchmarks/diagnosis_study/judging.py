@@ -10,11 +10,12 @@ import numpy as np
 
 from benchmarks.diagnosis_study.cases import TWINS
 from flexviz.diagnosis.confidence import probability
+from flexviz.effects import EFFECTS
 
 Json = dict[str, Any]
 
 DECIDABLE = 300.0  # χ² that a fit that knows the truth gains at least
-JOINTLESS = {"payload_error", "base_tilt", "torque_delay"}
+JOINTLESS = {name for name, effect in EFFECTS.items() if effect.scope in ("set", "payload")}
 SIGNLESS = {"amplitude"}  # a sign change is a phase of π
 NOTHING, UNKNOWN = "nothing", "unknown"
 
@@ -103,7 +104,8 @@ def same(found: Json, true: Json) -> bool:
     jointless = true["effect"] in JOINTLESS or found["effect"] in JOINTLESS
     joint_right = jointless or found.get("joint") == true["joint"]
     if found["effect"] == true["effect"]:
-        return joint_right and (true["effect"] != "payload_error" or found.get("payload") == true["payload"])
+        same_payload = found.get("payload") == true["payload"]
+        return joint_right and (same_payload or EFFECTS[true["effect"]].scope != "payload")
     tied = any(tie["effect"] == true["effect"] for tie in found.get("inseparable_from", []))
     return tied and joint_right and frozenset((found["effect"], true["effect"])) in TWINS
 

@@ -133,7 +133,7 @@ def _truth(case: Case, plan: Plan, size: MotionScale, runs: dict[str, Run]) -> d
 
 def _hidden(effect: EffectValue, plan: Plan, size: MotionScale) -> dict[str, Any]:
     scored = {k: v for k, v in effect.parameters.items() if k not in UNSCORED}
-    parameter = SIZES[effect.effect][0]
+    parameter = SIZES[effect.effect].parameter
     return {
         "effect": effect.effect,
         "joint": effect.joint,

@@ -9,20 +9,15 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.diagnosis_study.judging import Json, Judged, Stated
+from benchmarks.diagnosis_study.sizes import SIZES
+from flexviz.effects import EFFECTS
 
 FOUND = 0.9  # share found that makes a size "found"
 SURE = 0.9  # stated confidence
 ABOUT = (0.85, 0.95)  # stated about at 90 %: so many of them should be right
 BINS = (0.0, 0.5, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0)
-TORQUES = {  # effects whose size is a torque: also told relative to the joint's rms torque
-    "coulomb_friction",
-    "stribeck_friction",
-    "presliding_hysteresis",
-    "torque_ripple",
-    "torque_offset",
-    "link_coulomb_friction",
-    "external_contact",
-}
+# effects whose size is a torque: also given relative to the joint's rms torque
+TORQUES = {name for name, size in SIZES.items() if EFFECTS[name].units[size.parameter] == "Nm"}
 ARMS = ("panda", "ur5")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.effects import EFFECTS, ChosenEffect, Evidence
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 
 GAIN = 100.0  # fall of the objective that an effect has to bring
 GAIN_LATER = 0.003  # and this share of what was gained before it: a law that is nearly right leaves traces
@@ -55,9 +55,9 @@ def only_an_offset(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
     return EFFECTS[effect.effect].only_an_offset(_evidence(fit, effect, raw_step))
 
 
-def _evidence(fit: Fit, effect: ChosenEffect, raw_step: float) -> Evidence:
+def _evidence(fit: Fit, effect: ChosenEffect, raw_step: float) -> EffectEvidence:
     torque = fit.point.narrow.torque[0][:, effect.joint or 0]
-    return Evidence(torque, raw_step, frozenset(e.effect for e in fit.layout.effects))
+    return EffectEvidence(torque, raw_step, frozenset(e.effect for e in fit.layout.effects))
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:

@@ -1,8 +1,8 @@
 """Physical effects beside the base model: the library, user-defined ones, and which of them a model has."""
 
-from flexviz.effects.effect import Effect, ElasticStart, Evidence, JointScale
+from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect, LinearEffect
-from flexviz.effects.names import EFFECT_NAMES, known_names
+from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
 from flexviz.effects.selection import ChosenEffect, choose_effects
 from flexviz.effects.terms import (
@@ -25,9 +25,9 @@ __all__ = [
     "ChosenEffect",
     "Context",
     "Effect",
+    "EffectEvidence",
     "EffectTarget",
     "ElasticStart",
-    "Evidence",
     "Guess",
     "Instant",
     "JointMotion",
@@ -38,6 +38,7 @@ __all__ = [
     "Terms",
     "choose_effects",
     "forget_effects",
+    "is_user_defined",
     "known_names",
     "load_effects",
     "loaded_files",

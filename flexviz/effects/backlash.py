@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from flexviz.effects.effect import ElasticStart, Evidence, JointScale
+from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
@@ -42,7 +42,7 @@ class Backlash(LawEffect):
         idle = np.abs(_load(motion)) < 1
         return idle, np.full(len(idle), 2 * abs(float(values[0])))
 
-    def only_an_offset(self, evidence: Evidence) -> bool:
+    def only_an_offset(self, evidence: EffectEvidence) -> bool:
         """True in a joint that is always loaded the same way: it never crosses the gap."""
         torque = evidence.torque
         return min(float((torque > 0).mean()), float((torque < 0).mean())) < BOTH_WAYS

@@ -24,7 +24,7 @@ from flexviz.effects.terms import (
 
 
 @dataclass(frozen=True)
-class Evidence:
+class EffectEvidence:
     """What a fit shows about an effect beside its parameters.
 
     Attributes:
@@ -176,11 +176,11 @@ class Effect(ABC):
         ]
         return any(np.isfinite(edge) and abs(value - edge) <= 1e-6 * abs(edge) for value, edge in edges)
 
-    def credible(self, values: Array, evidence: Evidence) -> bool:
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         """Whether fitted parameters, shape (P,), could be real."""
         return not self.at_bound(values)
 
-    def only_an_offset(self, evidence: Evidence) -> bool:
+    def only_an_offset(self, evidence: EffectEvidence) -> bool:
         """Whether, in this motion, it does no more than shift the joint by a constant."""
         return False
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import Evidence, JointScale
+from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec, Terms
 
@@ -60,7 +60,7 @@ class ExternalContact(LawEffect):
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         return []  # searched in closed form over all intervals
 
-    def credible(self, values: Array, evidence: Evidence) -> bool:
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         rms = float((evidence.torque**2).mean()) ** 0.5
         return super().credible(values, evidence) and abs(values[0]) > SMALLEST * rms
 

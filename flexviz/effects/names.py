@@ -32,6 +32,11 @@ USER_NAMES: list[str] = []
 """Names of the user-defined effects that are loaded, in that order."""
 
 
+def is_user_defined(name: str) -> bool:
+    """Whether the effect comes from a user's file."""
+    return name in USER_NAMES
+
+
 def known_names() -> tuple[str, ...]:
     """The names of the library's and of the user-defined effects."""
     return (*EFFECT_NAMES, *USER_NAMES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
 
@@ -21,13 +22,14 @@ def effect_classes(module: ModuleType) -> list[type[Effect]]:
     return [c for c in classes if c not in parents]
 
 
-def _library() -> dict[str, Effect]:
+def library(names: Sequence[str]) -> dict[str, Effect]:
+    """The effects that `flexviz/effects/<name>.py` define, one in each."""
     found: dict[str, Effect] = {}
-    for name in EFFECT_NAMES:
+    for name in names:
         (only,) = effect_classes(import_module(f"flexviz.effects.{name}"))
         found[name] = only()
         assert found[name].name == name, f"flexviz/effects/{name}.py defines {found[name].name}"
     return found
 
 
-EFFECTS: dict[str, Effect] = _library()
+EFFECTS: dict[str, Effect] = library(EFFECT_NAMES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import Effect, Evidence, JointScale
+from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
 FINEST = 0.02  # of the recording's step: time stamps are not known better
@@ -38,7 +38,7 @@ class TorqueDelay(Effect):
         late = np.stack([context.delayed_tau(j, float(values[0])) for j in joints], axis=2)
         return Terms("torque", joints, now - late[:3], late[1:4][None])
 
-    def credible(self, values: Array, evidence: Evidence) -> bool:
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         """Time stamps, and how a damped joint's torque is held between samples, set the finest delay."""
         beside_twin = any(twin in evidence.effects for twin in self.twins)
         finest = FINEST_BESIDE_TWIN if beside_twin else FINEST

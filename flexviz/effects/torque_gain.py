@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.effects.effect import Effect, Evidence, JointScale
+from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
 LARGEST = 0.4  # a drive whose torque is further off would have been noticed
@@ -32,7 +32,7 @@ class TorqueGain(Effect):
         column = -context.tau(place.own_joint)[:3, :, None]
         return Terms("torque", (place.own_joint,), values[0] * column, column[None])
 
-    def credible(self, values: Array, evidence: Evidence) -> bool:
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         return super().credible(values, evidence) and abs(values[0]) < LARGEST
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 
-from flexviz.effects import EFFECT_NAMES, EFFECTS
+from flexviz.effects import EFFECTS, is_user_defined
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,8 @@ FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
 def entry_of(effect: str, target: str) -> Entry | None:
     """What a format writes for an effect; None if a library effect is not in the format's registry."""
     if target in REGISTRIES:
-        return REGISTRIES[target].get(effect, None if effect in EFFECT_NAMES else USER_DEFINED)
+        library = effect in EFFECTS and not is_user_defined(effect)
+        return REGISTRIES[target].get(effect, None if library else USER_DEFINED)
     return Written("parameters with standard errors and units, and the effect's equation")
 
 

@@ -25,7 +25,7 @@ EXPLAINED, ENOUGH = (
 
 
 @dataclass(frozen=True)
-class TorqueDelay:
+class DelayEstimate:
     """How recorded torque and motion agree in time.
 
     Attributes:
@@ -41,7 +41,7 @@ class TorqueDelay:
 
 def torque_delay(
     measurements: MeasurementSet, progress: ProgressCallback, should_stop: StopCallback
-) -> TorqueDelay | None:
+) -> DelayEstimate | None:
     """The delay common to all joints; None where the model does not explain the torques well enough."""
     groups = tuple(shortened(group) for group in measurements.fit_groups[:MOST_GROUPS])
     if not groups:
@@ -64,7 +64,7 @@ def torque_delay(
     moved = found[0].value ** 2 * float(np.sum(np.mean([np.var(rate, axis=0) for rate in rates], axis=0)))
     if share < ENOUGH or (share < EXPLAINED and moved < left):
         return None
-    return TorqueDelay(found[0].value, found[0].std, share)
+    return DelayEstimate(found[0].value, found[0].std, share)
 
 
 def shortened(group: Group) -> Group:
@@ -75,7 +75,7 @@ def shortened(group: Group) -> Group:
     return replace(group, segments=(short,))
 
 
-def suspicious_delay(delay: TorqueDelay, measurements: MeasurementSet) -> list[Suspicion]:
+def suspicious_delay(delay: DelayEstimate, measurements: MeasurementSet) -> list[Suspicion]:
     """A delay that is certain, and longer than sampling and friction explain."""
     step = max(segment.step for group in measurements.groups for segment in group.segments)
     if abs(delay.seconds) < max(SMALLEST, STEPS * step, CERTAIN * delay.std):

@@ -16,7 +16,7 @@ import numpy as np
 from flexviz.errors import InputError
 from flexviz.importing.assembling import Assembled, assemble
 from flexviz.importing.checking import check_groups, payload_bodies
-from flexviz.importing.delays import TorqueDelay, suspicious_delay, torque_delay
+from flexviz.importing.delays import DelayEstimate, suspicious_delay, torque_delay
 from flexviz.importing.log import Reading
 from flexviz.importing.mapping import Mapping, read_mapping
 from flexviz.importing.offsets import ClockOffset, clock_offsets
@@ -58,7 +58,7 @@ class Imported:
     joints: tuple[str, ...]
     groups: tuple[Assembled, ...]
     offsets: tuple[ClockOffset, ...]
-    delay: TorqueDelay | None
+    delay: DelayEstimate | None
     suspicions: tuple[Suspicion, ...]
     warnings: tuple[str, ...]
 

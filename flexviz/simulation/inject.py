@@ -9,7 +9,7 @@ from math import isfinite
 import numpy as np
 
 from flexviz._pinocchio import pin
-from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect, JointScale
+from flexviz.effects import EFFECTS, Effect, JointScale, is_user_defined
 from flexviz.errors import InputError, choose_from
 from flexviz.model import EffectValue
 from flexviz.simulation.building import is_simulated, simulated_effects
@@ -104,7 +104,7 @@ def default_parameters(name: str, joint: str | None, plan: Plan, size: MotionSca
             duration=plan.groups[0].duration,
         )
     )
-    if name in EFFECT_NAMES:  # a user's example is taken as written
+    if not is_user_defined(name):  # whose example is taken as written
         values = tuple(float(f"{value:.3g}") for value in values)
     return dict(zip(effect.units, values, strict=True))
 

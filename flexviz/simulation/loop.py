@@ -12,6 +12,7 @@ from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.simulation import rates
 from flexviz.simulation.building import TorquePath
 from flexviz.simulation.control import TorqueFilter
+from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
 
@@ -60,7 +61,7 @@ class Loop:
         theta, speed = x[n : 2 * n], x[3 * n : 4 * n]
         target, smooth, feedback = self.target, self.smooth, self.feedback
         states, torques = np.empty((cycles, len(x))), np.empty((cycles, n))
-        advance = self.plant.stepper(x)
+        advance = stepper(self.plant, x)
         fine = self._substeps(x)
         gain = 1.0 + self.torque_path.gain_error
         straight = not self.torque_path.delay.any() and not self.torque_path.gain_error.any()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from flexviz.effects import EFFECT_NAMES, Effect, ParameterSpec
+from flexviz.effects import Effect, ParameterSpec, is_user_defined
 
 ENTERS = {
     "torque": "u is taken off the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
@@ -36,7 +36,7 @@ def enters_text(effect: Effect) -> str:
 
 def simulated_text(effect: Effect) -> str:
     """What the simulator does with it, as a sentence."""
-    if effect.name not in EFFECT_NAMES and effect.simulation(effect.sizes()) is None:
+    if is_user_defined(effect.name) and effect.simulation(effect.sizes()) is None:
         return "Not simulated: its class says nothing about that."
     sign = " sign(v) is taken as tanh(v / 0.005 rad/s)." if "sign(" in effect.equation else ""
     return (effect.simulated or SIMULATED.get(effect.where, "")) + sign
