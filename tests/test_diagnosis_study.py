@@ -19,7 +19,7 @@ from benchmarks.diagnosis_study.laws import OWN
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
-from benchmarks.diagnosis_study.sizes import LIMITS, SIZES
+from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.diagnosis.confidence import probability
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
@@ -93,9 +93,7 @@ def test_cases_are_many_and_different() -> None:
     assert sum(count["pair", planar] for planar in (True, False)) >= 40
     assert sum(count["clean", planar] for planar in (True, False)) >= 150
     assert sum(count["unknown", planar] for planar in (True, False)) >= 64
-    assert (
-        {case.effects[0] for case in every if case.kind == "single"} == set(LAWS) == set(SIZES) == set(LIMITS)
-    )
+    assert {case.effects[0] for case in every if case.kind == "single"} == set(LAWS) == set(SIZES)
     assert {case.own for case in every if case.own} == set(OWN) and len(OWN) >= 5
     assert {case.noise for case in every if case.effects == ("backlash",)} == {0.5, 1.0, 3.0}
 
