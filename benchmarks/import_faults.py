@@ -1,6 +1,6 @@
 """How often an import names a wrong unit or sign: `python -m benchmarks.import_faults SET…`.
 
-Takes each set as it is, which must raise no suspicion, then puts one fault at a time into a copy of its data
+Takes each set as it is, which must raise no issue, then puts one fault at a time into a copy of its data
 (a joint drawn at random where it concerns one) and looks whether exactly what undoes it is named. Link
 positions are left out: they would make it easier.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from flexviz.importing.doubts import suspicions
+from flexviz.importing import issues_of_set
 from flexviz.measurements import MeasurementSet, read_set
 
 Change = dict[str, Any]  # theta, tau -> factor, one or (n,)
@@ -58,16 +58,16 @@ def main(paths: list[str]) -> None:
     alarms = 0
     for path in paths:
         measurements = read_set(path)
-        alarms += bool(suspicions(measurements))
+        alarms += bool(issues_of_set(measurements))
         joint = measurements.joints[int(rng.integers(measurements.n))]
         for name, change, keys, wanted in faults(measurements.joints, joint):
-            found = suspicions(multiplied(measurements, **change), **keys)
+            found = issues_of_set(multiplied(measurements, **change), **keys)
             fixes = {(fix.joint, fix.signal, fix.key) for s in found for fix in s.fixes}
             tried[name] += 1
             named[name] += fixes == wanted
             if fixes != wanted:
                 print(f"{path}: {name} ({joint}): {'; '.join(map(str, found)) or 'nothing was said'}")
-    print(f"sets as they are: {alarms} of {len(paths)} raised a suspicion")
+    print(f"sets as they are: {alarms} of {len(paths)} raised an issue")
     for name in tried:
         print(f"{name}: named in {named[name]} of {tried[name]}")
 

@@ -20,10 +20,9 @@ from import_data import (
 )
 
 from flexviz.errors import InputError
-from flexviz.importing import import_logs
-from flexviz.importing.importing import Imported
-from flexviz.importing.offsets import delay_of
-from flexviz.importing.traces import Trace
+from flexviz.importing import Imported, import_logs
+from flexviz.importing.assembling import Trace
+from flexviz.importing.delays import JointTraces, delay_of
 
 DATA = truth(rows=1500)
 THETA, TAU = '"/motor_states/joint#/position"', '"/motor_states/joint#/effort"'
@@ -50,7 +49,7 @@ def test_offset_of_the_link_clock(tmp_path: Path, late: float) -> None:
     (offset,) = done.offsets
     assert (offset.clock, offset.base) == ("/joint_states", "/motor_states")
     assert abs(offset.delay - late) < 1e-4 and offset.std < 1e-4
-    clock = [s for s in done.suspicions if s.kind == "clock"]
+    clock = [s for s in done.issues if s.kind == "clock"]
     assert bool(clock) == (late != 0.0) and not done.wrong
     q = done.groups[0].table.q
     assert (q is None) == (late == 40.0)
@@ -62,7 +61,7 @@ def test_offset_of_the_link_clock(tmp_path: Path, late: float) -> None:
             motor_messages(DATA) + link_messages(DATA, late=late),
             time=f'shift = {{ "/joint_states" = {value} }}',
         )
-        assert abs(shifted.offsets[0].delay) < 1e-4 and not shifted.suspicions
+        assert abs(shifted.offsets[0].delay) < 1e-4 and not shifted.issues
         q = shifted.groups[0].table.q
     group = done.groups[0]
     assert q is not None and len(q) > 0.95 * len(DATA.q)
@@ -75,9 +74,9 @@ def test_offset_is_not_invented() -> None:
     rng = np.random.default_rng(0)
     time = 0.002 * np.arange(2000)
     noise = [Trace("x", "c", time, np.cumsum(rng.normal(size=2000)) * 1e-3) for _ in range(3)]
-    assert delay_of([(noise[0], noise[1], noise[2])]) is None
+    assert delay_of([JointTraces(*noise)]) is None
     slow = [Trace("x", "c", 0.2 * np.arange(100), np.sin(np.arange(100.0))) for _ in range(3)]
-    assert delay_of([(slow[0], slow[1], slow[2])]) is None
+    assert delay_of([JointTraces(*slow)]) is None
 
 
 def test_torque_on_a_topic_of_its_own(tmp_path: Path) -> None:

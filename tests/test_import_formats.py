@@ -29,8 +29,8 @@ from scipy.io import savemat
 
 from flexviz.errors import InputError
 from flexviz.importing import import_logs
-from flexviz.importing.log import Reading
-from flexviz.importing.sources import find_sources, open_log
+from flexviz.importing.formats import find_logs, open_log
+from flexviz.importing.formats.base import ReadOptions
 from flexviz.measurements import read_set
 
 DATA = truth(rows=1000)
@@ -45,7 +45,7 @@ def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
 def imported(mapping: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, θ and τ of the first group of the set that an import writes."""
     done = import_logs(mapping, mapping.parent / "set")
-    assert done.folder is not None, [str(s) for s in done.suspicions]
+    assert done.folder is not None, [str(s) for s in done.issues]
     group = read_set(done.folder).groups[0]
     assert len(group.segments) == 1
     return group.time, group.segments[0].theta, group.segments[0].tau
@@ -131,17 +131,17 @@ def test_wide_csv(tmp_path: Path, write: Callable[[Path], None], time: str, thet
 
 def test_csv_states_its_units_and_what_cannot_be_used(tmp_path: Path) -> None:
     semicolon_with_decimal_comma_and_units(tmp_path / "a.csv")
-    log = open_log(tmp_path / "a.csv", Reading())
+    log = open_log(tmp_path / "a.csv", ReadOptions())
     assert log.tables[0].units == {"Time": "ms", "Pos 1": "deg", "M 1": "mNm", "Pos 2": "deg", "M 2": "mNm"}
     text_and_empty_columns_beside(tmp_path / "b.csv")
-    log = open_log(tmp_path / "b.csv", Reading())
-    assert log.unusable["mode"] == 'row 1 (line 2) holds "run", a number would be right'
+    log = open_log(tmp_path / "b.csv", ReadOptions())
+    assert log.unusable["mode"] == 'row 1 (line 2) holds "run", expected a number'
     assert "nothing" in log.unusable
     lines = ["t,x,y"] + [f"{0.001 * i},{i},{i}" for i in range(100)]
     lines[61] = "0.06,oops,60"
     (tmp_path / "c.csv").write_text("\n".join(lines))
-    log = open_log(tmp_path / "c.csv", Reading())
-    assert log.unusable == {"x": 'row 61 (line 62) holds "oops", a number would be right'}
+    log = open_log(tmp_path / "c.csv", ReadOptions())
+    assert log.unusable == {"x": 'row 61 (line 62) holds "oops", expected a number'}
     assert list(log.columns) == ["t", "y"]
 
 
@@ -193,7 +193,7 @@ def test_matlab_7_3_says_what_to_do(tmp_path: Path) -> None:
         b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" ") + b"\x89HDF\r\n\x1a\n" + bytes(600)
     )
     with pytest.raises(InputError, match=r"version 7\.3 is HDF5.*'-v7'.*parquetwrite"):
-        open_log(file, Reading())
+        open_log(file, ReadOptions())
 
 
 @pytest.mark.parametrize("version", ["v2.0", "v2.1", "v3.0"])
@@ -214,7 +214,7 @@ def test_lerobot(tmp_path: Path, version: str, names: object) -> None:
     if not names:
         mapping.write_text(mapping.read_text().replace("[1]", "[0]").replace("[2]", "[1]"))
     check(mapping)
-    assert [source.episode for source in find_sources([tmp_path / "data"])] == [0, 1, 2]
+    assert [source.episode for source in find_logs([tmp_path / "data"])] == [0, 1, 2]
 
 
 def bag2(path: Path, plugin: StoragePlugin) -> Path:
@@ -269,7 +269,7 @@ def test_two_drivers_on_one_topic(tmp_path: Path) -> None:
             for key in ("name", "position", "effort"):
                 content[key] = content[key][::-1]
     write_mcap(tmp_path / "run.mcap", messages)
-    log = open_log(tmp_path / "run.mcap", Reading())
+    log = open_log(tmp_path / "run.mcap", ReadOptions())
     assert [table.rows for table in log.tables] == [1000, 1000]
     assert "/motor_states/finger/effort" in log.unusable
     write_robot(tmp_path)
@@ -284,6 +284,6 @@ def test_folder_of_logs(tmp_path: Path) -> None:
     comma(tmp_path / "b.csv")
     comma(tmp_path / "a.csv")
     (tmp_path / "notes.md").write_text("no log")
-    assert [source.path.name for source in find_sources([tmp_path])] == ["a.csv", "b.csv"]
+    assert [source.path.name for source in find_logs([tmp_path])] == ["a.csv", "b.csv"]
     with pytest.raises(InputError, match="given twice"):
-        find_sources([tmp_path, tmp_path / "a.csv"])
+        find_logs([tmp_path, tmp_path / "a.csv"])

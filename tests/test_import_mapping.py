@@ -186,12 +186,12 @@ BAD = {
     "time": (swap('column = "t"', 'column = "time"'), r'time\.column: "time" is not in run\.csv'),
     "no time": (
         swap('column = "t"\n', ""),
-        r'time\.column: which column of run\.csv says when\? likely: "t"',
+        r'time\.column: which column of run\.csv is the time\? likely: "t"',
     ),
     "time unit": (swap('column = "t"', 'column = "t"\nunit = "min"'), r'time\.unit: found "min"'),
     "constant": (
         swap('"m1"', '{ from = "m1", unit = "A" }'),
-        r"joints\.joint1: tau is a current, torque_constant",
+        r"joints\.joint1: tau is a current, expected torque_constant",
     ),
     "file": (swap("run.csv", "ran.csv"), r'log 1 "g1", file: "ran\.csv" does not exist'),
     "robot": (
@@ -205,7 +205,7 @@ BAD = {
     "payload": (swap('group = "g1"', 'group = "g1"\npayload = "p9"'), r'log 1 "g1", payload: payload "p9"'),
     "from and to": (
         swap('group = "g1"', 'group = "g1"\nfrom = 2\nto = 1'),
-        r'log 1 "g1", to: found 1, more than from',
+        r'log 1 "g1", to: found 1, expected more than from',
     ),
     "too short": (
         swap('group = "g1"', 'group = "g1"\nfrom = 1.19'),
@@ -288,7 +288,7 @@ FILES = {
     "binary.csv": (lambda file: file.write_bytes(bytes(range(256))), "not a text file"),
     "prose.csv": (lambda file: file.write_text("dear diary\nit rained\n"), "no rows of numbers"),
     "ragged.csv": (ragged, "not a readable CSV table: .*[Rr]ow"),
-    "short.csv": (lambda file: file.write_text("a,b\n1,2\n3,4\n"), "2 rows, at least 32"),
+    "short.csv": (lambda file: file.write_text("a,b\n1,2\n3,4\n"), "2 rows, expected at least 32"),
     "header.csv": (
         lambda file: file.write_text("a,b,c,d\n" + "1,2\n" * 99),
         r"header: the header has 4 names for 2 columns",
@@ -305,14 +305,14 @@ FILES = {
         no_states,
         r"no topic holds sensor_msgs/msg/JointState; the bag has /on \(std_msgs/msg/Bool\)",
     ),
-    "one.mcap": (one_message, "only 1 messages, at least 32"),
+    "one.mcap": (one_message, "only 1 messages, expected at least 32"),
     "unnamed.mcap": (unnamed, "no joint has 32 messages"),
     "a.db3": (lambda file: file.write_bytes(b"SQLite no"), "not a readable bag"),
     "a.bag": (lambda file: file.write_bytes(b"#ROSBAG no"), "not a readable bag"),
     "a.xyz": (lambda file: file.write_text("1"), r'"\.xyz" is no known format; .* MCAP'),
     "folder": (lambda file: file.mkdir(), "neither a ROS 2 bag"),
-    "old": (old_lerobot, r'codebase_version: found "v1\.6", v2\.x or v3\.x'),
-    "episodes": (no_episode, r"which episode\? episode = 0 … 0"),
+    "old": (old_lerobot, r'codebase_version: found "v1\.6", expected v2\.x or v3\.x'),
+    "episodes": (no_episode, r"which episode\? expected episode = 0 … 0"),
 }
 
 

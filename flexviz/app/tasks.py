@@ -239,10 +239,10 @@ def cached_set(path: Path) -> MeasurementSet:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, stamp: int) -> MeasurementSet:
-    from flexviz.importing.doubts import with_doubts
+    from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
 
-    return with_doubts(read_set(path))
+    return with_plausibility_warnings(read_set(path))
 
 
 def sets_beside(*paths: Path) -> dict[str, Path]:

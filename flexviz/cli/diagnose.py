@@ -39,13 +39,13 @@ def diagnose(
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
     from flexviz.diagnosis import diagnose as search
-    from flexviz.importing.doubts import with_doubts
+    from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
 
     load_own(effects_from)
     output.check_output_file(json_file, ".json")
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
-        measurements = with_doubts(read_set(measurement_set))
+        measurements = with_plausibility_warnings(read_set(measurement_set))
         result = search(
             measurements,
             apply=apply,

@@ -68,14 +68,14 @@ def run_identification(
 
 def read_wanted(wanted: Wanted) -> MeasurementSet:
     """Read the set and check what was asked for against it."""
-    from flexviz.importing.doubts import with_doubts
+    from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
     from flexviz.observers import make_observer
 
     make_observer(wanted.observer, wanted.bandwidth)  # a wrong name is better said before a long file is read
     measurements = read_set(wanted.path)
     check_choices(measurements, wanted)
-    return with_doubts(measurements)
+    return with_plausibility_warnings(measurements)
 
 
 def identify_wanted(

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flexviz.cli.progress import Reporter
-    from flexviz.importing import Imported, Looked
-    from flexviz.importing.mapping import Mapping
-    from flexviz.importing.questions import Questions
+    from flexviz.importing import Imported, Inspection, Mapping, Questions
 
 INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
 REFUSED = 2  # nothing was written, for the data contradict the mapping
@@ -104,7 +102,7 @@ def from_logs(
     should_stop: Callable[[], bool],
 ) -> int:
     """Look at logs; write the mapping where it was asked for, and the set where nothing is in doubt."""
-    from flexviz.importing import look
+    from flexviz.importing import inspect_logs
 
     for path in logs:
         if path.suffix == ".toml":
@@ -112,22 +110,22 @@ def from_logs(
     if robot is None:
         raise InputError("--robot is needed beside logs: a URDF, example-robot-data:NAME or robots:NAME")
     check_new_file(mapping)
-    looked = look(
+    inspection = inspect_logs(
         logs,
         robot,
         questions=questions,
         progress=report,
         should_stop=should_stop,
     )
-    text = looked.draft.text(mapping)
+    text = inspection.draft.text(mapping)
     if mapping is not None:
         write_whole(mapping, text.encode())
-    console_lines(about(looked))
-    if looked.draft.missing:
+    console_lines(about(inspection))
+    if inspection.draft.missing:
         if mapping is None:
             print(text, end="")
         where = f" in {mapping}" if mapping else "; --mapping FILE writes what is known to a file"
-        console_lines([f"to be filled in{where}: {line}" for line in looked.draft.missing])
+        console_lines([f"to be filled in{where}: {line}" for line in inspection.draft.missing])
         return INCOMPLETE
     if out is None:
         if mapping is None:
@@ -136,7 +134,7 @@ def from_logs(
             console_lines([f"{mapping}: read and correct it, then flexviz import {mapping} --out SET"])
         return 0
     return run(
-        looked.draft.mapping(), Path("mapping"), out, table_format, yes, json_file, report, should_stop
+        inspection.draft.mapping(), Path("mapping"), out, table_format, yes, json_file, report, should_stop
     )
 
 
@@ -152,7 +150,7 @@ def run(
 ) -> int:
     """Import what a mapping names, and say what was done and what looks wrong."""
     from flexviz.cli import output
-    from flexviz.importing.importing import import_mapping
+    from flexviz.importing import import_mapping
 
     done = import_mapping(
         mapping,
@@ -172,7 +170,7 @@ def run(
 def person(report: Reporter) -> Questions:
     """The person at the terminal; the live line is gone while they answer."""
     from flexviz.cli.progress import note
-    from flexviz.importing.questions import Person
+    from flexviz.importing import Person
 
     def ask(question: str, default: str) -> str:
         with report.paused():
@@ -187,7 +185,7 @@ def check_new_file(file: Path | None) -> None:
 
     output.check_output_file(file)
     if file is not None and file.exists():
-        raise InputError("exists already, a new name would be right", file=file)
+        raise InputError("exists already, expected a new name", file=file)
     if file is not None and file.suffix != ".toml":
         raise InputError("a mapping's name ends in .toml", file=file)
 
@@ -201,9 +199,9 @@ def console_lines(lines: list[str]) -> None:
         console.print(line, soft_wrap=True)
 
 
-def about(looked: Looked) -> list[str]:
+def about(inspection: Inspection) -> list[str]:
     """What was found in the logs, in a few lines of text."""
-    return [*looked.draft.seen, *(f"looks {s.severity}: {s}" for s in looked.suspicions)]
+    return [*inspection.draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)]
 
 
 def summary(done: Imported, out: Path | None) -> list[str]:
@@ -215,7 +213,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         step = float(np.median(np.diff(group.table.time)))
         use = "validation" if group.entry.validation else "fit"
         lines.append(
-            f"{group.entry.group}: {group.entry.file}, {group.log}, {len(group.table.time)} samples, "
+            f"{group.entry.group}: {group.entry.file}, {group.kind}, {len(group.table.time)} samples, "
             f"{group.table.time[-1]:.6g} s at {1 / step:.5g} Hz, payload {group.entry.payload}, {use}"
         )
         lines += [f"  {note}" for note in group.notes]
@@ -231,7 +229,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         )
     elif not done.wrong:
         lines.append("whether torque and motion agree in time could not be told from these data")
-    lines += [f"looks {s.severity}: {s}" for s in done.suspicions]
+    lines += [f"looks {s.severity}: {s}" for s in done.issues]
     lines += [f"warning: {warning}" for warning in done.warnings]
     if done.folder is not None:
         lines.append(f"{done.folder}: {len(done.groups)} groups, joints {', '.join(done.joints)}")

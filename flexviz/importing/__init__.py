@@ -2,8 +2,24 @@
 
 from __future__ import annotations
 
-from flexviz.importing.importing import Imported, import_logs
-from flexviz.importing.looking import Looked, look
+from flexviz.importing.importing import Imported, import_logs, import_mapping
+from flexviz.importing.inspecting import Inspection, inspect_logs
+from flexviz.importing.issues import Issue
 from flexviz.importing.mapping import Mapping, read_mapping
+from flexviz.importing.plausibility import issues_of_set, with_plausibility_warnings
+from flexviz.importing.questions import Person, Questions
 
-__all__ = ["Imported", "Looked", "Mapping", "import_logs", "look", "read_mapping"]
+__all__ = [
+    "Imported",
+    "Inspection",
+    "Issue",
+    "Mapping",
+    "Person",
+    "Questions",
+    "import_logs",
+    "import_mapping",
+    "inspect_logs",
+    "issues_of_set",
+    "read_mapping",
+    "with_plausibility_warnings",
+]

@@ -1,4 +1,4 @@
-"""From the traces of one log to the columns of one group: everything on the clock of the first joint's θ."""
+"""From the columns of one log to one group: SI at the joint side, on the clock of the first joint's θ."""
 
 from __future__ import annotations
 
@@ -9,84 +9,184 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.importing.log import SHORTEST, Log
-from flexviz.importing.mapping import SIGNALS, LogEntry, Mapping
-from flexviz.importing.traces import Trace, Tracer
-from flexviz.measurements import Array, GroupTable
+from flexviz.importing.clocks import LogClock, clock_of, rows_in_order
+from flexviz.importing.column_names import ANGLE, CURRENT, TORQUE, size_of
+from flexviz.importing.formats.base import SHORTEST, Log
+from flexviz.importing.mapping import (
+    NEEDED,
+    SIGNALS,
+    JointColumns,
+    LogEntry,
+    Mapping,
+    SignalColumn,
+    TorqueColumn,
+)
+from flexviz.importing.thresholds import LIMITS
+from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
 
-NEEDED, OPTIONAL = SIGNALS[:2], SIGNALS[2:]
-MOST_HELD = 0.05  # share of the rows in which a column for comparison may repeat its first or last value
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One signal of one joint on its own clock, where it has values.
+
+    Attributes:
+        column: where it comes from.
+        clock: what its clock is called (topic or time column).
+        time: (N,) strictly increasing seconds after the log's first instant.
+        values: (N,) [rad] or [Nm] at the joint side.
+    """
+
+    column: str
+    clock: str
+    time: Array
+    values: Array
+
+    @property
+    def step(self) -> float:
+        """Median step [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """From when to when it is known or safely continued [s]."""
+        beyond = LIMITS.continued_steps * self.step
+        return float(self.time[0]) - beyond, float(self.time[-1]) + beyond
+
+    def shares_instants(self, other: Trace) -> bool:
+        """Whether both have the same instants."""
+        return self.time is other.time or np.array_equal(self.time, other.time)
+
+    def at(self, wanted: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Values at `wanted` (M,) [s], where the trace covers them, and where they lie in a gap of it.
+
+        Polynomials through the six nearest samples; straight lines over a gap and beyond the ends.
+        """
+        first, last = self.reach
+        covered = (wanted >= first) & (wanted <= last)
+        after = np.clip(np.searchsorted(self.time, wanted), 1, len(self.time) - 1)
+        width = self.time[after] - self.time[after - 1]
+        inside = (wanted >= self.time[0]) & (wanted <= self.time[-1])
+        between = (wanted != self.time[after]) & (wanted != self.time[after - 1])
+        gap = inside & between & (width > GAP * self.step)
+        slope = (self.values[after] - self.values[after - 1]) / width
+        result = self.values[after - 1] + slope * (wanted - self.time[after - 1])
+        smooth = inside & ~gap
+        if len(self.time) >= POINTS and smooth.any():
+            result[smooth] = interpolate(self.time, self.values, wanted[smooth])
+        return result, covered, gap
+
+
+class Tracer:
+    """Makes the traces of one log; each clock is read once.
+
+    Attributes:
+        notes: what was done to the clocks, one sentence each.
+    """
+
+    def __init__(self, log: Log, mapping: Mapping, file: Path) -> None:
+        self.log, self.mapping, self.file = log, mapping, file
+        self.notes: list[str] = []
+        self.from_bag = log.kind not in ("CSV", "Parquet", "MATLAB")
+        self._clocks: dict[tuple[str, str], tuple[LogClock, NDArray[np.intp], Array]] = {}
+        self._origin: LogClock | None = None
+
+    def trace(self, joint: str, name: str, signal: SignalColumn) -> Trace:
+        """The signal called `name` of a joint; the first one sets the log's time zero."""
+        place = f"joints.{joint}.{name}"
+        table = self.log.table_of(signal.column, self.file, place)
+        clock = clock_of(self.log, table, signal.time, self.mapping.time, self.file, place)
+        key = (clock.table, clock.name)
+        if key not in self._clocks:
+            self._origin = self._origin or clock
+            seconds = clock.seconds(self._origin)
+            called = clock.name or clock.table or "time"
+            rows, notes = rows_in_order(seconds, called, self.from_bag, self.log.file)
+            self.notes += notes
+            self._clocks[key] = clock, rows, seconds[rows]
+        clock, rows, time = self._clocks[key]
+        raw = np.asarray(table.columns[signal.column], dtype=float)[rows]
+        known = np.isfinite(raw)
+        count = int(np.count_nonzero(known))
+        if count < SHORTEST:
+            found = f'"{signal.column}" has {count} values in {self.log.file.name}'
+            raise InputError(f"{found}, expected at least {SHORTEST}", file=self.file, place=place)
+        if not known.all():
+            raw, time = raw[known], time[known]
+        return Trace(signal.column, clock.key, time, to_joint_side(raw, signal, self.mapping.joints[joint]))
+
+
+def to_joint_side(raw: Array, signal: SignalColumn, joint: JointColumns) -> Array:
+    """(N,) raw as [rad] or [Nm] at the joint side: sign, unit, torque constant, gear, then the offset."""
+    factor = float(signal.sign)
+    if isinstance(signal, TorqueColumn):
+        factor *= size_of(signal.unit, TORQUE | CURRENT)
+        if signal.unit in CURRENT:
+            factor *= joint.torque_constant or 1.0
+        factor *= joint.gear if signal.side == "motor" else 1.0
+    else:
+        factor *= size_of(signal.unit, ANGLE)  # type: ignore[attr-defined]
+        factor /= joint.gear if signal.side == "motor" else 1.0
+    return raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
 
 
 Traces = dict[tuple[str, str], Trace]
 
 
 @dataclass(frozen=True, eq=False)
-class Assembled:
-    """One group to be.
+class AssembledGroup:
+    """One group before it is written.
 
     Attributes:
         entry: the log's entry in the mapping.
-        log: what kind of log it is.
+        kind: of the log.
         table: its columns (N, n), time from 0.
-        traces: (joint, signal) -> as it is on its own clock.
+        traces: (joint, signal) -> its trace.
         zero: [s] where the table's time 0 lies on the clock of the traces.
         notes: what was done to the data, one sentence each.
     """
 
     entry: LogEntry
-    log: str
+    kind: str
     table: GroupTable
     traces: Traces
     zero: float
     notes: tuple[str, ...]
 
 
-def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembled:
+def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> AssembledGroup:
     """The group that `entry` asks for. Errors name the mapping `file` and the key, or the log and the row."""
     tracer = Tracer(log, mapping, file)
-    # θ of the first joint first: its clock is the group's
+    # θ of the first joint comes first: its clock is the group's
     ordered = sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1]))
     traces = {(joint, name): tracer.trace(joint, name, signal) for joint, name, signal in ordered}
     notes = [*log.notes, *tracer.notes]
-    time = chosen_time(traces[mapping.names[0], "theta"], entry, log, file)
+    base = traces[mapping.names[0], "theta"]
+    time = chosen_time(base, entry, log, file)
     values: dict[tuple[str, str], Array] = {}
     keep = np.ones(len(time), dtype=bool)
     for key in (key for key in traces if key[1] in NEEDED):
-        values[key], usable = needed(traces[key], time, traces[mapping.names[0], "theta"], notes)
+        values[key], usable = needed(traces[key], time, base, notes)
         keep &= usable
         if np.count_nonzero(keep) < SHORTEST:
-            raise no_overlap(traces[key], traces[mapping.names[0], "theta"], log, file)
-    for key in (key for key in traces if key[1] in OPTIONAL):
-        # what is for comparison only never changes the rows that are identified from
-        trace = traces[key]
-        first, last = trace.reach
-        outside = int(np.count_nonzero((time < first) | (time > last)))
-        if outside > MOST_HELD * len(time):
-            share = 100 * (1 - outside / len(time))
-            notes.append(f'"{trace.column}" covers {share:.0f} % of θ\'s time and is left out')
-            continue
-        if outside:
-            notes.append(f'{outside} samples outside the time of "{trace.clock}" repeat its value at the end')
-        values[key] = trace.at(np.clip(time, first, last))[0]
-    if not keep.all():
-        time = time[keep]
-        values = {key: column[keep] for key, column in values.items()}
-    columns = {name: together(values, mapping.names, name, len(time)) for name in SIGNALS}
+            raise no_overlap(traces[key], base, log, file)
+    for key in (key for key in traces if key[1] in OPTIONAL_SIGNALS):
+        column = optional(traces[key], time, notes)
+        values |= {key: column} if column is not None else {}
+    time = time[keep]
+    columns = {name: together(values, mapping.names, name, keep) for name in SIGNALS}
+    if columns["theta"] is None or columns["tau"] is None:
+        raise InputError("a group needs θ and τ", file=file)
     zero = float(time[0])
+    trajectory = entry.trajectory or entry.group
     table = GroupTable(
         entry.group,
-        entry.trajectory or entry.group,
+        trajectory,
         entry.payload,
         time - zero,
-        columns["theta"],  # type: ignore[arg-type]
-        columns["tau"],  # type: ignore[arg-type]
-        columns["q"],
-        columns["tau_joint"],
-        columns["theta_ref"],
         validation=entry.validation,
+        **columns,  # type: ignore[arg-type]
     )
-    return Assembled(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
+    return AssembledGroup(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
 
 
 def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
@@ -97,12 +197,9 @@ def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
         time = time[(time >= time[0] + entry.start) & (time <= last)]
     if len(time) < SHORTEST:
         span = f"from {entry.start:g} s" + ("" if entry.stop is None else f" to {entry.stop:g} s")
-        raise InputError(
-            f"{log.file.name} has {len(time)} samples {span}, at least {SHORTEST} would be right; it lasts "
-            f"{base.time[-1] - base.time[0]:.6g} s",
-            file=file,
-            place=f'log "{entry.group}"',
-        )
+        found = f"{log.file.name} has {len(time)} samples {span}, expected at least {SHORTEST}"
+        message = f"{found}; it lasts {base.time[-1] - base.time[0]:.6g} s"
+        raise InputError(message, file=file, place=f'log "{entry.group}"')
     return time
 
 
@@ -123,22 +220,35 @@ def needed(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Ar
     return values, covered & ~gap
 
 
+def optional(trace: Trace, time: Array, notes: list[str]) -> Array | None:
+    """A column for comparison at `time` (N,); None where it covers too little. It never changes the rows."""
+    first, last = trace.reach
+    outside = int(np.count_nonzero((time < first) | (time > last)))
+    if outside > LIMITS.held_ends * len(time):
+        share = 100 * (1 - outside / len(time))
+        notes.append(f'"{trace.column}" covers {share:.0f} % of θ\'s time and is left out')
+        return None
+    if outside:
+        notes.append(f'{outside} samples outside the time of "{trace.clock}" repeat its value at the end')
+    return trace.at(np.clip(time, first, last))[0]
+
+
 def no_overlap(trace: Trace, base: Trace, log: Log, file: Path) -> InputError:
-    """θ and τ were not recorded at the same time, or their clocks differ."""
+    """The error for θ and τ that were not recorded at the same time, or whose clocks differ."""
     return InputError(
         f'in {log.file.name} "{trace.column}" runs from {trace.time[0]:.6g} s to {trace.time[-1]:.6g} s and '
-        f'"{base.column}" from {base.time[0]:.6g} s to {base.time[-1]:.6g} s: they do not overlap; '
-        f'clock = "log" (the time of recording) or shift."{trace.clock}" (seconds to add) would be right',
+        f'"{base.column}" from {base.time[0]:.6g} s to {base.time[-1]:.6g} s: they do not overlap, '
+        f'expected clock = "log" (the time of recording) or shift."{trace.clock}" (seconds to add)',
         file=file,
         place="time",
     )
 
 
 def together(
-    values: dict[tuple[str, str], Array], joints: tuple[str, ...], name: str, count: int
+    values: dict[tuple[str, str], Array], joints: tuple[str, ...], name: str, keep: NDArray[np.bool_]
 ) -> Array | None:
-    """(N, n) a signal of all joints, NaN for those without; None where no joint has it."""
+    """(N, n) a signal of all joints where `keep`, NaN for those without; None where no joint has it."""
     if not any((joint, name) in values for joint in joints):
         return None
-    nothing = np.full(count, np.nan)
-    return np.stack([values.get((joint, name), nothing) for joint in joints], axis=1)
+    nothing = np.full(len(keep), np.nan)
+    return np.stack([values.get((joint, name), nothing)[keep] for joint in joints], axis=1)

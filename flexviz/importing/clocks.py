@@ -1,26 +1,29 @@
-"""When a column's values were recorded: its time column, made strictly increasing seconds."""
+"""Time columns: which one belongs to a signal, its unit, and its rows in strictly increasing order."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.importing.log import LOGGED, SHORTEST, STAMP, Log, Table
+from flexviz.importing.column_names import TIME, size_of, unit_in, words
+from flexviz.importing.formats.base import LOGGED, SHORTEST, STAMP, Log, LogTable
 from flexviz.importing.mapping import TimeColumn
-from flexviz.importing.units import TIME, unit_in
+from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array
 
-TOO_MANY_REPEATED = 0.2  # share of repeated instants from which the clock is too coarse to be used
-OUT_OF_ORDER = 1.0  # [s] messages that come late by less are put into order
-LIKELY = ("time", "timestamp", "t", "stamp", "clock", "sec", "seconds", "ts", "zeit", "tout")
+TIME_WORDS = {"time", "timestamp", "t", "stamp", "clock", "sec", "seconds", "ts", "zeit", "tout"}
+USUAL_STEPS = (2e-4, 5e-2)  # [s] that robots are recorded with
+POSSIBLE_STEPS = (2e-5, 0.2)  # [s]
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class LogClock:
     """When the rows of a table were recorded.
 
     Attributes:
@@ -42,78 +45,72 @@ class Clock:
         """What `time.shift` calls it: the topic, or the time column."""
         return self.table or self.name
 
-    def seconds(self, origin: Clock) -> Array:
+    def seconds(self, origin: LogClock) -> Array:
         """(N,) seconds after the first instant of `origin`."""
         if self.unit == origin.unit and self.raw.dtype.kind == "i":  # exact in whole numbers
             return (self.raw - origin.raw[0]).astype(float) * self.unit + self.shift
         return self.raw * self.unit - float(origin.raw[0]) * origin.unit + self.shift
 
 
-def clock_of(log: Log, table: Table, asked: str | None, time: TimeColumn, file: Path, place: str) -> Clock:
+def clock_of(
+    log: Log, table: LogTable, asked: str | None, time: TimeColumn, file: Path, place: str
+) -> LogClock:
     """The clock of a table's columns; `asked` is the time column that the mapping names for this signal.
 
-    Errors name `file` and `place`, where the mapping says what the column is.
+    Errors name `file` and `place`, the signal's entry in the mapping.
     """
     name = asked or own_clock(table, time) or time.column
     if name is None and time.step is not None:
-        return Clock("", table.name, np.arange(table.rows), time.step, time.shift.get(table.name, 0.0))
+        return LogClock("", table.name, np.arange(table.rows), time.step, time.shift.get(table.name, 0.0))
     if name is None:
         named = [name for name in log.unread if called_time(name)] or likely_clocks(table)
-        likely = ", ".join(f'"{x}"' for x in named) or "none; or step = 0.001, seconds a row"
-        raise InputError(
-            f"which column of {log.file.name} says when? likely: {likely}", file=file, place="time.column"
-        )
-    where = f"{place}.time" if asked else "time.column"
-    if log.table_of(name, file, where) is not table:
+        likely = ", ".join(f'"{x}"' for x in named) or "none; or step = 0.001, seconds per row"
+        message = f"which column of {log.file.name} is the time? likely: {likely}"
+        raise InputError(message, file=file, place="time.column")
+    holder = log.table_of(name, file, f"{place}.time" if asked else "time.column")
+    if holder is not table:
         likely = ", ".join(f'"{x}"' for x in likely_clocks(table)) or "none"
-        raise InputError(
-            f'"{name}" has {len(log.columns[name].columns[name])} rows in {log.file.name} and the signal has '
-            f"{table.rows}: time = … is needed for this signal; likely: {likely}",
-            file=file,
-            place=place,
+        message = (
+            f'"{name}" has {holder.rows} rows in {log.file.name} and the signal has {table.rows}, expected '
+            f"time = … for this signal; likely: {likely}"
         )
-    stated = table.units.get(name)
-    known = stated in TIME and (
-        name == table.clock or stated == "ns"
-    )  # the format or the column's type says it
-    unit = stated if known and stated else time.unit
-    size = TIME[unit] if isinstance(unit, str) else float(unit)
-    clock = Clock(name, table.name, table.columns[name], size)
-    return Clock(name, table.name, clock.raw, size, time.shift.get(clock.key, 0.0))
+        raise InputError(message, file=file, place=place)
+    stated = table.units.get(name)  # "ns" is stated by the column's type
+    unit = stated if stated in TIME and (name == table.clock or stated == "ns") else time.unit
+    size = size_of(unit, TIME)
+    return LogClock(name, table.name, table.columns[name], size, time.shift.get(table.name or name, 0.0))
 
 
-def own_clock(table: Table, time: TimeColumn) -> str | None:
+def own_clock(table: LogTable, time: TimeColumn) -> str | None:
     """The time column that the format itself names."""
     if table.clock is not None and time.clock == "log" and table.clock.endswith(STAMP):
         return table.clock.removesuffix(STAMP) + LOGGED
     return table.clock
 
 
-def likely_clocks(table: Table) -> list[str]:
-    """Columns that can be the time: they increase, and are called so (those first) or nothing else is."""
+def likely_clocks(table: LogTable) -> list[str]:
+    """Increasing columns: those with the name or unit of a time, else the first one."""
     rising = [name for name, values in table.columns.items() if increases(values)]
     called = [name for name in rising if called_time(name) or table.units.get(name) in TIME]
     return called or rising[:1]
 
 
 def increases(values: Array) -> bool:
-    """Whether a column goes up from row to row, but for a few repeated or missing values."""
-    known = values if values.dtype.kind == "i" else values[np.isfinite(values)]
+    """Whether a column increases from row to row, but for a few repeated or missing values."""
+    known = finite(values)
     if len(known) < SHORTEST or len(known) < 0.5 * len(values):
         return False
     steps = np.diff(known)
-    return bool((steps >= 0).all() and np.count_nonzero(steps) > (1 - TOO_MANY_REPEATED) * len(steps))
+    return bool((steps >= 0).all() and np.count_nonzero(steps) > (1 - LIMITS.repeated_instants) * len(steps))
 
 
 def called_time(name: str) -> bool:
-    """Whether a column's name says that it is a time."""
-    from flexviz.importing.names import words
-
-    return bool(set(words(name)) & set(LIKELY)) or unit_in(name) in TIME
+    """Whether a column has the name of a time."""
+    return bool(TIME_WORDS & set(words(name))) or unit_in(name) in TIME
 
 
 def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[NDArray[np.intp], list[str]]:
-    """Rows (M,) in which `time` (N,) strictly increases, and what had to be done for it.
+    """Rows (M,) in which `time` (N,) strictly increases, and notes on what was done.
 
     Repeated instants keep the first row. Messages out of order are sorted; rows out of order are an error.
     """
@@ -124,26 +121,84 @@ def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[N
     if len(back):
         i = int(back[0])
         fall = float(np.max(known[back] - known[back + 1]))
-        if not from_bag or fall > OUT_OF_ORDER:
-            wanted = "one run a log would be right" + ("" if from_bag else ": are several runs in this file?")
-            raise InputError(
-                f"time goes back from {known[i]:.6g} s to {known[i + 1]:.6g} s, {wanted}",
-                file=file,
-                place=f"row {rows[i + 1] + 1}, {what}",
+        if not from_bag or fall > LIMITS.late_messages:
+            hint = "" if from_bag else ": are several runs in this file?"
+            message = (
+                f"time goes back from {known[i]:.6g} s to {known[i + 1]:.6g} s, expected one run per log"
             )
+            raise InputError(message + hint, file=file, place=f"row {rows[i + 1] + 1}, {what}")
         rows = rows[np.argsort(known, kind="stable")]
-        notes.append(
-            f"{what}: {len(back)} messages came late, by up to {fall:.3g} s, and were put into order"
-        )
+        notes.append(f"{what}: {len(back)} messages came late, by up to {fall:.3g} s, and were sorted")
     fresh = np.concatenate([[True], np.diff(time[rows]) > 0])
     if not fresh.all():
         lost = int(np.count_nonzero(~fresh))
-        if lost > TOO_MANY_REPEATED * len(fresh):
-            raise InputError(
-                f"{lost} of {len(fresh)} instants repeat the one before, a finer clock would be right",
-                file=file,
-                place=what,
-            )
+        if lost > LIMITS.repeated_instants * len(fresh):
+            message = f"{lost} of {len(fresh)} instants repeat the one before, expected a finer clock"
+            raise InputError(message, file=file, place=what)
         rows = rows[fresh]
         notes.append(f"{what}: {lost} rows that repeat the instant before were dropped")
     return rows, notes
+
+
+@dataclass(frozen=True)
+class TimeGuess:
+    """The likely time of the signals.
+
+    Attributes:
+        keys: of [time] in a mapping; {} where the format itself knows the time.
+        reason: for these keys; what is missing where they could not be found.
+        own: column -> its own time column, where that is another one.
+        found: False where no column looks like a time.
+    """
+
+    keys: dict[str, Any]
+    reason: str
+    own: dict[str, str] = field(default_factory=dict)
+    found: bool = True
+
+
+def guess_time(log: Log, used: Sequence[str]) -> TimeGuess:
+    """Guess the time column of the columns `used`, and its unit."""
+    every = log.columns
+    chosen: dict[str, str] = {}
+    for column in (column for column in used if every[column].clock is None):
+        likely = likely_clocks(every[column])
+        if not likely:
+            missing = "[time] column, or step = seconds from row to row: no column looks like a time"
+            return TimeGuess({}, missing, found=False)
+        chosen[column] = nearest(column, likely)
+    if not chosen:
+        return TimeGuess({}, "")
+    most = max(dict.fromkeys(chosen.values()), key=list(chosen.values()).count)
+    unit, why = guess_unit(every[most], most)
+    own = {column: time for column, time in chosen.items() if time != most}
+    return TimeGuess({"column": most} | ({"unit": unit} if unit != "s" else {}), why, own)
+
+
+def nearest(column: str, times: Sequence[str]) -> str:
+    """The time that shares most words with a column's name: motor.t for motor.q."""
+    said = set(words(column))
+    return max(times, key=lambda time: (len(said & set(words(time))), -times.index(time)))
+
+
+def guess_unit(table: LogTable, name: str) -> tuple[str, str]:
+    """Unit of a time column, and why."""
+    step = median_step(table.columns[name])
+    stated = table.units.get(name) or unit_in(name)
+    if stated in TIME:
+        return str(stated), f"step {step * TIME[str(stated)]:.4g} s; the unit is stated"
+    for bounds in (USUAL_STEPS, POSSIBLE_STEPS):
+        for unit, size in TIME.items():
+            if bounds[0] <= step * size <= bounds[1]:
+                return unit, f"step {step * size:.4g} s, if the unit is right"
+    return "s", f"step {step:.4g}: is the unit s?"
+
+
+def median_step(values: Array) -> float:
+    """The median difference of two rows."""
+    return float(np.median(np.diff(finite(values))))
+
+
+def finite(values: Array) -> Array:
+    """The values that are known."""
+    return values if values.dtype.kind == "i" else values[np.isfinite(values)]

@@ -1,32 +1,161 @@
-"""Whether torque and acceleration agree in time: a delay is fitted with the whole flexible-joint model."""
+"""Delays in the data: of the link positions' clock against θ's, and of the torque against the motion.
+
+The spring ties link and motor positions together: q = θ − (τ − Bθ̈ − f_mv θ̇)/K. So q read d seconds late is a
+combination of θ, τ, θ̈ and, through d, of θ̇. The part f_mv/K from motor friction (a millisecond where K is
+1000 f_mv) cannot be told from a delay and is counted as one. The delay of the torque is fitted with the whole
+flexible-joint model.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
 
 from flexviz.errors import FlexvizError
 from flexviz.identification import identify
-from flexviz.importing.log import SHORTEST
-from flexviz.importing.offsets import low_pass
-from flexviz.importing.suspicion import Suspicion
-from flexviz.measurements import Group, MeasurementSet
+from flexviz.importing.assembling import Trace, Traces
+from flexviz.importing.formats.base import SHORTEST
+from flexviz.importing.issues import Issue
+from flexviz.importing.thresholds import LIMITS
+from flexviz.measurements import Array, Group, MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
-MOST_GROUPS, LONGEST = 4, 20.0  # groups, and [s] of each, that are enough for a delay common to all joints
-SMALLEST = 1e-3  # [s] what friction that the model does not know can look like
-STEPS = 0.75  # of sampling: a torque held for a step seems half a step early
-CERTAIN = 5.0  # standard errors
-EXPLAINED, ENOUGH = (
-    0.99,
-    0.9,
-)  # shares of τ that the model explains: its delay is believed; where the delay is plain
+BAND = 8.0  # [Hz] both sides are compared below this
+LARGEST_GRID = 1 << 18  # of the uniform clock on which they are compared
+DELAY_ROUNDS = 4  # of refining a delay
+DELAY_GROUPS, DELAY_SECONDS = 4, 20.0  # groups, and [s] of each, enough for a delay common to all joints
+
+
+@dataclass(frozen=True)
+class ClockOffset:
+    """Delay between two clocks, from the data.
+
+    Attributes:
+        group: which group.
+        clock, base: names of the clocks of the link positions and of θ.
+        delay: [s] how much later than θ the link positions are stamped.
+        std: [s] its standard error, from the joints' disagreement too.
+    """
+
+    group: str
+    clock: str
+    base: str
+    delay: float
+    std: float
+
+
+class JointTraces(NamedTuple):
+    """θ, τ and q of one joint."""
+
+    theta: Trace
+    tau: Trace
+    q: Trace
+
+
+def clock_offsets(group: str, traces: Traces, joints: tuple[str, ...]) -> list[ClockOffset]:
+    """The delay of every clock of link positions that is not θ's own."""
+    clocks: dict[str, list[JointTraces]] = {}
+    for j in (j for j in joints if (j, "q") in traces):
+        members = JointTraces(traces[j, "theta"], traces[j, "tau"], traces[j, "q"])
+        if members.q.clock != members.theta.clock:
+            clocks.setdefault(members.q.clock, []).append(members)
+    delays = {clock: delay_of(members) for clock, members in clocks.items()}
+    return [
+        ClockOffset(group, clock, clocks[clock][0].theta.clock, *delay)
+        for clock, delay in delays.items()
+        if delay is not None
+    ]
+
+
+def delay_of(triples: list[JointTraces]) -> tuple[float, float] | None:
+    """Delay of q behind θ and its standard error [s] from (θ, τ, q) of each joint; None where none shows."""
+    longest = max(max(t.time[-1] - t.time[0] for t in triple) for triple in triples)
+    step = max(*(trace.step for triple in triples for trace in triple), longest / LARGEST_GRID)
+    if step > 0.25 / BAND:
+        return None
+    coarse = coarse_delay([(theta, q) for theta, _, q in triples], step)
+    if coarse is None:
+        return None
+    fine = [fine_delay(*triple, coarse, step) for triple in triples]
+    known = [result for result in fine if result is not None and result[1] > 0.0]
+    if not known:
+        return None
+    d, std = np.array(known).T
+    w = std**-2
+    mean = float(d @ w / w.sum())
+    formal = float(w.sum() ** -0.5)
+    scatter = float(np.sqrt((d - mean) ** 2 @ w / w.sum() / max(1, len(d) - 1)))
+    return mean, max(formal, scatter)
+
+
+def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
+    """The delay at which the velocities agree best [s], to a step; None where they never agree well."""
+    total: Array | float = 0.0
+    powers = np.zeros(2)
+    starts = max(theta.time[0] for theta, _ in pairs), max(q.time[0] for _, q in pairs)
+    ends = min(theta.time[-1] for theta, _ in pairs), min(q.time[-1] for _, q in pairs)
+    counts = [int((end - start) / step) for start, end in zip(starts, ends, strict=True)]
+    if min(counts) < 64:
+        return None
+    for pair in pairs:
+        speeds = [
+            np.gradient(low_pass(np.interp(start + step * np.arange(count), trace.time, trace.values), step))
+            for start, count, trace in zip(starts, counts, pair, strict=True)
+        ]
+        size = np.std(speeds[0]) + 1e-12
+        total = total + np.abs(correlate(speeds[1] / size, speeds[0] / size, mode="full", method="fft"))
+        powers += np.array([float(speed @ speed) / size**2 for speed in speeds])
+    best = int(np.argmax(total))
+    if not powers.all() or np.max(total) < LIMITS.same_velocity * np.sqrt(np.prod(powers)):
+        return None
+    return float(correlation_lags(counts[1], counts[0])[best]) * step + starts[1] - starts[0]
+
+
+def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) -> tuple[float, float] | None:
+    """Delay and standard error [s] of one joint, from a start that is right to a step or two."""
+    for round_ in range(DELAY_ROUNDS):
+        start = max(theta.time[0], tau.time[0], q.time[0] - delay)
+        end = min(theta.time[-1], tau.time[-1], q.time[-1] - delay)
+        count = int((end - start) / step)
+        if count < 64:
+            return None
+        grid = start + step * np.arange(count)
+        angle = low_pass(theta.at(grid)[0], step)
+        speed = np.gradient(angle, step)
+        columns = [np.ones(count), angle, low_pass(tau.at(grid)[0], step), np.gradient(speed, step), speed]
+        edge = min(count // 4, int(1.0 / BAND / step) + 2)
+        matrix = np.stack(columns, axis=1)[edge:-edge]
+        target = low_pass(q.at(grid + delay)[0], step)[edge:-edge]
+        scale = np.linalg.norm(matrix, axis=0)
+        if not (scale > 0.0).all():
+            return None
+        solution, _, rank, _ = np.linalg.lstsq(matrix / scale, target, rcond=1e-9)
+        if rank < matrix.shape[1] or solution[1] == 0.0:
+            return None
+        residual = matrix / scale @ solution - target
+        correction = -float(solution[4] / scale[4] / (solution[1] / scale[1]))
+        delay += correction
+        if round_ == DELAY_ROUNDS - 1:
+            samples = max(8.0, len(target) * step * 2 * BAND)  # that are independent after the filter
+            inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
+            variance = float(residual @ residual) / len(target) * inverse[4, 4] * len(target) / samples
+            return delay, float(np.sqrt(variance)) / scale[4] / abs(solution[1] / scale[1])
+    return None
+
+
+def low_pass(values: Array, step: float) -> Array:
+    """(…, N) along the last axis without delay, below `BAND`."""
+    sections = butter(3, min(0.9, BAND * 2 * step), output="sos")
+    padding = min(values.shape[-1] - 1, int(2.0 / BAND / step) + 1)
+    return sosfiltfilt(sections, values, axis=-1, padlen=padding)
 
 
 @dataclass(frozen=True)
 class DelayEstimate:
-    """How recorded torque and motion agree in time.
+    """Delay between recorded torque and motion.
 
     Attributes:
         seconds: the recorded torque acts so much later than it is stamped [s].
@@ -43,7 +172,7 @@ def torque_delay(
     measurements: MeasurementSet, progress: ProgressCallback, should_stop: StopCallback
 ) -> DelayEstimate | None:
     """The delay common to all joints; None where the model does not explain the torques well enough."""
-    groups = tuple(shortened(group) for group in measurements.fit_groups[:MOST_GROUPS])
+    groups = tuple(shortened(group) for group in measurements.fit_groups[:DELAY_GROUPS])
     if not groups:
         return None
     own = [name for name in ("coulomb_friction", "torque_delay") if name not in measurements.effects]
@@ -62,23 +191,25 @@ def torque_delay(
     # what the delay itself moves must be more than what stays unexplained, unless nearly nothing does
     rates = [np.gradient(low_pass(s.tau.T, s.step), s.step, axis=1).T for s in segments]
     moved = found[0].value ** 2 * float(np.sum(np.mean([np.var(rate, axis=0) for rate in rates], axis=0)))
-    if share < ENOUGH or (share < EXPLAINED and moved < left):
+    if share < LIMITS.torque_explained_loosely or (share < LIMITS.torque_explained and moved < left):
         return None
     return DelayEstimate(found[0].value, found[0].std, share)
 
 
 def shortened(group: Group) -> Group:
-    """A group's longest segment, and no more of it than is needed."""
+    """A group's longest segment, cut to the length that is needed."""
     segment = max(group.segments, key=len)
-    rows = slice(0, max(SHORTEST, int(LONGEST / segment.step)))
+    rows = slice(0, max(SHORTEST, int(DELAY_SECONDS / segment.step)))
     short = replace(segment, time=segment.time[rows], theta=segment.theta[rows], tau=segment.tau[rows])
     return replace(group, segments=(short,))
 
 
-def suspicious_delay(delay: DelayEstimate, measurements: MeasurementSet) -> list[Suspicion]:
+def delay_issues(delay: DelayEstimate, measurements: MeasurementSet) -> list[Issue]:
     """A delay that is certain, and longer than sampling and friction explain."""
     step = max(segment.step for group in measurements.groups for segment in group.segments)
-    if abs(delay.seconds) < max(SMALLEST, STEPS * step, CERTAIN * delay.std):
+    if abs(delay.seconds) < max(
+        LIMITS.smallest_delay, LIMITS.delay_steps * step, LIMITS.delay_sigmas * delay.std
+    ):
         return []
     when = "later" if delay.seconds > 0 else "earlier"
     message = (
@@ -87,4 +218,4 @@ def suspicious_delay(delay: DelayEstimate, measurements: MeasurementSet) -> list
         f"({abs(delay.seconds) / step:.2g} samples); "
         'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'
     )
-    return [Suspicion("delay", "odd", measurements.joints, "tau", message)]
+    return [Issue("delay", "odd", measurements.joints, "tau", message)]

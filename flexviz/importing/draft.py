@@ -1,16 +1,15 @@
-"""A mapping while it is being made: it may lack what nobody knows yet, and says why its entries are so."""
+"""A mapping being drafted: it may lack what is not known yet, and gives the reasons for its entries."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping as MappingOf
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from flexviz.importing.formats import LogSource
+from flexviz.importing.issues import Fix
 from flexviz.importing.mapping import SIGNALS, Mapping, parse
-from flexviz.importing.sources import Source
-from flexviz.importing.suspicion import Fix
 from flexviz.robot import is_library_robot
 from flexviz.toml import key_text, value_text
 
@@ -28,7 +27,7 @@ class DraftJoint:
     Attributes:
         signals: "theta" … -> the keys of its table.
         gear, torque_constant: where known.
-        comments: "theta" …, "gear" -> what was seen and why it is so, one sentence each.
+        comments: "theta" …, "gear" -> observations and reasons, one sentence each.
     """
 
     signals: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -36,16 +35,31 @@ class DraftJoint:
     torque_constant: float | None = None
     comments: dict[str, list[str]] = field(default_factory=dict)
 
-    def say(self, key: str, why: str) -> None:
+    def comment(self, key: str, why: str) -> None:
         """Add a comment."""
-        said = self.comments.setdefault(key, [])
-        if why not in said:
-            said.append(why)
+        comments = self.comments.setdefault(key, [])
+        if why not in comments:
+            comments.append(why)
+
+    def document(self) -> dict[str, Any]:
+        """The joint's table."""
+        document: dict[str, Any] = {"gear": self.gear} if self.gear != 1.0 else {}
+        document |= {"torque_constant": self.torque_constant} if self.torque_constant is not None else {}
+        return document | {name: self.signals[name] for name in SIGNALS if name in self.signals}
+
+    def lines(self) -> list[str]:
+        """The lines of the joint's table, with comments."""
+        document, lines = self.document(), []
+        for key, value in document.items():
+            lines += [f"# {key}: {why}" for why in self.comments.get(key, [])]
+            lines.append(f"{key} = {value_text(value)}")
+        unknown = (item for item in self.comments.items() if item[0] not in document)
+        return lines + [f"# {key} = …  # {'; '.join(comments)}" for key, comments in unknown]
 
 
 @dataclass
 class Draft:
-    """A whole mapping to be.
+    """A whole mapping.
 
     Attributes:
         robot: as in a measurement set; a URDF's path as it was given.
@@ -57,7 +71,7 @@ class Draft:
     """
 
     robot: str
-    sources: list[Source]
+    sources: list[LogSource]
     groups: list[str]
     validation: set[str] = field(default_factory=set)
     time: dict[str, Any] = field(default_factory=dict)
@@ -71,36 +85,29 @@ class Draft:
         return parse(self.document(Path.cwd()), Path("mapping"))
 
     def document(self, folder: Path) -> dict[str, Any]:
-        """What the file says, with paths relative to the folder that it lies in."""
+        """The content of the file, with paths relative to its folder."""
         logs = []
         for source, group in zip(self.sources, self.groups, strict=True):
             entry: dict[str, Any] = {"file": relative(source.path, folder)}
             entry |= {"episode": source.episode} if source.episode is not None else {}
             logs.append(entry | {"group": group, "payload": "none", "validation": group in self.validation})
-        joints = {name: self.joint_document(joint) for name, joint in self.joints.items()}
+        joints = {name: joint.document() for name, joint in self.joints.items()}
         robot = self.robot if is_library_robot(self.robot) else relative(Path(self.robot), folder)
         document: dict[str, Any] = {"format": 1, "robot": robot}
         document |= {"time": self.time} if self.time else {}
         return document | {"payloads": {"none": {"bodies": []}}, "logs": logs, "joints": joints}
 
-    @staticmethod
-    def joint_document(joint: DraftJoint) -> dict[str, Any]:
-        """One joint's table."""
-        document: dict[str, Any] = {"gear": joint.gear} if joint.gear != 1.0 else {}
-        document |= {"torque_constant": joint.torque_constant} if joint.torque_constant is not None else {}
-        return document | {name: joint.signals[name] for name in SIGNALS if name in joint.signals}
-
     def apply(self, fixes: tuple[Fix, ...], why: str) -> None:
-        """Change what the fixes say, and note why."""
+        """Apply fixes, and comment on the reason."""
         for fix in fixes:
             joint = self.joints[fix.joint]
             joint.signals[fix.signal][fix.key] = fix.value
             if DEFAULTS.get(fix.key) == fix.value:
                 del joint.signals[fix.signal][fix.key]
-            joint.say(fix.signal, why)
+            joint.comment(fix.signal, why)
 
     def text(self, file: Path | None) -> str:
-        """The file's text, with comments; `file` is where it will lie, None: the current folder."""
+        """The file's text, with comments; `file` is its future path, None: in the current folder."""
         folder = Path.cwd() if file is None else file.absolute().parent
         document = self.document(folder)
         lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
@@ -122,22 +129,10 @@ class Draft:
             lines[-1] += "  # true on one log keeps it for checking the result"
         for name, joint in self.joints.items():
             lines += ["", f"[joints.{key_text(name)}]"]
-            lines += joint_lines(joint, document["joints"][name])
+            lines += joint.lines()
         return "\n".join(lines) + "\n"
 
 
-def joint_lines(joint: DraftJoint, document: MappingOf[str, Any]) -> list[str]:
-    """The lines of one joint's table."""
-    lines = []
-    for key, value in document.items():
-        lines += [f"# {key}: {said}" for said in joint.comments.get(key, [])]
-        lines.append(f"{key} = {value_text(value)}")
-    for key, comments in joint.comments.items():
-        if key not in document:
-            lines.append(f"# {key} = …  # {'; '.join(comments)}")
-    return lines
-
-
 def relative(path: Path, folder: Path) -> str:
-    """A path as it is written into a file in `folder`."""
+    """A path relative to `folder`."""
     return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()

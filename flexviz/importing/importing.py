@@ -5,24 +5,24 @@ from __future__ import annotations
 import logging
 import os
 import tempfile
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flexviz.errors import InputError
-from flexviz.importing.assembling import Assembled, assemble
-from flexviz.importing.checking import check_groups, payload_bodies
-from flexviz.importing.delays import DelayEstimate, suspicious_delay, torque_delay
-from flexviz.importing.log import Reading
-from flexviz.importing.mapping import Mapping, read_mapping
-from flexviz.importing.offsets import ClockOffset, clock_offsets
-from flexviz.importing.robots import files_of
-from flexviz.importing.sources import open_log
-from flexviz.importing.suspicion import Suspicion
+from flexviz.importing.assembling import AssembledGroup, assemble
+from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
+from flexviz.importing.formats import open_log
+from flexviz.importing.formats.base import ReadOptions, check_stop
+from flexviz.importing.issues import Issue
+from flexviz.importing.mapping import LogEntry, Mapping, read_mapping
+from flexviz.importing.plausibility import all_payloads, check_groups
+from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import (
     GroupTable,
     MeasurementSet,
@@ -34,82 +34,69 @@ from flexviz.measurements import (
     wrong_time_unit,
 )
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
+from flexviz.robot import Robot, is_library_robot
+from flexviz.robot_files import mesh_names, resolve_mesh
 
 FORMAT = 1  # of the report as JSON
+ABOUT_UNITS = ("unit", "sign", "zero", "unexplained")  # with such an issue the torque's delay proves nothing
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What an import did.
+    """Report of an import.
 
     Attributes:
-        folder: the set that was written; None where something is wrong or nothing was asked to be written.
+        folder: the set that was written; None where something is wrong or only a check was asked for.
         mapping: the mapping file.
         joints: the set's joints.
-        groups: the groups with what was done to their data.
+        groups: the groups with notes on their data.
         offsets: of the clocks of link positions, after the mapping's shifts.
-        delay: how torque and motion agree in time; None where it does not show.
-        suspicions: what looks wrong or odd.
-        warnings: what reading the new set found odd.
+        delay: of the torque against the motion; None where it cannot be told.
+        issues: of the data.
+        warnings: from reading the new set.
     """
 
     folder: Path | None
     mapping: str
     joints: tuple[str, ...]
-    groups: tuple[Assembled, ...]
+    groups: tuple[AssembledGroup, ...]
     offsets: tuple[ClockOffset, ...]
     delay: DelayEstimate | None
-    suspicions: tuple[Suspicion, ...]
+    issues: tuple[Issue, ...]
     warnings: tuple[str, ...]
 
     @property
-    def wrong(self) -> tuple[Suspicion, ...]:
-        """Suspicions that keep the set from being written."""
-        return tuple(s for s in self.suspicions if s.severity == "wrong")
+    def wrong(self) -> tuple[Issue, ...]:
+        """Issues that keep the set from being written."""
+        return tuple(issue for issue in self.issues if issue.severity == "wrong")
 
     def to_json(self) -> dict[str, Any]:
         """The report as plain data; times in s."""
+        groups = [
+            {
+                "name": group.entry.group,
+                "log": group.entry.file,
+                "episode": group.entry.episode,
+                "kind": group.kind,
+                "payload": group.entry.payload,
+                "validation": group.entry.validation,
+                "samples": len(group.table.time),
+                "step": float(np.median(np.diff(group.table.time))),
+                "duration": float(group.table.time[-1]),
+                "notes": list(group.notes),
+            }
+            for group in self.groups
+        ]
+        delay = None if self.delay is None else {"delay": self.delay.seconds, "std": self.delay.std}
         return {
             "format": FORMAT,
             "set": None if self.folder is None else str(self.folder),
             "mapping": self.mapping,
             "joints": list(self.joints),
-            "groups": [
-                {
-                    "name": group.entry.group,
-                    "log": group.entry.file,
-                    "episode": group.entry.episode,
-                    "kind": group.log,
-                    "payload": group.entry.payload,
-                    "validation": group.entry.validation,
-                    "samples": len(group.table.time),
-                    "step": float(np.median(np.diff(group.table.time))),
-                    "duration": float(group.table.time[-1]),
-                    "notes": list(group.notes),
-                }
-                for group in self.groups
-            ],
-            "clock_offsets": [
-                {"group": o.group, "clock": o.clock, "base": o.base, "delay": o.delay, "std": o.std}
-                for o in self.offsets
-            ],
-            "torque_delay": None
-            if self.delay is None
-            else {"delay": self.delay.seconds, "std": self.delay.std},
-            "suspicions": [
-                {
-                    "kind": s.kind,
-                    "severity": s.severity,
-                    "joints": list(s.joints),
-                    "signal": s.signal,
-                    "message": s.message,
-                    "fixes": [
-                        {"joint": f.joint, "signal": f.signal, "key": f.key, "value": f.value}
-                        for f in s.fixes
-                    ],
-                }
-                for s in self.suspicions
-            ],
+            "groups": groups,
+            "clock_offsets": [asdict(offset) for offset in self.offsets],
+            "torque_delay": delay,
+            "suspicions": [asdict(issue) for issue in self.issues],
             "warnings": list(self.warnings),
         }
 
@@ -123,12 +110,14 @@ def import_logs(
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
 ) -> Imported:
-    """Import what the mapping `file` names into the folder `out`.
+    """Import the logs that the mapping `file` names into the folder `out`.
 
     Args:
+        file: the mapping.
         out: a new or empty folder; None: only check.
-        accept: write the set although something looks wrong; what cannot be a measurement set is still
-            refused.
+        table_format: "parquet" or "csv".
+        accept: write the set although something looks wrong; data that cannot be a set are still refused.
+        progress, should_stop: see flexviz.progress.
     """
     file = Path(file)
     return import_mapping(read_mapping(file), file, out, table_format, accept, progress, should_stop)
@@ -149,47 +138,31 @@ def import_mapping(
         check_free(target)
     folder = file.absolute().parent
     robot = read_robot(mapping.robot, mapping.names, folder, file)
-    payload_bodies(mapping, robot, file)
+    all_payloads(mapping, robot, file)  # refuses wrong ones before the logs are read
     groups = read_groups(mapping, file, folder, progress, should_stop)
     progress(Progress("comparing with the robot", 0.0))
     found = check_groups(mapping, robot, groups, file)
     offsets = [o for g in groups for o in clock_offsets(g.entry.group, g.traces, mapping.names)]
-    found += suspicious_offsets(offsets, mapping)
+    found += offset_issues(offsets, mapping)
     done = Imported(None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), ())
     if done.wrong and not accept:
         return done
-    where = Path(tempfile.gettempdir()) if target is None else target.parent
+    parent = Path(tempfile.gettempdir()) if target is None else target.parent
     try:
-        where.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".flexviz-import-", dir=where) as temporary:
-            source, files, notes = files_of(robot)
-            new = Path(temporary) / (target.name if target else file.stem)
+        parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".flexviz-import-", dir=parent) as temporary:
             progress(Progress("writing", 0.0))
-            Reading(should_stop=should_stop).check_stop()
-            write_set(
-                new,
-                robot=source,
-                joints=mapping.names,
-                groups=[group.table for group in groups],
-                payloads={"none": (), **payload_bodies(mapping, robot, file)},
-                torque_hold=mapping.torque_hold,
-                initial_stiffness=mapping.initial.stiffness,
-                initial_motor_inertia=mapping.initial.motor_inertia,
-                kp=mapping.controller.kp if mapping.controller else None,
-                kd=mapping.controller.kd if mapping.controller else None,
-                effects=mapping.model.effects,
-                files=files,
-                table_format=table_format,
-            )
+            check_stop(should_stop)
+            new = Path(temporary) / (target.name if target else file.stem)
+            notes = write_groups(new, mapping, robot, groups, file, table_format)
             measurements = read_back(new, target or Path(file.stem))
-            misfit = any(s.kind in ("unit", "sign", "zero", "unexplained") for s in found)
-            delay = None  # a model of something else has delays of its own
-            if not misfit:
+            delay = None
+            if not any(issue.kind in ABOUT_UNITS for issue in found):
                 delay = torque_delay(measurements, progress, should_stop)
-            Reading(should_stop=should_stop).check_stop()
-            late = suspicious_delay(delay, measurements) if delay is not None else []
-            warnings = [*notes, *measurements.warnings]
-            done = replace(done, delay=delay, suspicions=(*found, *late), warnings=tuple(warnings))
+            check_stop(should_stop)
+            late = delay_issues(delay, measurements) if delay is not None else []
+            warnings = (*notes, *measurements.warnings)
+            done = replace(done, delay=delay, issues=(*found, *late), warnings=warnings)
             if target is not None:
                 os.replace(new, target)
     except OSError as error:
@@ -199,49 +172,52 @@ def import_mapping(
 
 def read_groups(
     mapping: Mapping, file: Path, folder: Path, progress: ProgressCallback, should_stop: StopCallback
-) -> list[Assembled]:
+) -> list[AssembledGroup]:
     """Every log as a group."""
-    wanted = {signal.column for _, _, signal in mapping.signals()}
-    wanted |= {signal.time for _, _, signal in mapping.signals() if signal.time}
-    wanted |= {mapping.time.column} if mapping.time.column else set()
-    groups = []
+    signals = [signal for _, _, signal in mapping.signals()]
+    times = {signal.time for signal in signals} | {mapping.time.column}
+    wanted = {signal.column for signal in signals} | {time for time in times if time is not None}
+    groups, count = [], len(mapping.logs)
     for i, entry in enumerate(mapping.logs):
-        count = len(mapping.logs)
-        told = part(progress, i / count, (i + 1) / count)
-        path = folder / entry.file
-        try:
-            log = open_log(path, Reading(wanted, entry.episode, told, should_stop))
-        except InputError as error:
-            if error.message != "file not found":
-                raise
-            place = f'log {i + 1} "{entry.group}", file'
-            raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
-        Reading(should_stop=should_stop).check_stop()
-        groups.append(assemble(log, entry, mapping, file))
+        options = ReadOptions(wanted, entry.episode, part(progress, i / count, (i + 1) / count), should_stop)
+        groups.append(read_log(mapping, entry, i, options, file, folder))
         if mapping.time.column is not None and mapping.time.unit == "s":
-            check_time(groups[-1].table, path, file)
+            check_time(groups[-1].table, folder / entry.file, file)
     return groups
 
 
+def read_log(
+    mapping: Mapping, entry: LogEntry, index: int, options: ReadOptions, file: Path, folder: Path
+) -> AssembledGroup:
+    """One log as a group."""
+    try:
+        log = open_log(folder / entry.file, options)
+    except InputError as error:
+        if error.message != "file not found":
+            raise
+        place = f'log {index + 1} "{entry.group}", file'
+        raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
+    options.check_stop()
+    return assemble(log, entry, mapping, file)
+
+
 def check_time(table: GroupTable, log: Path, file: Path) -> None:
-    """Refuse a time that is not in seconds, naming the key of the mapping that says so."""
+    """Refuse a time that is not in seconds, naming its key in the mapping."""
     step = float(np.median(np.diff(table.time)))
     speed = float(np.max(np.abs(sample_motion(table.time, table.theta, table.tau).v)))
     if unit := wrong_time_unit(step, speed):
         short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
-        raise InputError(
-            f"the median step of {log.name} is {step:g}: is its time in {unit}? "
-            f'unit = "{short}" would be right',
-            file=file,
-            place="time.unit",
+        message = (
+            f'the median step of {log.name} is {step:g}: is its time in {unit}? expected unit = "{short}"'
         )
+        raise InputError(message, file=file, place="time.unit")
 
 
-def suspicious_offsets(offsets: list[ClockOffset], mapping: Mapping) -> list[Suspicion]:
+def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
     """Clocks of link positions that are off by more than a spring and friction explain."""
     found = []
     for offset in offsets:
-        if abs(offset.delay) < max(2e-3, 3 * offset.std):
+        if abs(offset.delay) < max(LIMITS.clock_offset, LIMITS.clock_sigmas * offset.std):
             continue
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
         message = (
@@ -249,26 +225,82 @@ def suspicious_offsets(offsets: list[ClockOffset], mapping: Mapping) -> list[Sus
             f"{1.96e3 * offset.std:.2g} ms {'behind' if offset.delay > 0 else 'ahead of'} that of theta; "
             f'[time] shift."{offset.clock}" = {total:.6g} would correct it'
         )
-        found.append(Suspicion("clock", "odd", mapping.names, "q", message))
+        found.append(Issue("clock", "odd", mapping.names, "q", message))
     return found
 
 
+# -- writing -------------------------------------------------------------------------------------------
+
+
+def write_groups(
+    new: Path, mapping: Mapping, robot: Robot, groups: list[AssembledGroup], file: Path, table_format: str
+) -> list[str]:
+    """Write the set into the folder `new`; notes on what its robot lacks."""
+    source, files, notes = robot_files(robot)
+    write_set(
+        new,
+        robot=source,
+        joints=mapping.names,
+        groups=[group.table for group in groups],
+        payloads=all_payloads(mapping, robot, file),
+        torque_hold=mapping.torque_hold,
+        initial_stiffness=mapping.initial.stiffness,
+        initial_motor_inertia=mapping.initial.motor_inertia,
+        kp=mapping.controller.kp if mapping.controller else None,
+        kd=mapping.controller.kd if mapping.controller else None,
+        effects=mapping.model.effects,
+        files=files,
+        table_format=table_format,
+    )
+    return notes
+
+
+def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[str]]:
+    """The set's name for its robot, the files it needs for that, and notes on missing meshes.
+
+    A URDF goes into the set as robot.urdf, its meshes beside it into meshes/.
+    """
+    if is_library_robot(robot.source):
+        return robot.source, {}, []
+    text = robot.urdf_path.read_text(encoding="utf-8-sig")
+    files: dict[str, str | bytes | Path] = {}
+    notes: list[str] = []
+    renamed: dict[str, str] = {}
+    for name in mesh_names(text):
+        try:
+            found = resolve_mesh(name, robot.urdf_path)
+        except InputError as error:
+            notes.append(f"{error.message}: the robot can be identified but not drawn")
+            continue
+        inside = f"meshes/{found.name}"
+        if inside in files:
+            inside = f"meshes/{len(files)}_{found.name}"
+        files[inside] = found
+        renamed[name] = inside
+    if renamed:
+        root = ElementTree.fromstring(text)
+        for mesh in root.iter("mesh"):
+            mesh.set("filename", renamed.get(mesh.get("filename", ""), mesh.get("filename", "")))
+        text = ElementTree.tostring(root, encoding="unicode")
+    return "robot.urdf", {"robot.urdf": text, **files}, notes
+
+
 def read_back(new: Path, target: Path) -> MeasurementSet:
-    """Read the set that was written, errors and warnings naming the place where it will be."""
+    """Read the set that was written; errors and warnings name its final place."""
     try:
-        with quiet("flexviz.measurements"):
+        with silenced("flexviz.measurements"):
             measurements = read_set(new)
     except InputError as error:
         text = error.message.replace(str(new), str(target))
-        where = None if error.file is None else error.file.replace(str(new.resolve()), str(target))
-        raise InputError(text, file=where, place=error.place) from None
+        file = None if error.file is None else error.file.replace(str(new.resolve()), str(target))
+        raise InputError(text, file=file, place=error.place) from None
     warnings = tuple(w.replace(str(new.resolve()), str(target)) for w in measurements.warnings)
     return replace(measurements, warnings=warnings)
 
 
 @contextmanager
-def quiet(name: str) -> Iterator[None]:
-    """Nothing is logged under this name: it would show a place that is about to vanish."""
+def silenced(name: str) -> Iterator[None]:
+    """Nothing is logged under this name: it would name a temporary folder."""
     logger = logging.getLogger(name)
     before = logger.disabled
     logger.disabled = True

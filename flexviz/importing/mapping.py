@@ -1,4 +1,4 @@
-"""The shape of a mapping file, and one-line errors for everything in it that is not right.
+"""The shape of a mapping file, and the checks between its keys.
 
 A mapping says what each column of the logs is: which joint and signal, in which unit, on which side of the
 gear. Its payloads, start values and controller are written as in a measurement set.
@@ -14,14 +14,13 @@ from pydantic_core import PydanticCustomError
 
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
-from flexviz.importing.units import ANGLE, CURRENT, TIME, TORQUE
-from flexviz.measurements import SetHeader
+from flexviz.importing.column_names import ANGLE, CURRENT, TIME, TORQUE
+from flexviz.measurements import OPTIONAL_SIGNALS, SetHeader
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
 FORMAT = 1
-SIGNALS = ("theta", "tau", "q", "tau_joint", "theta_ref")  # θ and τ are needed, the others are for comparison
-SIDES = ("joint", "motor")
-CLOCKS = ("header", "log")
+NEEDED = ("theta", "tau")
+SIGNALS = (*NEEDED, *OPTIONAL_SIGNALS)
 
 
 def _one_of(*valid: str | int) -> Any:
@@ -29,9 +28,8 @@ def _one_of(*valid: str | int) -> Any:
 
     def check(value: Any) -> Any:
         if value not in valid or type(value) is not type(valid[0]):
-            raise PydanticCustomError(
-                "choice", "{meant}", {"meant": choose_from(str(value), map(str, valid))}
-            )
+            meant = choose_from(str(value), map(str, valid))
+            raise PydanticCustomError("choice", "{meant}", {"meant": meant})
         return value
 
     return BeforeValidator(check)
@@ -50,14 +48,14 @@ def _unit(*units: str) -> Any:
     return BeforeValidator(check)
 
 
-class Signal(StrictTable):
-    """Where a signal comes from and what must be undone; `"name"` alone stands for `{ from = "name" }`."""
+class SignalColumn(StrictTable):
+    """The column of a signal and its conversion to SI; `"name"` is short for `{ from = "name" }`."""
 
     column: Text = Field(alias="from")
-    side: Annotated[str, _one_of(*SIDES)] = "joint"
+    side: Annotated[str, _one_of("joint", "motor")] = "joint"
     sign: Annotated[int, _one_of(1, -1)] = 1
     offset: Number = 0.0  # [rad] or [Nm] at the joint side, added last
-    time: Text | None = None  # the column that says when, where it is not the usual one
+    time: Text | None = None  # its own time column, where it is not the usual one
 
     @model_validator(mode="before")
     @classmethod
@@ -65,47 +63,49 @@ class Signal(StrictTable):
         return {"from": value} if isinstance(value, str) else value
 
 
-class Angle(Signal):
+class AngleColumn(SignalColumn):
     """A position."""
 
     unit: Annotated[str | float, _unit(*ANGLE)] = "rad"
 
 
-class Torque(Signal):
+class TorqueColumn(SignalColumn):
     """A torque or a current."""
 
     unit: Annotated[str | float, _unit(*TORQUE, *CURRENT)] = "Nm"
 
 
-class Joint(StrictTable):
+class JointColumns(StrictTable):
     """The columns of one joint; `side = "motor"` means before a gear of this ratio."""
 
     gear: Positive = 1.0  # motor turns per joint turn
     torque_constant: Positive | None = None  # [Nm/A] on the side where the current's torque is
-    theta: Angle = Field(description='theta = { from = "column" }: every joint needs θ and τ')
-    tau: Torque = Field(description='tau = { from = "column" }: every joint needs θ and τ')
-    q: Angle | None = None
-    tau_joint: Torque | None = None
-    theta_ref: Angle | None = None
+    theta: AngleColumn = Field(description='theta = { from = "column" }: every joint needs θ and τ')
+    tau: TorqueColumn = Field(description='tau = { from = "column" }: every joint needs θ and τ')
+    q: AngleColumn | None = None
+    tau_joint: TorqueColumn | None = None
+    theta_ref: AngleColumn | None = None
 
 
 class TimeColumn(StrictTable):
-    """Which column says when."""
+    """The time column, and how it is read."""
 
     column: Text | None = None
     unit: Annotated[str | float, _unit(*TIME)] = "s"
     step: Positive | None = None  # [s] for tables without such a column
-    clock: Annotated[str, _one_of(*CLOCKS)] = "header"  # bags: the messages' own time, or that of recording
+    clock: Annotated[str, _one_of("header", "log")] = (
+        "header"  # bags: the messages' own time, or that of recording
+    )
     shift: dict[str, Number] = Field(default_factory=dict)  # topic or time column -> [s] added to its times
 
 
 class LogEntry(StrictTable):
-    """One log, which becomes one group."""
+    """One log, which becomes one group of the set."""
 
     file: Text
     episode: Annotated[int, Field(ge=0)] | None = None
     group: Text
-    trajectory: Text | None = None  # the group's own where it is not said
+    trajectory: Text | None = None  # None: the group's name
     payload: Text = "none"
     validation: bool = False
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
@@ -118,18 +118,17 @@ class Mapping(SetHeader):
     format: int = FORMAT
     time: TimeColumn = TimeColumn()
     logs: Annotated[list[LogEntry], Field(min_length=1)]
-    joints: Annotated[dict[str, Joint], Field(min_length=1)]
+    joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
 
     @property
     def names(self) -> tuple[str, ...]:
         """The joints, in the order of the set to be."""
         return tuple(self.joints)
 
-    def signals(self) -> list[tuple[str, str, Signal]]:
-        """(joint, signal's name, signal) of all that there are."""
-        found = (
-            (joint, name, getattr(entry, name)) for joint, entry in self.joints.items() for name in SIGNALS
-        )
+    def signals(self) -> list[tuple[str, str, SignalColumn]]:
+        """(joint, signal's name, signal) of all signals."""
+        joints = self.joints.items()
+        found = [(joint, name, getattr(entry, name)) for joint, entry in joints for name in SIGNALS]
         return [item for item in found if item[2] is not None]
 
 
@@ -155,32 +154,22 @@ def check(mapping: Mapping, file: Path) -> None:
         raise InputError(message, file=file, place=place)
 
     if twice := first_repeated(log.group for log in mapping.logs):
-        refuse("logs", f'two logs have group = "{twice}", a name of its own for each would be right')
+        refuse("logs", f'two logs have group = "{twice}", expected a different name for each')
+    known = list(dict.fromkeys([*mapping.payloads, "none"]))
     for i, log in enumerate(mapping.logs):
         place = f'log {i + 1} "{log.group}"'
-        known = [*mapping.payloads, *({"none"} - set(mapping.payloads))]
         if log.payload not in known:
-            refuse(
-                f"{place}, payload",
-                f'payload "{log.payload}" is not defined; {choose_from(log.payload, known)}',
-            )
+            meant = choose_from(log.payload, known)
+            refuse(f"{place}, payload", f'payload "{log.payload}" is not defined; {meant}')
         if log.stop is not None and log.stop <= log.start:
-            refuse(f"{place}, to", f"found {log.stop:g}, more than from = {log.start:g} would be right")
-    for joint, name, signal in mapping.signals():
-        if (
-            isinstance(signal, Torque)
-            and signal.unit in CURRENT
-            and mapping.joints[joint].torque_constant is None
-        ):
-            refuse(
-                f"joints.{joint}",
-                f"{name} is a current, torque_constant [Nm/A] is needed to make a torque of it",
-            )
+            refuse(f"{place}, to", f"found {log.stop:g}, expected more than from = {log.start:g}")
     used: dict[str, str] = {}
     for joint, name, signal in mapping.signals():
+        constant = mapping.joints[joint].torque_constant
+        if isinstance(signal, TorqueColumn) and signal.unit in CURRENT and constant is None:
+            message = f"{name} is a current, expected torque_constant [Nm/A] to make a torque of it"
+            refuse(f"joints.{joint}", message)
         place = f"joints.{joint}.{name}"
-        if name in ("theta", "tau") and signal.column in used:
-            refuse(
-                place, f'"{signal.column}" is {used[signal.column]} already, each column once would be right'
-            )
+        if name in NEEDED and signal.column in used:
+            refuse(place, f'"{signal.column}" is {used[signal.column]} already, expected each column once')
         used[signal.column] = place

@@ -1,16 +1,17 @@
-"""Questions to a person at a terminal, each with an answer that stands where nobody is asked."""
+"""Questions to a person at a terminal, with defaults where nobody is asked."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+T = TypeVar("T")
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
 
 
 class Questions(Protocol):
-    """Whom to ask."""
+    """Somebody who can be asked."""
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
         """The index of one of the options, or None for none of them."""
@@ -39,47 +40,64 @@ class Silent:
 
 
 class Person:
-    """Asks a person; `tell` shows a line, `ask` returns what was typed. Nonsense is asked again."""
+    """Asks a person; `tell` shows a line, `ask` returns what was typed. Invalid answers are asked again."""
 
     def __init__(self, ask: Ask, tell: Callable[[str], None]) -> None:
         self.ask, self.tell = ask, tell
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
-        self.tell(question)
-        for i, option in enumerate(options):
-            self.tell(f"  {i + 1}  {option}")
+        self._list([question, *options])
         self.tell("  0  none of these")
-        while True:
-            answer = self.ask("number", str(0 if default is None else default + 1)).strip()
-            if answer.isdigit() and 0 <= int(answer) <= len(options):
-                return int(answer) - 1 if int(answer) else None
-            self.tell(f'"{answer}" is none of 0 … {len(options)}')
+
+        def parse(text: str) -> int | None:
+            return int(text) if text.isdigit() and int(text) <= len(options) else None
+
+        expected = f"is none of 0 … {len(options)}"
+        answer = self._until_valid("number", str(0 if default is None else default + 1), parse, expected)
+        return answer - 1 if answer else None
 
     def numbers(self, question: str, count: int, default: float | None) -> list[float] | None:
         wanted = "one number" + (f", or {count} with commas" if count > 1 else "")
-        while True:
-            unknown = "" if default is not None else "; only Enter where it is not known"
-            text = self.ask(
-                f"{question} ({wanted}{unknown})", "" if default is None else f"{default:g}"
-            ).strip()
-            if not text:
-                return None
-            parts = re.split(r"[,\s]+", text)
+        unknown = "" if default is not None else "; only Enter where it is not known"
+
+        def parse(text: str) -> list[float] | None:
             try:
-                values = [float(part) for part in parts]
+                values = [float(part) for part in parts_of(text)]
             except ValueError:
-                values = []
-            if len(values) in (1, count) and all(0.0 < value < 1e9 for value in values):
-                return values * count if len(values) == 1 else values
-            self.tell(f'"{text}" is not {wanted} above 0')
+                return None
+            if len(values) not in (0, 1, count) or not all(0.0 < value < 1e9 for value in values):
+                return None
+            return values * count if len(values) == 1 else values
+
+        shown = "" if default is None else f"{default:g}"
+        expected = f"is not {wanted} above 0"
+        return self._until_valid(f"{question} ({wanted}{unknown})", shown, parse, expected) or None
 
     def several(self, question: str, options: Sequence[str]) -> list[int]:
-        self.tell(question)
-        for i, option in enumerate(options):
+        self._list([question, *options])
+
+        def parse(text: str) -> list[int] | None:
+            parts = parts_of(text)
+            valid = all(part.isdigit() and 1 <= int(part) <= len(options) for part in parts)
+            return sorted({int(part) - 1 for part in parts}) if valid else None
+
+        expected = f"holds something that is none of 1 … {len(options)}"
+        return self._until_valid("numbers with commas, only Enter for none", "", parse, expected)
+
+    def _list(self, lines: Sequence[str]) -> None:
+        self.tell(lines[0])
+        for i, option in enumerate(lines[1:]):
             self.tell(f"  {i + 1}  {option}")
+
+    def _until_valid(self, question: str, default: str, parse: Callable[[str], T | None], wrong: str) -> T:
         while True:
-            text = self.ask("numbers with commas, only Enter for none", "").strip()
-            parts = [part for part in re.split(r"[,\s]+", text) if part]
-            if all(part.isdigit() and 1 <= int(part) <= len(options) for part in parts):
-                return sorted({int(part) - 1 for part in parts})
-            self.tell(f'"{text}" holds something that is none of 1 … {len(options)}')
+            text = self.ask(question, default).strip()
+            answer = parse(text)
+            if answer is not None:
+                return answer
+            self.tell(f'"{text}" {wrong}')
+
+
+def parts_of(text: str) -> list[str]:
+    """The words of an answer, separated by commas or spaces."""
+    return re.findall(r"[^,\s]+", text)

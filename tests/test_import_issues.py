@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
-from flexviz.importing import import_logs
-from flexviz.importing.assembling import Assembled
-from flexviz.importing.checking import check_groups
-from flexviz.importing.delays import suspicious_delay, torque_delay
-from flexviz.importing.doubts import with_doubts
+from flexviz.importing import import_logs, with_plausibility_warnings
+from flexviz.importing.assembling import AssembledGroup
+from flexviz.importing.delays import delay_issues, torque_delay
+from flexviz.importing.issues import Issue, with_fixes
 from flexviz.importing.mapping import LogEntry, Mapping, parse
-from flexviz.importing.suspicion import Suspicion, fixed
+from flexviz.importing.plausibility import check_groups
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
@@ -48,12 +47,12 @@ def mapping_of(joints: Any, **keys: Any) -> Mapping:
     return parse({"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": entry}, Path("m"))
 
 
-def assembled(table: GroupTable) -> Assembled:
+def assembled(table: GroupTable) -> AssembledGroup:
     entry = LogEntry.model_validate({"file": "a", "group": table.name, "payload": "none"})
-    return Assembled(entry, "CSV", table, {}, 0.0, ())
+    return AssembledGroup(entry, "CSV", table, {}, 0.0, ())
 
 
-def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> list[Assembled]:
+def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> list[AssembledGroup]:
     """The arm's motions with θ, τ and q multiplied, and zero added to θ and q; one number or one a joint."""
     return [
         assembled(
@@ -63,7 +62,7 @@ def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> l
     ]
 
 
-def found(groups: list[Assembled], **keys: Any) -> list[Suspicion]:
+def found(groups: list[AssembledGroup], **keys: Any) -> list[Issue]:
     return check_groups(mapping_of(JOINTS, **keys), arm()[0], groups)
 
 
@@ -109,36 +108,32 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any], set[tuple[str, str, str,
 def test_fault_is_named_and_undone(fault: str) -> None:
     changes, keys, expected = FAULTS[fault]
     changes = {name: np.array(value) if isinstance(value, list) else value for name, value in changes.items()}
-    suspicions = found(tables(**changes), **keys)
-    fixes = {(f.joint, f.signal, f.key, f.value) for s in suspicions for f in s.fixes}
-    assert fixes == expected, [str(s) for s in suspicions]
+    issues = found(tables(**changes), **keys)
+    fixes = {(f.joint, f.signal, f.key, f.value) for s in issues for f in s.fixes}
+    assert fixes == expected, [str(s) for s in issues]
     severity = "odd" if fault == "another zero" else "wrong"
-    assert {s.severity for s in suspicions} == {severity}
-    mapping = fixed(mapping_of(JOINTS, **keys), tuple(f for s in suspicions for f in s.fixes))
+    assert {s.severity for s in issues} == {severity}
+    mapping = with_fixes(mapping_of(JOINTS, **keys), tuple(f for s in issues for f in s.fixes))
     joint, signal, key, value = next(iter(expected))
     assert getattr(getattr(mapping.joints[joint], signal), key) == value
 
 
 def test_current_without_a_constant_is_named_by_its_size() -> None:
-    (suspicion,) = found(tables(tau=1 / 9.0))
-    assert suspicion.severity == "wrong" and suspicion.joints == JOINTS and not suspicion.fixes
-    assert 'a current (unit = "A", torque_constant), or before a gear' in suspicion.message
-    (suspicion,) = found(tables(tau=1 / 900.0), gear=90.0)
-    numbers = suspicion.message.split("torque_constant about ")[1].split(" Nm/A")[0].split(", ")
+    (issue,) = found(tables(tau=1 / 9.0))
+    assert issue.severity == "wrong" and issue.joints == JOINTS and not issue.fixes
+    assert 'a current (unit = "A", torque_constant), or before a gear' in issue.message
+    (issue,) = found(tables(tau=1 / 900.0), gear=90.0)
+    numbers = issue.message.split("torque_constant about ")[1].split(" Nm/A")[0].split(", ")
     assert [float(number) for number in numbers] == pytest.approx([10.0, 10.0], rel=0.3)
 
 
 def test_gear_that_nobody_named() -> None:
-    suspicions = found(tables(theta=100.0))
-    assert [(s.joints, s.signal, s.severity) for s in suspicions] == [
-        ((j,), "theta", "wrong") for j in JOINTS
-    ]
-    assert all("times as far as q: is that the motor's angle before a gear" in s.message for s in suspicions)
-    suspicions = found([replace(g, table=replace(g.table, q=None)) for g in tables(theta=300.0)])
-    assert [(s.joints, s.signal, s.severity) for s in suspicions] == [
-        ((j,), "theta", "wrong") for j in JOINTS
-    ]
-    assert all("degrees" in s.message and "before the gear" in s.message for s in suspicions)
+    issues = found(tables(theta=100.0))
+    assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
+    assert all("times as far as q: is that the motor's angle before a gear" in s.message for s in issues)
+    issues = found([replace(g, table=replace(g.table, q=None)) for g in tables(theta=300.0)])
+    assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
+    assert all("degrees" in s.message and "before the gear" in s.message for s in issues)
 
 
 def test_q_of_another_joint_or_another_zero_or_swapped() -> None:
@@ -170,8 +165,8 @@ def test_two_faults_at_once() -> None:
     """A current of a motor before its gear, one joint turned round: every part of it is found."""
     factors = np.array([1.0, -1.0])
     groups = tables(theta=100.0 * factors, tau=factors / 100.0 / 0.1, q=1.0)
-    suspicions = found(groups, gear=100.0, torque_constant=0.1)
-    fixes = {(f.joint, f.signal, f.key) for s in suspicions if s.severity == "wrong" for f in s.fixes}
+    issues = found(groups, gear=100.0, torque_constant=0.1)
+    fixes = {(f.joint, f.signal, f.key) for s in issues if s.severity == "wrong" for f in s.fixes}
     assert fixes == {
         *((joint, "theta", "side") for joint in JOINTS),
         *((joint, "tau", key) for joint in JOINTS for key in ("unit", "side")),
@@ -207,14 +202,12 @@ def delayed(measurements: MeasurementSet, samples: int) -> MeasurementSet:
 def test_delay_of_the_torque() -> None:
     """Torque and acceleration that disagree by three samples are pointed out, to 0.05 ms."""
     good = torque_delay(delayed(demo(), 0), lambda what: None, lambda: False)
-    assert good is not None and abs(good.seconds) < 5e-5 and suspicious_delay(good, demo()) == []
+    assert good is not None and abs(good.seconds) < 5e-5 and delay_issues(good, demo()) == []
     late = torque_delay(delayed(demo(), 3), lambda what: None, lambda: False)
     assert late is not None and late.seconds == pytest.approx(0.003, abs=5e-5) and late.share > 0.99
-    (suspicion,) = suspicious_delay(late, demo())
-    assert suspicion.kind == "delay" and suspicion.severity == "odd"
-    assert (
-        "torque and acceleration disagree in time" in suspicion.message and "(3 samples)" in suspicion.message
-    )
+    (issue,) = delay_issues(late, demo())
+    assert issue.kind == "delay" and issue.severity == "odd"
+    assert "torque and acceleration disagree in time" in issue.message and "(3 samples)" in issue.message
 
 
 def test_wrong_is_not_written_unless_insisted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,13 +230,13 @@ def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
 ) -> None:
     """A torque that is turned round is named with its file, joint and remedy; a sound set raises nothing."""
     sound = read_set(sessions_dir() / "planar-2r-demo")
-    assert with_doubts(sound) is sound
+    assert with_plausibility_warnings(sound) is sound
     groups = tuple(
         replace(g, segments=tuple(replace(s, tau=s.tau * [1.0, -1.0]) for s in g.segments))
         for g in sound.groups
     )
     with caplog.at_level("WARNING"):
-        doubted = with_doubts(replace(sound, groups=groups, path=tmp_path))
+        doubted = with_plausibility_warnings(replace(sound, groups=groups, path=tmp_path))
     (text,) = doubted.warnings
     assert text == caplog.messages[-1]
     assert text.startswith(f"{tmp_path / 'measurements.toml'}: tau of joint2: with sign = -1")
@@ -252,4 +245,4 @@ def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice cases are not here")
 def test_hidden_effects_raise_no_doubts() -> None:
     for folder in sorted(PRACTICE.iterdir()):
-        assert not with_doubts(read_set(folder)).warnings, folder.name
+        assert not with_plausibility_warnings(read_set(folder)).warnings, folder.name

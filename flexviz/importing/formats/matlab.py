@@ -1,7 +1,7 @@
-"""Read MATLAB .mat files (up to v7.2) with SciPy: variables, and what structs hold, as columns.
+"""MATLAB .mat files (up to v7.2): variables and the fields of structs as columns.
 
 A matrix gives one column for each of its columns, written as MATLAB does: `log.q(:,2)`; a matrix with one
-signal a row gives `log.q(2,:)`. Columns of the same length share a table.
+signal per row gives `log.q(2,:)`. Columns of the same length share a table.
 """
 
 from __future__ import annotations
@@ -12,38 +12,39 @@ from typing import Any
 
 import numpy as np
 from scipy.io import loadmat
-from scipy.io.matlab import MatReadError
 
-from flexviz.errors import InputError, one_line
-from flexviz.importing.log import SHORTEST, Log, Reading, Table, as_numbers
+from flexviz.errors import InputError
+from flexviz.importing.formats.base import (
+    SHORTEST,
+    Log,
+    LogFormat,
+    LogTable,
+    ReadOptions,
+    as_numbers,
+    readable,
+)
 from flexviz.measurements import Array
 from flexviz.progress import Progress
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 8  # structs in structs
-MOST_SIGNALS = 200  # a matrix with more columns and more rows is no set of signals
+MOST_SIGNALS = 200  # a matrix with more columns and more rows holds no signals
 
 
-def read_mat(path: Path, reading: Reading) -> Log:
+def read_mat(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a .mat file."""
-    reading.progress(Progress(f"reading {path.name}", 0.0))
+    options.progress(Progress(f"reading {path.name}", 0.0))
     with path.open("rb") as stream:
         head = stream.read(1024)
     if HDF5 in head or head.startswith(b"MATLAB 7.3"):
         raise InputError(
-            "a .mat file of version 7.3 is HDF5 and is not read here; in MATLAB load it and save it again: "
+            "a .mat file of version 7.3 is HDF5, expected an older one; in MATLAB load it and save it again: "
             "s = load('FILE.mat'); save('FILE7.mat', '-struct', 's', '-v7'), or write the signals as a table "
             "with parquetwrite or writetable",
             file=path,
         )
-    try:
+    with readable(path, ".mat file"):
         content = loadmat(path, simplify_cells=True)
-    except MemoryError:
-        raise InputError("the file does not fit into memory", file=path) from None
-    except (MatReadError, NotImplementedError, ValueError, TypeError, OSError, KeyError, IndexError) as error:
-        raise InputError(f"not a readable .mat file: {one_line(str(error))[:200]}", file=path) from None
-    except Exception as error:  # zlib.error and whatever else a damaged file makes the library raise
-        raise InputError(f"not a readable .mat file: {one_line(str(error))[:200]}", file=path) from None
     by_length: dict[int, dict[str, Array]] = {}
     unusable: dict[str, str] = {}
     for name, value in content.items():
@@ -52,14 +53,12 @@ def read_mat(path: Path, reading: Reading) -> Log:
         for column, values in flatten(name, value, unusable, 0):
             by_length.setdefault(len(values), {})[column] = values
     if "None" in content or any("opaque" in why for why in unusable.values()):
-        unusable.setdefault(
-            "(objects)", "timetable, table and timeseries objects cannot be read outside MATLAB"
-        )
+        unusable["(objects)"] = "timetable, table and timeseries objects cannot be read outside MATLAB"
     if not by_length:
         found = "; ".join(f"{name}: {why}" for name, why in list(unusable.items())[:4])
         raise InputError(f"holds no signals of {SHORTEST} samples or more ({found or 'nothing'})", file=path)
     tables = tuple(
-        Table("" if len(by_length) == 1 else f"{length} samples", columns)
+        LogTable("" if len(by_length) == 1 else f"{length} samples", columns)
         for length, columns in by_length.items()
     )
     return Log(path, "MATLAB", tables, unusable)
@@ -77,7 +76,7 @@ def flatten(name: str, value: Any, unusable: dict[str, str], depth: int) -> Iter
         if value.ndim == 1 and len(value) <= MOST_SIGNALS:
             yield from flatten(name, list(value), unusable, depth)
         else:
-            unusable[name] = "a cell array with more than signals in it"
+            unusable[name] = "a cell array that holds more than signals"
     elif isinstance(value, np.ndarray) and value.dtype.names:
         unusable[name] = "an opaque object (timetable, table, timeseries); convert it to arrays in MATLAB"
     elif isinstance(value, np.ndarray):
@@ -93,7 +92,7 @@ def columns(name: str, array: Array, unusable: dict[str, str]) -> Iterator[tuple
         unusable[name] = "it holds no real numbers"
     elif array.ndim == 1 or 1 in array.shape:
         if array.size < SHORTEST:
-            unusable[name] = f"{array.size} values, at least {SHORTEST} would be right"
+            unusable[name] = f"{array.size} values, expected at least {SHORTEST}"
         else:
             yield name, numbers.ravel()
     elif array.ndim == 2 and max(array.shape) >= SHORTEST and min(array.shape) <= MOST_SIGNALS:
@@ -105,3 +104,6 @@ def columns(name: str, array: Array, unusable: dict[str, str]) -> Iterator[tuple
         yield from columns(name, np.squeeze(array), unusable)  # Simulink's (1, n, N)
     else:
         unusable[name] = f"an array of shape {array.shape}"
+
+
+MATLAB = LogFormat(".mat", read_mat, suffixes=(".mat",))

@@ -1,38 +1,34 @@
-"""Look at logs and write down what their columns are: by names first, then by what the data say about units,
-signs, gear and clocks."""
+"""Inspect logs and draft their mapping: by names, then by what the data show of units, signs and clocks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import chain, count, islice
 from pathlib import Path
 
 import numpy as np
 
-from flexviz.importing.assembling import Assembled, assemble
-from flexviz.importing.checking import check_groups
-from flexviz.importing.clocks import likely_clocks
+from flexviz.importing.assembling import AssembledGroup, assemble
+from flexviz.importing.clocks import guess_time, likely_clocks
+from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
+from flexviz.importing.cross_checks import find_scales
+from flexviz.importing.delays import ClockOffset, clock_offsets
 from flexviz.importing.draft import Draft, DraftJoint
-from flexviz.importing.families import Family
-from flexviz.importing.guessing import candidates, families_of, reason
-from flexviz.importing.log import EMPTY, Log, Reading
-from flexviz.importing.offsets import ClockOffset, clock_offsets
-from flexviz.importing.pairing import scale_pairs
+from flexviz.importing.formats import LogSource, find_logs, open_log
+from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
+from flexviz.importing.issues import Issue
+from flexviz.importing.mapping import NEEDED, SIGNALS
+from flexviz.importing.plausibility import check_groups
 from flexviz.importing.questions import Questions, Silent
-from flexviz.importing.sources import Source, find_sources, open_log
-from flexviz.importing.suspicion import Suspicion
-from flexviz.importing.times import guess_time
+from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 
-MOST_LOOKED = (
-    3  # logs that are read; the others are taken to be alike, and importing finds where they are not
-)
-MOST_NAMED = 60  # columns that were not recognised and are listed
-ROUNDS = 4  # of correcting what the data contradict
-SHIFTED = 2e-3  # [s] a smaller offset of the link clock is not corrected
+INSPECTED_LOGS = 3  # that are read; importing finds where further ones differ
+LISTED_COLUMNS = 60  # that were not recognised
+CORRECTION_ROUNDS = 4  # of correcting what the data contradict
 TITLES = {
     "theta": "the motor position θ",
     "tau": "the motor torque τ (or the current)",
@@ -43,81 +39,84 @@ TITLES = {
 
 
 @dataclass(frozen=True)
-class Looked:
-    """What looking at logs gave.
+class Inspection:
+    """A drafted mapping with its remaining issues.
 
     Attributes:
-        draft: the mapping to be.
-        suspicions: what still looks wrong, or odd.
-        offsets: of the clocks, as they were before the draft corrected them.
+        draft: of the mapping.
+        issues: that remain.
+        offsets: of the clocks, before the draft corrected them.
     """
 
     draft: Draft
-    suspicions: tuple[Suspicion, ...]
+    issues: tuple[Issue, ...]
     offsets: tuple[ClockOffset, ...]
 
 
-def look(
+def inspect_logs(
     paths: Sequence[Path],
     robot: str,
     *,
     questions: Questions | None = None,
     progress: ProgressCallback = ignore,
     should_stop: StopCallback = never,
-) -> Looked:
-    """Guess what the columns of logs are.
+) -> Inspection:
+    """Draft a mapping of the columns of logs.
 
     `robot` is a URDF's path, `example-robot-data:<name>` or `robots:<name>`. Nothing is written.
     """
     asked = questions or Silent()
-    sources = find_sources(paths)
+    sources = find_logs(paths)
     whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
     logs = [
-        open_log(source.path, Reading(None, source.episode, progress, should_stop))
-        for source in sources[:MOST_LOOKED]
+        open_log(source.path, ReadOptions(None, source.episode, progress, should_stop))
+        for source in sources[:INSPECTED_LOGS]
     ]
     draft = Draft(robot, list(sources), group_names(sources))
-    draft.seen = seen_in(logs[0])
+    draft.seen = describe(logs[0])
     families = families_of(logs[0], whole.joints)
     roles = choose_roles(families, asked)
-    for name in ("theta", "tau"):
-        if name not in roles:
-            known = "; ".join(family.name for family in families[:12])
-            together = f"; columns that belong together: {known}" if known else ""
-            draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
+    for name in (name for name in NEEDED if name not in roles):
+        known = "; ".join(family.name for family in families[:12])
+        together = f"; columns that belong together: {known}" if known else ""
+        draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
     used = [column for family in roles.values() for column in family.columns.values()]
     if draft.missing:
-        draft.seen += left_in(logs[0], used)
-    # where nothing was recognised, the signals are likely in the table with the most columns
-    widest = max((list(table.columns) for table in logs[0].tables), key=len, default=[])
-    draft.time, draft.time_comment, own_times = guess_time(logs[0], used or widest[:1])
-    if draft.time_comment.startswith("MISSING"):
-        draft.missing.append(draft.time_comment.removeprefix("MISSING: "))
-        draft.time_comment = ""
-    fill_joints(draft, roles, whole, own_times, logs[0])
-    ask_about_sides(draft, roles, asked)
+        draft.seen += describe_unused(logs[0], used)
+    fill_joints(draft, roles, whole, fill_time(draft, logs[0], used), logs[0])
+    ask_for_constants(draft, roles, asked)
     if len(sources) > 1:
         chosen = asked.several("Which groups are kept for validation, never fitted?", draft.groups)
         draft.validation = {draft.groups[i] for i in chosen}
     if draft.missing:
-        return Looked(draft, (), ())
+        return Inspection(draft, (), ())
     return correct(draft, logs, asked, progress, should_stop)
 
 
-def group_names(sources: Sequence[Source]) -> list[str]:
+def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
+    """Guess [time]; column -> its own time column where that is another one."""
+    # where nothing was recognised, the signals are likely in the table with the most columns
+    widest = max((list(table.columns) for table in log.tables), key=len, default=[])
+    guess = guess_time(log, used or widest[:1])
+    draft.time = guess.keys
+    if guess.found:
+        draft.time_comment = guess.reason
+    else:
+        draft.missing.append(guess.reason)
+    return guess.own
+
+
+def group_names(sources: Sequence[LogSource]) -> list[str]:
     """A name for each group: the file's, with a number where it is taken; the episode's in a dataset."""
     names: list[str] = []
     for source in sources:
-        name = source.path.stem if source.episode is None else f"episode{source.episode}"
-        number = 2
-        base = name
-        while name in names:
-            name, number = f"{base}-{number}", number + 1
-        names.append(name)
+        base = source.path.stem if source.episode is None else f"episode{source.episode}"
+        numbered = (f"{base}-{number}" for number in count(2))
+        names.append(next(name for name in chain([base], numbered) if name not in names))
     return names
 
 
-def seen_in(log: Log) -> list[str]:
+def describe(log: Log) -> list[str]:
     """Lines about a log."""
     lines = [f"Seen in {log.file.name} ({log.kind}):"]
     for table in log.tables:
@@ -129,14 +128,14 @@ def seen_in(log: Log) -> list[str]:
             span = f", {(table.rows - 1) / max(seconds, 1e-9):.5g} Hz, {seconds:.5g} s"
         lines.append(f"  {table.name or 'one table'}: {table.rows} rows, {len(table.columns)} columns{span}")
     lines += [f"  {note}" for note in log.notes]
-    odd = [f"{name}: {why}" for name, why in log.unusable.items() if not why.startswith(EMPTY)]
+    odd = [f"{name}: {why}" for name, why in log.unusable.items() if not why.startswith(EMPTY_FIELD)]
     if odd:
         lines.append(f"  not usable: {'; '.join(odd[:4])}{'; …' if len(odd) > 4 else ''}")
     return lines
 
 
-def left_in(log: Log, used: Sequence[str]) -> list[str]:
-    """Lines about the columns that nothing is known of, for who fills in the mapping."""
+def describe_unused(log: Log, used: Sequence[str]) -> list[str]:
+    """Lines about the columns that were not recognised."""
     left = {
         name: values
         for table in log.tables
@@ -145,19 +144,19 @@ def left_in(log: Log, used: Sequence[str]) -> list[str]:
     }
     lines = [
         f"    {name}: {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
-        for name, values in islice(left.items(), MOST_NAMED)
+        for name, values in islice(left.items(), LISTED_COLUMNS)
     ]
     if len(left) > len(lines):
         lines.append(f"    … and {len(left) - len(lines)} more")
     return ["  columns that were not recognised:", *lines] if lines else []
 
 
-def choose_roles(families: Sequence[Family], asked: Questions) -> dict[str, Family]:
+def choose_roles(families: Sequence[ColumnFamily], asked: Questions) -> dict[str, ColumnFamily]:
     """Signal -> family; those that nothing is known of are left out."""
-    roles: dict[str, Family] = {}
-    for name in ("theta", "tau", "q", "tau_joint", "theta_ref"):
+    roles: dict[str, ColumnFamily] = {}
+    for name in SIGNALS:
         found = candidates(families, name, list(roles.values()))
-        needed = name in ("theta", "tau")
+        needed = name in NEEDED
         options = found.families or (tuple(f for f in families if f not in roles.values()) if needed else ())
         if not options:
             continue
@@ -165,19 +164,18 @@ def choose_roles(families: Sequence[Family], asked: Questions) -> dict[str, Fami
             roles[name] = options[0]
             continue
         default = 0 if found.families else None
-        index = asked.choose(
-            f"Which columns are {TITLES[name]}?", [f"{f.name}  ({reason(f)})" for f in options], default
-        )
+        described = [f"{f.name}  ({reason(f)})" for f in options]
+        index = asked.choose(f"Which columns are {TITLES[name]}?", described, default)
         if index is not None:
             roles[name] = options[index]
     return roles
 
 
 def fill_joints(
-    draft: Draft, roles: dict[str, Family], robot: Robot, own_times: dict[str, str], log: Log
+    draft: Draft, roles: dict[str, ColumnFamily], robot: Robot, own_times: dict[str, str], log: Log
 ) -> None:
     """An entry for every joint that θ and τ (where they were recognised) have."""
-    needed = [set(roles[name].columns) for name in ("theta", "tau") if name in roles]
+    needed = [set(roles[name].columns) for name in NEEDED if name in roles]
     covered = set.intersection(*needed) if needed else set(robot.joints)
     every = log.columns
     for joint in (joint for joint in robot.joints if joint in covered):
@@ -193,16 +191,15 @@ def fill_joints(
                 signal["unit"] = unit
             entry.signals[name] = signal
             values = every[column].columns[column]
-            entry.say(name, f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}; {reason(family)}")
-        for name in ("theta", "tau"):
-            if name not in roles:
-                entry.say(name, 'missing: { from = "column" }')
+            entry.comment(name, f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}; {reason(family)}")
+        for name in (name for name in NEEDED if name not in roles):
+            entry.comment(name, 'missing: { from = "column" }')
     if not draft.joints:
         draft.missing.append("no joint has both θ and τ")
 
 
-def ask_about_sides(draft: Draft, roles: dict[str, Family], asked: Questions) -> None:
-    """Torque constants of currents; they are never guessed, for they set the scale of every result."""
+def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Questions) -> None:
+    """Ask for torque constants of currents: never guessed, because they set the scale of every result."""
     if "tau" not in roles or roles["tau"].meaning.quantity != "current":
         return
     joints = list(draft.joints)
@@ -210,12 +207,10 @@ def ask_about_sides(draft: Draft, roles: dict[str, Family], asked: Questions) ->
     constants = asked.numbers(question, len(joints), None)
     gears = asked.numbers("gear ratio", len(joints), None) if constants else None
     if constants is None:
-        draft.missing.append(
-            "torque_constant [Nm/A] of every joint: τ is a current (data sheet of the motor)"
-        )
+        draft.missing.append("torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet)")
     for i, joint in enumerate(joints):
         entry = draft.joints[joint]
-        entry.say("torque_constant", "[Nm/A], on the side that tau's side says")
+        entry.comment("torque_constant", "[Nm/A], on the side of tau")
         if constants is not None:
             entry.torque_constant = constants[i]
         if gears is not None and gears[i] != 1.0:
@@ -225,42 +220,36 @@ def ask_about_sides(draft: Draft, roles: dict[str, Family], asked: Questions) ->
 
 def correct(
     draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
-) -> Looked:
-    """Let the data correct units, sides, signs and clocks, and note what remains."""
-    used = Robot.load(draft.robot, tuple(draft.joints))
+) -> Inspection:
+    """Let the data correct units, sides, signs and clocks, and collect the issues that remain."""
+    robot = Robot.load(draft.robot, tuple(draft.joints))
     offsets: tuple[ClockOffset, ...] = ()
-    remaining: list[Suspicion] = []
-    for round_ in range(ROUNDS):
-        progress(Progress("comparing with the robot", round_ / ROUNDS))
-        if should_stop():
-            Reading(should_stop=should_stop).check_stop()
+    remaining: list[Issue] = []
+    for round_ in range(CORRECTION_ROUNDS):
+        progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
+        check_stop(should_stop)
         mapping = draft.mapping()
-        groups = [
-            assemble(log, entry, mapping, Path("mapping"))
-            for log, entry in zip(logs, mapping.logs, strict=False)
-        ]
+        entries = zip(logs, mapping.logs, strict=False)
+        groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
         if round_ == 0:
             offsets = shift_clocks(draft, groups)
-        if scale_pairs(draft, used, groups):
+        if find_scales(draft, robot, [group.table for group in groups]):
             continue
-        remaining = check_groups(mapping, used, groups, guessed=True)
-        certain = [s for s in remaining if s.severity == "wrong" and s.fixes]
-        for suspicion in certain:
-            draft.apply(suspicion.fixes, suspicion.message)
-        if not certain and not ask_about_scales(draft, remaining, asked):
+        remaining = check_groups(mapping, robot, groups, guessed=True)
+        certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
+        for issue in certain:
+            draft.apply(issue.fixes, issue.message)
+        if not certain and not ask_for_scales(draft, remaining, asked):
             break
-    return Looked(draft, tuple(remaining), offsets)
+    return Inspection(draft, tuple(remaining), offsets)
 
 
-def ask_about_scales(draft: Draft, remaining: Sequence[Suspicion], asked: Questions) -> bool:
-    """Ask for gears and torque constants that the data only hint at; whether an answer changed anything."""
+def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -> bool:
+    """Ask for gears and torque constants that the data suggest; whether an answer changed anything."""
     unknown = [(s.signal, joint) for s in remaining if s.kind == "unit" and not s.fixes for joint in s.joints]
     far = [joint for signal, joint in unknown if signal == "theta" and draft.joints[joint].gear == 1.0]
-    weak = [
-        joint
-        for signal, joint in unknown
-        if signal == "tau" and "unit" not in draft.joints[joint].signals["tau"]
-    ]
+    tau = [joint for signal, joint in unknown if signal == "tau"]
+    weak = [joint for joint in tau if "unit" not in draft.joints[joint].signals["tau"]]
     if far:
         ratios = asked.numbers(f"gear ratio of {', '.join(far)}: theta turns too far", len(far), None)
         for joint, ratio in zip(far, ratios or (), strict=False):
@@ -268,7 +257,9 @@ def ask_about_scales(draft: Draft, remaining: Sequence[Suspicion], asked: Questi
             draft.joints[joint].signals["theta"]["side"] = "motor"
         return ratios is not None and set(ratios) != {1.0}
     if weak:
-        question = f"tau of {', '.join(weak)} has no torque's size. Is it a current? Torque constant [Nm/A]"
+        question = (
+            f"tau of {', '.join(weak)} has not the size of a torque. Is it a current? Torque constant [Nm/A]"
+        )
         constants = asked.numbers(question, len(weak), None)
         for joint, constant in zip(weak, constants or (), strict=False):
             entry = draft.joints[joint]
@@ -278,11 +269,11 @@ def ask_about_scales(draft: Draft, remaining: Sequence[Suspicion], asked: Questi
     return False
 
 
-def shift_clocks(draft: Draft, groups: Sequence[Assembled]) -> tuple[ClockOffset, ...]:
-    """Correct the clocks of link positions by what the first log says; what all of them say."""
+def shift_clocks(draft: Draft, groups: Sequence[AssembledGroup]) -> tuple[ClockOffset, ...]:
+    """Correct the clocks of link positions by the first log; the offsets of all logs."""
     found = [clock_offsets(g.entry.group, g.traces, tuple(draft.joints)) for g in groups]
     for offset in found[0] if found else []:
-        if abs(offset.delay) > max(SHIFTED, 3 * offset.std):
+        if abs(offset.delay) > max(LIMITS.clock_offset, LIMITS.clock_sigmas * offset.std):
             draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
             late = "late" if offset.delay > 0 else "early"
             size = f"{1e3 * abs(offset.delay):.4g} ± {1.96e3 * offset.std:.2g} ms"

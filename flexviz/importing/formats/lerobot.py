@@ -1,6 +1,6 @@
-"""Read LeRobot datasets (v2.x and v3.x): Parquet tables beside meta/info.json, one log an episode.
+"""LeRobot datasets (v2.x and v3.x): Parquet tables beside meta/info.json, one log per episode.
 
-v2 has one file an episode, named by `data_path` in info.json; v3 puts many episodes into one file, and
+v2 has one file per episode, named by `data_path` in info.json; v3 puts many episodes into one file, and
 meta/episodes says which. A recording's frames are equally spaced by 1/fps, and `timestamp` is stored as
 float32: the time is frame_index / fps, checked against it.
 """
@@ -16,18 +16,13 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from flexviz.errors import InputError
-from flexviz.importing.log import SHORTEST, Log, Reading, Table
-from flexviz.importing.parquet import columns_of, holds_numbers, needed, translated
+from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
+from flexviz.importing.formats.parquet import columns_of, holds_numbers
 from flexviz.progress import Progress
 
 INFO = Path("meta") / "info.json"
-TIME = "time"  # the column that is made here
+TIME = "time"  # the column made from frame_index and fps
 BOOKKEEPING = ("index", "episode_index", "task_index", "frame_index")
-
-
-def is_dataset(folder: Path) -> bool:
-    """Whether a folder is a LeRobot dataset."""
-    return (folder / INFO).is_file()
 
 
 def read_info(folder: Path) -> dict[str, Any]:
@@ -38,18 +33,15 @@ def read_info(folder: Path) -> dict[str, Any]:
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read as JSON ({error})", file=file) from None
     if not isinstance(info, dict):
-        raise InputError("holds no table, LeRobot's meta/info.json would be right", file=file)
+        raise InputError("holds no table, expected LeRobot's meta/info.json", file=file)
     version = str(info.get("codebase_version", ""))
     if not version.lstrip("v").startswith(("2", "3")):
         found = f'"{version}"' if version else "nothing"
-        raise InputError(
-            f"found {found}, v2.x or v3.x would be right (LeRobot converts older datasets)",
-            file=file,
-            place="codebase_version",
-        )
+        message = f"found {found}, expected v2.x or v3.x (LeRobot converts older datasets)"
+        raise InputError(message, file=file, place="codebase_version")
     fps, features = info.get("fps"), info.get("features")
     if not isinstance(fps, int | float) or isinstance(fps, bool) or not 0 < fps < 1e6:
-        raise InputError(f"found {fps!r}, frames per second would be right", file=file, place="fps")
+        raise InputError(f"found {fps!r}, expected frames per second", file=file, place="fps")
     if not isinstance(features, dict) or not all(isinstance(f, dict) for f in features.values()):
         raise InputError("the table of features is missing", file=file, place="features")
     return info
@@ -60,31 +52,28 @@ def episodes_of(folder: Path) -> list[int]:
     info = read_info(folder)
     total = info.get("total_episodes")
     if not isinstance(total, int) or isinstance(total, bool) or total < 1:
-        wanted = "the number of episodes would be right"
-        raise InputError(f"found {total!r}, {wanted}", file=folder / INFO, place="total_episodes")
+        message = f"found {total!r}, expected the number of episodes"
+        raise InputError(message, file=folder / INFO, place="total_episodes")
     return list(range(total))
 
 
-def read_episode(folder: Path, reading: Reading) -> Log:
+def read_episode(folder: Path, options: ReadOptions) -> Log:
     """One episode of a dataset."""
     info = read_info(folder)
-    episode = reading.episode
+    episode = options.episode
     if episode is None:
         last = episodes_of(folder)[-1]
-        raise InputError(f"which episode? episode = 0 … {last} would be right", file=folder)
-    names = entry_names(info)
+        raise InputError(f"which episode? expected episode = 0 … {last}", file=folder)
     parts = []
     for file in files_of(folder, info, episode):
-        reading.check_stop()
-        reading.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
-        parts.append(read_part(file, episode, reading))
+        options.check_stop()
+        options.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
+        parts.append(read_part(file, episode, options))
     frames = pa.concat_tables(parts, promote_options="permissive")
     if frames.num_rows < SHORTEST:
-        where = f"episode {episode}"
-        raise InputError(
-            f"{frames.num_rows} frames, at least {SHORTEST} would be right", file=folder, place=where
-        )
-    columns, units, unusable = columns_of(frames, names)
+        message = f"{frames.num_rows} frames, expected at least {SHORTEST}"
+        raise InputError(message, file=folder, place=f"episode {episode}")
+    columns, units, unusable = columns_of(frames, entry_names(info))
     notes = []
     fps = float(info["fps"])
     number = np.asarray(columns.get("frame_index", np.arange(frames.num_rows)))
@@ -96,7 +85,7 @@ def read_episode(folder: Path, reading: Reading) -> Log:
             notes.append("the frames are not spaced by 1/fps: the column timestamp is used")
             time = stamp
     columns = {name: values for name, values in columns.items() if name not in BOOKKEEPING}
-    table = Table("", {TIME: time, **columns}, TIME, {**units, TIME: "s"})
+    table = LogTable("", {TIME: time, **columns}, TIME, {**units, TIME: "s"})
     return Log(folder, f"LeRobot episode {episode}", (table,), unusable, tuple(notes))
 
 
@@ -120,7 +109,7 @@ def files_of(folder: Path, info: dict[str, Any], episode: int) -> list[Path]:
         "episode_chunk": episode // max(1, int(info.get("chunks_size") or 1000)),
     }
     for file in sorted((folder / "meta" / "episodes").glob("*/*.parquet")):
-        with translated(file):
+        with readable(file, "Parquet table"):
             about = papq.read_table(file, filters=[("episode_index", "=", episode)])
             if about.num_rows and {"data/chunk_index", "data/file_index"} <= set(about.column_names):
                 values |= {key: about[f"data/{key}"][0].as_py() for key in ("chunk_index", "file_index")}
@@ -137,14 +126,16 @@ def files_of(folder: Path, info: dict[str, Any], episode: int) -> list[Path]:
     return own or every
 
 
-def read_part(file: Path, episode: int, reading: Reading) -> pa.Table:
+def read_part(file: Path, episode: int, options: ReadOptions) -> pa.Table:
     """The frames of the episode in one file."""
-    with translated(file):
-        with papq.ParquetFile(file) as opened:
-            schema = opened.schema_arrow
-        names = [field.name for field in schema if holds_numbers(field.type) and needed(field.name, reading)]
-        names += [
-            x for x in ("timestamp", "frame_index", "episode_index") if x in schema.names and x not in names
-        ]
+    with readable(file, "Parquet table"):
+        schema = papq.read_schema(file)
+        names = [field.name for field in schema if holds_numbers(field.type) and options.wants(field.name)]
+        names += [x for x in ("timestamp", "frame_index", "episode_index") if x in {*schema.names} - {*names}]
         own = [("episode_index", "=", episode)] if "episode_index" in schema.names else None
         return papq.read_table(file, columns=names, filters=own)
+
+
+LEROBOT = LogFormat(
+    "LeRobot datasets", read_episode, folder="a LeRobot dataset", mark=str(INFO), episodes=episodes_of
+)

@@ -1,11 +1,11 @@
-"""What looks wrong in imported data, and what in the mapping would put it right."""
+"""Issues of imported data, and the changes of the mapping that would resolve them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-from flexviz.importing.mapping import Mapping, Signal
+from flexviz.importing.mapping import Mapping, SignalColumn
 
 
 @dataclass(frozen=True)
@@ -19,17 +19,17 @@ class Fix:
 
 
 @dataclass(frozen=True)
-class Suspicion:
-    """Something that looks wrong.
+class Issue:
+    """Something in the data that looks wrong or odd.
 
     Attributes:
-        kind: "unit", "sign", "zero", "swapped", "delay", "clock" or "unexplained".
-        severity: "wrong": the data contradict the mapping; the set is not written unless the user insists.
-            "odd": it may be so.
-        joints: which; all of them where it concerns the whole log.
+        kind: of the fault.
+        severity: "wrong": the data contradict the mapping, the set is not written unless the user insists;
+            "odd": it may be intended.
+        joints: concerned ones; all of them where it concerns the whole log.
         signal: "theta", "tau", "q" or "theta_ref".
         message: one sentence with numbers.
-        fixes: what would put it right, where that is known.
+        fixes: changes that would resolve it, where they are known.
     """
 
     kind: Literal["unit", "sign", "zero", "swapped", "delay", "clock", "unexplained"]
@@ -43,12 +43,12 @@ class Suspicion:
         return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
 
 
-def fixed(mapping: Mapping, fixes: tuple[Fix, ...]) -> Mapping:
+def with_fixes(mapping: Mapping, fixes: tuple[Fix, ...]) -> Mapping:
     """The mapping with these changes."""
     joints = dict(mapping.joints)
     for fix in fixes:
         entry = joints[fix.joint]
-        signal: Signal = getattr(entry, fix.signal)
+        signal: SignalColumn = getattr(entry, fix.signal)
         changed = signal.model_copy(update={fix.key: fix.value})
         joints[fix.joint] = entry.model_copy(update={fix.signal: changed})
     return mapping.model_copy(update={"joints": joints})

@@ -14,13 +14,12 @@ import pytest
 from import_data import JOINTS, link_messages, motor_messages, truth, write_lerobot, write_mcap, write_robot
 
 from flexviz.errors import InputError
-from flexviz.importing import Looked, import_logs, look
-from flexviz.importing.families import find_families
-from flexviz.importing.guessing import candidates
-from flexviz.importing.log import Table
+from flexviz.importing import Inspection, import_logs, inspect_logs
+from flexviz.importing.clocks import guess_unit
+from flexviz.importing.column_names import unit_in
+from flexviz.importing.columns import candidates, find_families
+from flexviz.importing.formats.base import LogTable
 from flexviz.importing.questions import Person
-from flexviz.importing.times import guess_unit
-from flexviz.importing.units import unit_in
 
 DATA = truth(rows=1500)
 UR = (
@@ -94,7 +93,7 @@ def test_names(case: int) -> None:
 def test_numbers_are_the_joints_own_where_they_have_some() -> None:
     joints = ("joint1", "joint2", "joint3")
     (family,) = find_families(["pos2", "pos3"], joints, {})
-    assert dict(family.columns) == {"joint2": "pos2", "joint3": "pos3"} and family.told == "number"
+    assert dict(family.columns) == {"joint2": "pos2", "joint3": "pos3"} and family.found_by == "number"
     (family,) = find_families(["pos0", "pos1", "pos2"], joints, {})
     assert dict(family.columns) == {"joint1": "pos0", "joint2": "pos1", "joint3": "pos2"}
     (family,) = find_families(["pos_2"], joints, {})
@@ -106,7 +105,7 @@ def test_unknown_names_in_order() -> None:
     """As many unknown joints in a bag as the robot has: taken in order, and said to be so."""
     (family,) = find_families(["/js/left/position", "/js/right/position"], TWO, {})
     assert dict(family.columns) == {"joint1": "/js/left/position", "joint2": "/js/right/position"}
-    assert family.told == "order"
+    assert family.found_by == "order"
     assert find_families(["/js/a/position", "/js/b/position", "/js/c/position"], TWO, {}) == []
 
 
@@ -119,7 +118,7 @@ def test_units_in_names() -> None:
         (500 * np.arange(99), "us"),
         (2_000_000 * np.arange(99), "ns"),
     ):
-        assert guess_unit(Table("", {"t": values}), "t")[0] == unit
+        assert guess_unit(LogTable("", {"t": values}), "t")[0] == unit
 
 
 def csv_of(folder: Path, columns: dict[str, np.ndarray], name: str = "run.csv") -> Path:
@@ -128,17 +127,17 @@ def csv_of(folder: Path, columns: dict[str, np.ndarray], name: str = "run.csv") 
     return folder / name
 
 
-def written(folder: Path, looked: Looked) -> Path:
+def written(folder: Path, inspection: Inspection) -> Path:
     """The mapping file that was found."""
     file = folder / "found.toml"
-    file.write_text(looked.draft.text(file))
+    file.write_text(inspection.draft.text(file))
     return file
 
 
 def same(folder: Path, mapping: Path) -> None:
     """A mapping imports to the truth."""
     done = import_logs(mapping, folder / "set")
-    assert done.folder is not None, [str(s) for s in done.suspicions]
+    assert done.folder is not None, [str(s) for s in done.issues]
     table = done.groups[0].table
     assert np.abs(table.theta - DATA.theta).max() < 1e-9 and np.abs(table.tau - DATA.tau).max() < 1e-9
 
@@ -153,9 +152,9 @@ def test_csv_in_degrees_with_a_joint_turned_round(tmp_path: Path) -> None:
             f"torque_{j + 1}": DATA.tau[:, j] * turned[j],
         }
     log = csv_of(tmp_path, columns)
-    looked = look([log], str(tmp_path / "robot.urdf"))
-    assert looked.draft.time == {"column": "Time [ms]", "unit": "ms"} and not looked.suspicions
-    text = written(tmp_path, looked).read_text()
+    inspection = inspect_logs([log], str(tmp_path / "robot.urdf"))
+    assert inspection.draft.time == {"column": "Time [ms]", "unit": "ms"} and not inspection.issues
+    text = written(tmp_path, inspection).read_text()
     assert 'theta = { from = "pos_1", unit = "deg" }\n' in text
     low, high = np.rad2deg(DATA.theta[:, 0].min()), np.rad2deg(DATA.theta[:, 0].max())
     seen = f"# theta: {low:.4g} … {high:.4g}; position, joints by number"
@@ -172,10 +171,12 @@ def test_bag_with_two_topics(tmp_path: Path) -> None:
     gear = np.array([100.0, 80.0])
     messages = motor_messages(DATA, gear=gear) + link_messages(DATA, late=0.02)
     write_mcap(tmp_path / "run.mcap", messages)
-    looked = look([tmp_path / "run.mcap"], str(tmp_path / "robot.urdf"))
-    assert [joint.gear for joint in looked.draft.joints.values()] == pytest.approx([100.0, 80.0], rel=2e-3)
-    assert looked.draft.time["shift"]["/joint_states"] == pytest.approx(-0.02, abs=1e-4)
-    text = written(tmp_path, looked).read_text()
+    inspection = inspect_logs([tmp_path / "run.mcap"], str(tmp_path / "robot.urdf"))
+    assert [joint.gear for joint in inspection.draft.joints.values()] == pytest.approx(
+        [100.0, 80.0], rel=2e-3
+    )
+    assert inspection.draft.time["shift"]["/joint_states"] == pytest.approx(-0.02, abs=1e-4)
+    text = written(tmp_path, inspection).read_text()
     assert '"/motor_states/joint1/effort", side = "motor"' in text and "times as far as q" in text
     assert "/joint_states is 20 ±" in text and "ms late against θ" in text
     (tmp_path / "found.toml").write_text(
@@ -187,9 +188,9 @@ def test_bag_with_two_topics(tmp_path: Path) -> None:
 def test_datasets_and_several_logs(tmp_path: Path) -> None:
     write_robot(tmp_path)
     write_lerobot(tmp_path / "data", [DATA, DATA], "v3.0", ["joint1.pos", "joint2.pos"])
-    looked = look([tmp_path / "data"], str(tmp_path / "robot.urdf"))
-    assert looked.draft.groups == ["episode0", "episode1"] and not looked.draft.time
-    same(tmp_path, written(tmp_path, looked))
+    inspection = inspect_logs([tmp_path / "data"], str(tmp_path / "robot.urdf"))
+    assert inspection.draft.groups == ["episode0", "episode1"] and not inspection.draft.time
+    same(tmp_path, written(tmp_path, inspection))
 
 
 class Typing:
@@ -217,14 +218,14 @@ def test_questions(tmp_path: Path) -> None:
         csv_of(tmp_path, columns, name)
     logs = [tmp_path / "a.csv", tmp_path / "b.csv"]
     typing = Typing("x", "7", "1", "0.1,-1", "0.1, 0.2", "50", "3", "2")
-    looked = look(logs, str(tmp_path / "robot.urdf"), questions=Person(typing.ask, typing.tell))
+    inspection = inspect_logs(logs, str(tmp_path / "robot.urdf"), questions=Person(typing.ask, typing.tell))
     assert not typing.answers and len(typing.asked) == 8
     assert (
         '"x" is none of 0 … 2' in typing.told and '"3" holds something that is none of 1 … 2' in typing.told
     )
     assert any("Which columns are the motor position θ?" in line for line in typing.told)
-    assert looked.draft.validation == {"b"} and not looked.draft.missing and not looked.suspicions
-    text = written(tmp_path, looked).read_text()
+    assert inspection.draft.validation == {"b"} and not inspection.draft.missing and not inspection.issues
+    text = written(tmp_path, inspection).read_text()
     assert "gear = 50.0" in text and "torque_constant = 0.2" in text and 'unit = "A", side = "motor"' in text
     same(tmp_path, tmp_path / "found.toml")
 
@@ -234,12 +235,12 @@ def test_what_is_missing_is_written_down(tmp_path: Path) -> None:
     columns = {"t": DATA.time}
     for j in range(2):
         columns |= {f"pos{j + 1}": DATA.theta[:, j], f"current{j + 1}": DATA.tau[:, j] / 7.0}
-    looked = look([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf"))
-    assert looked.draft.missing == [
-        "torque_constant [Nm/A] of every joint: τ is a current (data sheet of the motor)"
+    inspection = inspect_logs([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf"))
+    assert inspection.draft.missing == [
+        "torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet)"
     ]
-    file = written(tmp_path, looked)
-    with pytest.raises(InputError, match=r"joints\.joint1: tau is a current, torque_constant"):
+    file = written(tmp_path, inspection)
+    with pytest.raises(InputError, match=r"joints\.joint1: tau is a current, expected torque_constant"):
         import_logs(file, None)
     text = file.read_text().replace("# torque_constant = …", "torque_constant = 7.0")
     file.write_text(text)
@@ -251,20 +252,20 @@ def test_what_is_missing_is_written_down(tmp_path: Path) -> None:
         "x1": DATA.time**2,
         "x2": DATA.time**3,
     }
-    looked = look([csv_of(tmp_path, nameless, "other.csv")], str(tmp_path / "robot.urdf"))
-    assert "no columns were recognised as the motor torque τ" in looked.draft.missing[0]
-    assert 'missing: { from = "column" }' in looked.draft.text(None)
+    inspection = inspect_logs([csv_of(tmp_path, nameless, "other.csv")], str(tmp_path / "robot.urdf"))
+    assert "no columns were recognised as the motor torque τ" in inspection.draft.missing[0]
+    assert 'missing: { from = "column" }' in inspection.draft.text(None)
     timeless = {name: np.tile(values, 2) for name, values in columns.items() if name != "t"}
-    looked = look([csv_of(tmp_path, timeless, "timeless.csv")], str(tmp_path / "robot.urdf"))
-    assert any("step = seconds from row to row" in line for line in looked.draft.missing)
+    inspection = inspect_logs([csv_of(tmp_path, timeless, "timeless.csv")], str(tmp_path / "robot.urdf"))
+    assert any("step = seconds from row to row" in line for line in inspection.draft.missing)
 
 
 def test_columns_with_names_of_no_meaning_are_listed_to_be_filled_in(tmp_path: Path) -> None:
     names = {"stamp": DATA.time}
     for j, letter in enumerate("ab"):
         names |= {f"{letter}_one": DATA.theta[:, j], f"{letter}_two": DATA.tau[:, j]}
-    looked = look([csv_of(tmp_path, names)], str(tmp_path / "robot.urdf"))
-    file = written(tmp_path, looked)
+    inspection = inspect_logs([csv_of(tmp_path, names)], str(tmp_path / "robot.urdf"))
+    file = written(tmp_path, inspection)
     text = file.read_text()
     low, high = DATA.tau[:, 1].min(), DATA.tau[:, 1].max()
     assert f"b_two: {low:.4g} … {high:.4g}" in text and 'column = "stamp"' in text
@@ -279,18 +280,18 @@ def test_a_time_in_another_unit_is_named_in_the_mapping(tmp_path: Path) -> None:
     columns = {"t": 1e3 * DATA.time}
     for j in range(2):
         columns |= {f"pos{j + 1}": DATA.theta[:, j], f"torque{j + 1}": DATA.tau[:, j]}
-    file = written(tmp_path, look([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf")))
+    file = written(tmp_path, inspect_logs([csv_of(tmp_path, columns)], str(tmp_path / "robot.urdf")))
     text = file.read_text()
     assert 'unit = "ms"' in text
     file.write_text(text.replace('unit = "ms"', 'unit = "s"', 1))
-    with pytest.raises(InputError, match=r'found\.toml, time\.unit: .* is 2: .* unit = "ms" would be right'):
+    with pytest.raises(InputError, match=r'found\.toml, time\.unit: .* is 2: .* expected unit = "ms"'):
         import_logs(file, None)
 
 
 def test_a_robot_that_does_not_fit(tmp_path: Path) -> None:
     log = csv_of(tmp_path, {"t": DATA.time, "p1": DATA.theta[:, 0], "m1": DATA.tau[:, 0]})
     with pytest.raises(InputError, match="robot description not found"):
-        look([log], str(tmp_path / "none.urdf"))
-    looked = look([log], "example-robot-data:panda")
-    assert looked.draft.missing or set(looked.draft.joints) == {"panda_joint1"}
+        inspect_logs([log], str(tmp_path / "none.urdf"))
+    inspection = inspect_logs([log], "example-robot-data:panda")
+    assert inspection.draft.missing or set(inspection.draft.joints) == {"panda_joint1"}
     assert JOINTS == TWO

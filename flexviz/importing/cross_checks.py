@@ -1,0 +1,236 @@
+"""Compare columns of one joint: q and the reference are nearly θ, and the spring yields to the torque."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from flexviz.importing.column_names import ANGLE, size_of
+from flexviz.importing.delays import BAND, low_pass
+from flexviz.importing.draft import Draft, DraftJoint
+from flexviz.importing.issues import Fix, Issue
+from flexviz.importing.mapping import AngleColumn, Mapping
+from flexviz.importing.thresholds import LIMITS
+from flexviz.measurements import Array, GroupTable
+from flexviz.robot import Robot
+
+DEGREE = np.pi / 180  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class JointPart:
+    """One joint's columns of one group, means subtracted, all (N,).
+
+    Attributes:
+        theta, other, tau: θ, the column compared with it, τ.
+        offset: mean of θ minus mean of the column [rad].
+        span: of the column [rad].
+        step: [s].
+    """
+
+    theta: Array
+    other: Array
+    tau: Array
+    offset: float
+    span: float
+    step: float
+
+
+def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPart]:
+    """θ, the optional column `name` and τ of joint j, of every group that has it."""
+    parts = []
+    for table in tables:
+        columns = getattr(table, name)
+        if columns is None or not np.isfinite(columns[:, j]).all():
+            continue
+        theta, other, tau = table.theta[:, j], columns[:, j], table.tau[:, j]
+        offset, span = float(np.mean(theta) - np.mean(other)), float(np.ptp(other))
+        step = float(np.median(np.diff(table.time)))
+        centred = [x - np.mean(x) for x in (theta, other, tau)]
+        parts.append(JointPart(centred[0], centred[1], centred[2], offset, span, step))
+    return parts
+
+
+@dataclass(frozen=True)
+class Change:
+    """Fixes of one joint's signal, and the factor by which they change its values."""
+
+    fixes: tuple[Fix, ...] = ()
+    factor: float = 1.0
+
+    def __str__(self) -> str:
+        values = ((f.key, f'"{f.value}"' if isinstance(f.value, str) else f.value) for f in self.fixes)
+        return ", ".join(f"{key} = {value}" for key, value in values)
+
+    def __add__(self, other: Change) -> Change:
+        return Change(self.fixes + other.fixes, self.factor * other.factor)
+
+
+def unit_changes(
+    mapping: Mapping, joint: str, name: str, units: dict[str, float], now: float
+) -> list[Change]:
+    """A signal in other units; `now` is the size of its unit in SI."""
+    return [
+        Change((Fix(joint, name, "unit", unit),), size / now)
+        for unit, size in units.items()
+        if not np.isclose(size, now, rtol=1e-5, atol=0.0)
+    ]
+
+
+def side_changes(mapping: Mapping, joint: str, name: str) -> list[Change]:
+    """A signal on the other side of the gear."""
+    entry = mapping.joints[joint]
+    signal = getattr(entry, name)
+    if entry.gear == 1.0:
+        return []
+    other = "joint" if signal.side == "motor" else "motor"
+    factor = entry.gear if isinstance(signal, AngleColumn) == (signal.side == "motor") else 1.0 / entry.gear
+    return [Change((Fix(joint, name, "side", other),), factor)]
+
+
+def angle_changes(mapping: Mapping, joint: str, name: str) -> list[Change]:
+    """An angle in other units or on the other side of the gear."""
+    units = {unit: ANGLE[unit] for unit in ("rad", "deg", "rev")}
+    now = size_of(getattr(mapping.joints[joint], name).unit, ANGLE)
+    return unit_changes(mapping, joint, name, units, now) + side_changes(mapping, joint, name)
+
+
+# -- checks --------------------------------------------------------------------------------------------
+
+
+def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> list[Issue]:
+    """Issues of the columns that are only for comparison, or of θ beside them."""
+    found: list[Issue] = []
+    for name in ("q", "theta_ref"):
+        for j, joint in enumerate(mapping.names):
+            parts = joint_parts(tables, j, name)
+            found += check_against_theta(mapping, joint, name, parts) if parts else []
+    return found
+
+
+def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[JointPart]) -> list[Issue]:
+    """Compare one column of one joint with θ and τ."""
+    theta, other, tau = (
+        np.concatenate([getattr(part, x) for part in parts]) for x in ("theta", "other", "tau")
+    )
+    power, other_power, both = float(theta @ theta), float(other @ other), float(theta @ other)
+    if min(power, other_power) == 0.0:
+        return []
+    share, slope = both**2 / (power * other_power), both / power
+    if share < LIMITS.follows:
+        message = f"it follows theta by {100 * share:.0f} % only: the same joint?"
+        return [Issue("unexplained", "odd", (joint,), name, message)]
+    if not 1 / LIMITS.near < slope < LIMITS.near:
+        return [wrong_scale(mapping, joint, name, slope)]
+    found: list[Issue] = []
+    zero = float(np.mean([part.offset for part in parts]))
+    if name == "q" and abs(zero) > LIMITS.zero:
+        offset = round(getattr(mapping.joints[joint], name).offset + zero, 6)
+        message = (
+            f"its mean is {-zero:.3g} rad from that of theta, too far for a spring: another zero position?"
+        )
+        found.append(Issue("zero", "odd", (joint,), name, message, (Fix(joint, name, "offset", offset),)))
+    deflection = theta - other
+    size = float(np.sqrt((deflection @ deflection) * (tau @ tau)))
+    if name == "q" and size > 0.0 and float(deflection @ tau) < LIMITS.swapped * size:
+        message = (
+            "theta − q falls where tau rises, a spring does the opposite: are theta and q swapped, or is the "
+            "sign of tau wrong?"
+        )
+        found.append(Issue("swapped", "odd", (joint,), name, message))
+    return found
+
+
+def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
+    """The issue of a column that follows θ by a factor other than 1."""
+    sign = -getattr(mapping.joints[joint], name).sign
+    changes = [Change(), *angle_changes(mapping, joint, name)]
+    signs = [Change(), Change((Fix(joint, name, "sign", sign),), -1.0)]
+    combined = [change + turn for turn, change in product(signs, changes)]
+    correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
+    message = f"it is {slope:.4g} times theta"
+    if not correct:
+        gear = max(abs(slope), 1 / abs(slope))
+        hint = f"a gear of {gear:.5g} on one of the two" if np.log(gear) > 1 else "another joint or unit"
+        return Issue("unit", "wrong", (joint,), name, f"{message}: {hint}?")
+    change = min(correct, key=lambda x: len(str(x)))
+    kind = "sign" if change.fixes[0].key == "sign" else "unit"
+    return Issue(kind, "wrong", (joint,), name, f"{message}: with {change} they agree", change.fixes)
+
+
+# -- units and gear found while a mapping is drafted ---------------------------------------------------
+
+
+def find_scales(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> bool:
+    """Find units of q and θ, and the gear between them, of every joint; whether anything was changed."""
+    changed = False
+    width = robot.upper_limit - robot.lower_limit
+    for j, joint in enumerate(draft.joints.values()):
+        parts = joint_parts(tables, j, "q")
+        if joint.gear != 1.0 or not parts:
+            continue
+        span = max(part.span for part in parts)
+        in_degrees = span > LIMITS.beyond * width[j] > span * DEGREE and 0.5 < width[j] < 20.0
+        if "unit" not in joint.signals["q"] and in_degrees:
+            joint.signals["q"]["unit"] = "deg"
+            joint.comment("q", f"in rad it would span {span:.3g}; the joint's range is {width[j]:.3g}")
+            changed = True
+        else:
+            changed |= find_gear(joint, parts)
+    return changed
+
+
+def find_gear(joint: DraftJoint, parts: Sequence[JointPart]) -> bool:
+    """Find a gear by which θ turns farther than q; whether there is one."""
+    theta = np.concatenate([part.theta for part in parts])
+    q = np.concatenate([part.other for part in parts])
+    both = float(theta @ q)
+    if both == 0.0 or both**2 < LIMITS.gear_motion * float(theta @ theta) * float(q @ q):
+        return False
+    ratio, std = gear_ratio(parts)
+    if abs(abs(ratio) * DEGREE - 1.0) < LIMITS.degrees:
+        return False  # degrees: the robot's masses will tell
+    if abs(ratio) > LIMITS.gears[1] and "unit" not in joint.signals["theta"]:
+        joint.signals["theta"]["unit"] = "deg"
+        joint.comment("theta", f"{abs(ratio):.4g} times q: degrees of the motor")
+        ratio, std = ratio * DEGREE, std * DEGREE
+    if not LIMITS.gears[0] < abs(ratio) < LIMITS.gears[1]:
+        return False
+    whole = round(abs(ratio))
+    certain = abs(abs(ratio) - whole) < max(3 * std, 1e-3 * whole) and std < LIMITS.whole_std
+    joint.gear = float(whole) if certain else float(f"{abs(ratio):.4g}")
+    found = f"{ratio:.5g} ± {1.96 * std:.1g}"
+    joint.comment("gear", f"theta turns {found} times as far as q; the data sheet has the exact value")
+    for name in ("theta", "theta_ref"):
+        if name in joint.signals:
+            joint.signals[name]["side"] = "motor"
+    return True
+
+
+def gear_ratio(parts: Sequence[JointPart]) -> tuple[float, float]:
+    """θ per q, and its standard error.
+
+    The spring's deflection and a delay are subtracted: θ = ratio·q + c₁τ + c₂θ̇ + c₃θ̈.
+    """
+    rows, targets, seconds = [], [], 0.0
+    for part in parts:
+        theta = low_pass(part.theta, part.step)
+        speed = np.gradient(theta, part.step)
+        columns = [low_pass(part.other, part.step), low_pass(part.tau, part.step), speed]
+        columns.append(np.gradient(speed, part.step))
+        edge = min(len(theta) // 4, int(0.25 / part.step) + 1)
+        rows.append(np.stack([x - np.mean(x) for x in columns], axis=1)[edge:-edge])
+        targets.append((theta - np.mean(theta))[edge:-edge])
+        seconds += part.step * len(targets[-1])
+    matrix, target = np.concatenate(rows), np.concatenate(targets)
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(matrix / scale, rcond=1e-9)
+    solution = inverse @ target
+    residual = matrix / scale @ solution - target
+    samples = max(8.0, 2 * BAND * seconds)  # that are independent after the filter
+    variance = float(residual @ residual) / samples * float(inverse[0] @ inverse[0])
+    return float(solution[0] / scale[0]), float(np.sqrt(variance * len(target))) / float(scale[0])

@@ -1,0 +1,76 @@
+"""Formats of logs: one file each, which declares what it recognises and how it is read, and one line here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from flexviz.errors import InputError
+from flexviz.importing.formats.bags import BAG
+from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
+from flexviz.importing.formats.delimited import DELIMITED
+from flexviz.importing.formats.lerobot import LEROBOT
+from flexviz.importing.formats.matlab import MATLAB
+from flexviz.importing.formats.parquet import PARQUET
+
+FORMATS: tuple[LogFormat, ...] = (BAG, DELIMITED, PARQUET, MATLAB, LEROBOT)
+KNOWN = ", ".join(known.title for known in FORMATS)
+
+
+@dataclass(frozen=True)
+class LogSource:
+    """Where one log lies: a file or folder, and the episode in a dataset of episodes."""
+
+    path: Path
+    episode: int | None = None
+
+
+def open_log(path: Path, options: ReadOptions) -> Log:
+    """Read a log; InputError for whatever cannot be read."""
+    return format_of(path).read(path, options)
+
+
+def format_of(path: Path) -> LogFormat:
+    """The format of a file or folder."""
+    try:
+        is_folder, exists = path.is_dir(), path.exists()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be opened ({reason})", file=path) from None
+    if not exists:
+        raise InputError("file not found", file=path)
+    for known in FORMATS:
+        if known.recognises(path):
+            return known
+    if is_folder and (path / "measurements.toml").is_file():
+        raise InputError("this is a measurement set already: flexviz identify reads it", file=path)
+    if is_folder:
+        marks = " nor ".join(f"{known.folder} ({known.mark})" for known in FORMATS if known.mark)
+        raise InputError(f"neither {marks}", file=path)
+    raise InputError(f'"{path.suffix}" is no known format; flexviz import reads {KNOWN}', file=path)
+
+
+def find_logs(paths: Sequence[Path]) -> list[LogSource]:
+    """The logs that paths name; a folder of logs stands for all of them, a dataset for its episodes."""
+    found: list[LogSource] = []
+    for path in paths:
+        logs = [path]
+        known = any(log_format.recognises(path) for log_format in FORMATS)
+        if path.is_dir() and not known and not (path / "measurements.toml").is_file():
+            logs = sorted(p for p in path.iterdir() if is_log(p))
+            if not logs:
+                raise InputError(f"the folder holds no log; flexviz import reads {KNOWN}", file=path)
+        for log in logs:
+            episodes = format_of(log).episodes
+            found += [LogSource(log, episode) for episode in (episodes(log) if episodes else [None])]
+    for i, source in enumerate(found):
+        if source in found[:i]:
+            raise InputError("is given twice, expected once", file=source.path)
+    return found
+
+
+def is_log(path: Path) -> bool:
+    """Whether something inside a folder is taken for a log; datasets of episodes only count by themselves."""
+    recognised = any(known.recognises(path) for known in FORMATS if not known.episodes)
+    return recognised and not path.name.startswith(".")

@@ -1,0 +1,155 @@
+"""sensor_msgs/JointState in MCAP files, ROS 2 bags (folders, .db3) and ROS 1 bags.
+
+`rosbags` reads all of these without a ROS installation. JointState is the same in every ROS release, so its
+definition need not be in the bag, and other messages are never decoded.
+
+A column is called `<topic>/<joint>/<position|velocity|effort>`. Joints that always come in the same messages
+share a table: where two drivers publish on one topic, each has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.errors import InputError
+from flexviz.importing.formats.base import (
+    EMPTY_FIELD,
+    LOGGED,
+    SHORTEST,
+    STAMP,
+    Log,
+    LogFormat,
+    LogTable,
+    ReadOptions,
+    readable,
+)
+from flexviz.measurements import Array
+from flexviz.progress import Progress
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+FIELDS = ("position", "velocity", "effort")
+CHECK_EVERY = 2000  # messages between two reports of progress and looks at should_stop
+
+
+@dataclass
+class MessageGroup:
+    """The messages of one topic with the same joints in the same order."""
+
+    names: tuple[str, ...]
+    rows: list[int] = field(default_factory=list)  # which message of the topic
+    stamp: list[int] = field(default_factory=list)  # [ns]
+    logged: list[int] = field(default_factory=list)  # [ns]
+    values: dict[str, list[Array]] = field(default_factory=lambda: {name: [] for name in FIELDS})
+
+
+def read_bag(path: Path, options: ReadOptions) -> Log:
+    """Every JointState topic of a bag."""
+    first = path.suffix == ".bag"
+    kind = "ROS 1 bag" if first else "MCAP" if path.suffix == ".mcap" else "ROS 2 bag"
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+
+    with readable(path, "bag"), Reader1(path) if first else Reader2(path) as reader:
+        states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
+        if not states:
+            raise InputError(f"no topic holds {JOINT_STATE}; {present(reader)}", file=path)
+        topics = collect(reader, states, first, path, options)
+    tables, unusable, notes = list[LogTable](), dict[str, str](), list[str]()
+    for topic, groups in topics.items():
+        tables += tables_of(topic, list(groups.values()), unusable, notes)
+    if not any(table.rows for table in tables):
+        short = "; ".join(f"{name}: {why}" for name, why in list(unusable.items())[:3])
+        raise InputError(f"no joint has {SHORTEST} messages or more ({short or 'no messages'})", file=path)
+    return Log(path, kind, tuple(tables), unusable, tuple(notes))
+
+
+def collect(
+    reader: Any, states: Sequence[Any], first: bool, path: Path, options: ReadOptions
+) -> dict[str, dict[tuple[str, ...], MessageGroup]]:
+    """Topic -> names in a message -> those messages."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC if first else Stores.ROS2_HUMBLE)
+    decode = store.deserialize_ros1 if first else store.deserialize_cdr
+    topics: dict[str, dict[tuple[str, ...], MessageGroup]] = {c.topic: {} for c in states}
+    seen = dict.fromkeys(topics, 0)
+    total = max(1, sum(c.msgcount for c in states))
+    for number, (connection, logged, raw) in enumerate(reader.messages(states)):
+        if number % CHECK_EVERY == 0:
+            options.progress(Progress(f"reading {path.name}", min(1.0, number / total)))
+            options.check_stop()
+        message: Any = decode(raw, JOINT_STATE)
+        names = tuple(message.name)
+        group = topics[connection.topic].setdefault(names, MessageGroup(names))
+        group.rows.append(seen[connection.topic])
+        seen[connection.topic] += 1
+        group.stamp.append(message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec)
+        group.logged.append(logged)
+        for name in FIELDS:
+            group.values[name].append(getattr(message, name))
+    return topics
+
+
+def tables_of(
+    topic: str, groups: list[MessageGroup], unusable: dict[str, str], notes: list[str]
+) -> list[LogTable]:
+    """The tables of one topic; `unusable` and `notes` are added to."""
+    joints = dict.fromkeys(name for group in groups for name in group.names)
+    together: dict[tuple[int, ...], list[str]] = {}  # indices of the groups with a joint -> such joints
+    for joint in joints:
+        together.setdefault(tuple(i for i, x in enumerate(groups) if joint in x.names), []).append(joint)
+    tables: list[LogTable] = []
+    for number, (which, members) in enumerate(together.items()):
+        parts = [groups[i] for i in which]
+        order = np.argsort(np.concatenate([part.rows for part in parts]), kind="stable")
+        if len(order) < SHORTEST:
+            why = f"only {len(order)} messages, expected at least {SHORTEST}"
+            unusable |= {f"{topic}/{joint}/{field}": why for joint in members for field in FIELDS}
+            continue
+        name, prefix = topic, topic if number == 0 else f"{topic}#{number + 1}"
+        if len(together) > 1:
+            name = f"{topic} ({', '.join(members[:3])}{', …' * (len(members) > 3)})"
+        stamps, logged = f"{prefix}/{STAMP}", f"{prefix}/{LOGGED}"
+        columns: dict[str, Array] = {
+            stamps: np.concatenate([np.array(part.stamp, np.int64) for part in parts])[order],
+            logged: np.concatenate([np.array(part.logged, np.int64) for part in parts])[order],
+        }
+        units = dict.fromkeys(columns, "ns")
+        stamped = bool((columns[stamps] > 0).all())
+        if not stamped:
+            notes.append(f"{name} has no time in its headers: the time of recording is used")
+        for joint in members:
+            for key in FIELDS:
+                values = np.concatenate([column(part, joint, key) for part in parts])[order]
+                if np.isfinite(values).any():
+                    columns[f"{topic}/{joint}/{key}"] = values
+                else:
+                    unusable[f"{topic}/{joint}/{key}"] = f"{EMPTY_FIELD} {key}"
+        tables.append(LogTable(name, columns, stamps if stamped else logged, units))
+    return tables
+
+
+def column(group: MessageGroup, joint: str, key: str) -> Array:
+    """(N,) one joint's values; NaN where a message does not have them."""
+    index, count = group.names.index(joint), len(group.names)
+    return np.array([row[index] if len(row) == count else np.nan for row in group.values[key]], dtype=float)
+
+
+def present(reader: Any) -> str:
+    """What a bag without joint states holds instead."""
+    topics = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
+    return "the bag has " + (", ".join(topics[:8]) + (", …" if len(topics) > 8 else "") or "no topics")
+
+
+BAG = LogFormat(
+    "MCAP, ROS 2 bags (a folder or .db3), .bag",
+    read_bag,
+    suffixes=(".mcap", ".db3", ".bag"),
+    folder="a ROS 2 bag",
+    mark="metadata.yaml",
+)

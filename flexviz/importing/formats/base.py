@@ -1,0 +1,163 @@
+"""A log of any format once it is read: tables of columns that share their rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.errors import Cancelled, FlexvizError, InputError, choose_from, one_line
+from flexviz.measurements import Array
+from flexviz.progress import ProgressCallback, StopCallback, ignore, never
+
+STAMP, LOGGED = "header.stamp", "log_time"  # endings of the two time columns of a topic
+EMPTY_FIELD = "the messages hold no"  # begins the reason why a field that a driver leaves empty is no signal
+SHORTEST = 32  # rows: shorter columns cannot be signals
+
+
+@dataclass(frozen=True, eq=False)
+class LogTable:
+    """Columns recorded together: a topic, a file of rows, variables of one length in a .mat file.
+
+    Attributes:
+        name: the topic's name; "" where a log has one table only.
+        columns: name -> (N,) values as recorded, NaN where there is none; float64, or int64 where whole
+            numbers must stay exact (times).
+        clock: the time column, where the format knows it.
+        units: name -> unit that the file states ("ns", "deg").
+    """
+
+    name: str
+    columns: Mapping[str, Array]
+    clock: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows N."""
+        return len(next(iter(self.columns.values()), ()))
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One recording.
+
+    Attributes:
+        file: where it was read from.
+        kind: "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3".
+        tables: its tables; a column's name occurs once in all of them.
+        unusable: name -> why it is not a signal (text, too short, …).
+        unread: columns that were not asked for.
+        notes: observations while reading, one sentence each.
+    """
+
+    file: Path
+    kind: str
+    tables: tuple[LogTable, ...]
+    unusable: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    unread: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> dict[str, LogTable]:
+        """Name of every column -> its table."""
+        return {name: table for table in self.tables for name in table.columns}
+
+    def table_of(self, column: str, file: Path | None = None, place: str | None = None) -> LogTable:
+        """The table that holds `column`; errors name `file` and `place`, where the column was asked for."""
+        columns = self.columns
+        if column in columns:
+            return columns[column]
+        if column in self.unusable:
+            message = f'"{column}" of {self.file.name} cannot be used: {self.unusable[column]}'
+        else:
+            valid = choose_from(column, [*self.unread, *columns], limit=40)
+            message = f'"{column}" is not in {self.file.name}; {valid}'
+        raise InputError(message, file=file or self.file, place=place)
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How a log is to be read.
+
+    Attributes:
+        wanted: columns that are needed; None: all. A reader may give more.
+        episode: which one, in a dataset of episodes.
+        progress, should_stop: see flexviz.progress.
+    """
+
+    wanted: Collection[str] | None = None
+    episode: int | None = None
+    progress: ProgressCallback = ignore
+    should_stop: StopCallback = never
+
+    def wants(self, column: str) -> bool:
+        """Whether a column, or an entry of it, is needed."""
+        if self.wanted is None or column in self.wanted:
+            return True
+        return any(name.startswith((f"{column}[", f"{column}/")) for name in self.wanted)
+
+    def check_stop(self) -> None:
+        """Cancelled, when the user asked to stop."""
+        check_stop(self.should_stop)
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """One format of logs.
+
+    Attributes:
+        title: its name in messages.
+        read: a path and options -> its log; InputError where it cannot be read.
+        suffixes: of its files.
+        folder, mark: a folder of this format, and the file by which it is recognised.
+        episodes: the numbers of the logs in a dataset of many.
+    """
+
+    title: str
+    read: Callable[[Path, ReadOptions], Log]
+    suffixes: tuple[str, ...] = ()
+    folder: str = ""
+    mark: str = ""
+    episodes: Callable[[Path], list[int]] | None = None
+
+    def recognises(self, path: Path) -> bool:
+        """Whether a file or folder is of this format, judged by its name."""
+        if path.is_dir():
+            return bool(self.mark) and (path / self.mark).is_file()
+        return path.suffix.lower() in self.suffixes
+
+
+def check_stop(should_stop: StopCallback) -> None:
+    """Cancelled, when the user asked to stop."""
+    if should_stop():
+        raise Cancelled("stopped by the user; nothing was written")
+
+
+def as_numbers(values: Array) -> Array | None:
+    """A column as int64 or as float64 with NaN for what is not finite; None when it holds no numbers."""
+    if values.dtype.kind == "i":
+        return values.astype(np.int64, copy=False)
+    if values.dtype.kind not in "bfu":
+        return None
+    numbers = values.astype(float)
+    return np.where(np.isfinite(numbers), numbers, np.nan)
+
+
+@contextmanager
+def readable(path: Path, kind: str) -> Iterator[None]:
+    """One-line InputErrors for whatever a damaged file makes the libraries raise."""
+    try:
+        yield
+    except FlexvizError:
+        raise
+    except MemoryError:
+        raise InputError(f"the {kind} does not fit into memory", file=path) from None
+    except Exception as error:  # struct, zlib, sqlite, yaml, Arrow and decoding errors of every kind
+        reason = one_line(str(getattr(error, "strerror", None) or error) or type(error).__name__)[:200]
+        cut = path.suffix == ".mcap" and ("magic" in reason or "Truncated" in reason)
+        hint = "; an MCAP file cut short is repaired by `mcap recover`" if cut else ""
+        raise InputError(f"not a readable {kind}: {reason}{hint}", file=path) from None

@@ -1,0 +1,184 @@
+"""Wide CSV files with any column names and separators, with or without a header and units."""
+
+from __future__ import annotations
+
+import csv
+import re
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.csv as pacsv
+
+from flexviz.errors import InputError
+from flexviz.importing.column_names import known_unit
+from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
+from flexviz.importing.formats.parquet import columns_of, is_number
+from flexviz.progress import Progress
+
+HEAD = 1 << 16  # [bytes] from which the layout is found
+EMPTY = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "-"]
+LAYOUTS = (
+    (";", ","),
+    (";", "."),
+    (",", "."),
+    ("\t", ","),
+    ("\t", "."),
+    (" ", "."),
+)  # separator, decimal point
+
+
+@dataclass(frozen=True)
+class CsvLayout:
+    """How a file is written: separator, decimal point, lines before the numbers, names, stated units."""
+
+    separator: str
+    decimal: str
+    skip: int
+    names: tuple[str, ...]
+    units: dict[str, str]
+    encoding: str
+
+
+def read_delimited(path: Path, options: ReadOptions) -> Log:
+    """All columns of numbers of a CSV file."""
+    options.progress(Progress(f"reading {path.name}", 0.0))
+    with readable(path, "CSV table"):
+        with path.open("rb") as stream:
+            layout = find_layout(stream.read(HEAD), path)
+        table = read_table(path, layout, [name for name in layout.names if options.wants(name)])
+    if table.num_rows < SHORTEST:
+        raise InputError(f"{table.num_rows} rows, expected at least {SHORTEST}", file=path)
+    kinds = {field.name: field.type for field in table.schema}
+    usable = [name for name, kind in kinds.items() if is_number(kind) or pa.types.is_timestamp(kind)]
+    columns, units, unusable = columns_of(table.select(usable), {})
+    for name, kind in kinds.items():
+        if pa.types.is_null(kind):
+            unusable[name] = "it is empty"
+        elif pa.types.is_string(kind) or pa.types.is_binary(kind):
+            unusable[name] = first_text(table[name], layout)
+    unread = tuple(name for name in layout.names if not options.wants(name))
+    return Log(path, "CSV", (LogTable("", columns, None, layout.units | units),), unusable, unread=unread)
+
+
+def read_table(path: Path, layout: CsvLayout, names: list[str]) -> pa.Table:
+    """The columns `names` of a file."""
+    spaces = layout.separator == " "
+    return pacsv.read_csv(
+        pa.BufferReader(commas(path.read_bytes())) if spaces else path,
+        pacsv.ReadOptions(
+            use_threads=False,
+            skip_rows=layout.skip,
+            column_names=list(layout.names),
+            encoding=layout.encoding,
+        ),
+        pacsv.ParseOptions(delimiter="," if spaces else layout.separator),
+        pacsv.ConvertOptions(
+            null_values=EMPTY,
+            strings_can_be_null=True,
+            decimal_point=layout.decimal,
+            include_columns=names,
+        ),
+    )
+
+
+def first_text(column: pa.ChunkedArray, layout: CsvLayout) -> str:
+    """Why a column is taken for text: its first cell that is not a number."""
+    for row, cell in enumerate(column):
+        text = cell.as_py()
+        text = text.decode(errors="replace") if isinstance(text, bytes) else text
+        if text is not None and not is_numeral(text, layout.decimal):
+            return f'row {row + 1} (line {row + 1 + layout.skip}) holds "{text[:40]}", expected a number'
+    return "its numbers are written in more than one way"
+
+
+def find_layout(head: bytes, path: Path) -> CsvLayout:
+    """The layout of a file, from its beginning."""
+    if head.startswith(b"PAR1"):
+        raise InputError("this is a Parquet table, expected *.parquet as its name", file=path)
+    if b"\0" in head:
+        raise InputError("not a text file, expected a CSV table", file=path)
+    try:
+        text, encoding = head.decode("utf-8-sig", "strict" if len(head) < HEAD else "ignore"), "utf8"
+    except UnicodeDecodeError:
+        text, encoding = head.decode("cp1252", "replace"), "cp1252"
+    lines = text.splitlines()
+    lines = lines[:-1] if len(head) == HEAD else lines
+    for separator, decimal in LAYOUTS:
+        rows = [split(line, separator) for line in lines]
+        # the numbers begin at the first two successive rows of equally many of them
+        for i, (row, after) in enumerate(pairwise(rows)):
+            if len(row) == len(after) and is_data(row, decimal) and is_data(after, decimal):
+                names, units = header(rows[:i], len(row), path)
+                return CsvLayout(separator, decimal, i, names, units, encoding)
+    expected = "expected a header and rows of numbers, separated by commas, semicolons, tabs or spaces"
+    raise InputError(f"no rows of numbers were found, {expected}", file=path)
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line."""
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+
+
+def is_data(cells: list[str], decimal: str) -> bool:
+    """A row of the table's body: at least two numbers, and no more texts than numbers."""
+    filled = [cell for cell in cells if cell not in EMPTY]
+    numbers = sum(is_numeral(cell, decimal) for cell in filled)
+    return numbers >= 2 and 2 * numbers >= len(filled)
+
+
+def is_numeral(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number with this decimal point."""
+    if "_" in cell or (decimal == "," and "." in cell) or (decimal == "." and "," in cell):
+        return False
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def header(before: list[list[str]], width: int, path: Path) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Names of the columns, and the units of a line of units below them."""
+    rows = []
+    for cells in before:
+        if cells and cells[0] in ("#", "%"):
+            cells = cells[1:]
+        elif cells:
+            cells = [cells[0].lstrip("#% ") if cells[0][:1] in "#%" else cells[0], *cells[1:]]
+        if any(cells):
+            rows.append(cells)
+    if not rows:
+        return tuple(f"column{i + 1}" for i in range(width)), {}
+    named = rows[-1]
+    stated: list[str | None] = [None] * width
+    if len(rows) > 1 and len(rows[-1]) == width == len(rows[-2]) and is_units(rows[-1]):
+        named, stated = rows[-2], [known_unit(cell.strip("[]()")) for cell in rows[-1]]
+    if len(named) == width - 1:
+        named = ["row", *named]  # the index of a data frame, which has no name
+    if len(named) != width:
+        message = f"the header has {len(named)} names for {width} columns, expected one per column"
+        raise InputError(message, file=path, place="header")
+    names: list[str] = []
+    for i, name in enumerate(named):
+        name = name or f"column{i + 1}"
+        names.append(name if name not in names else f"{name}#{i + 1}")
+    return tuple(names), {name: unit for name, unit in zip(names, stated, strict=True) if unit}
+
+
+def is_units(cells: list[str]) -> bool:
+    """A line that states units: at least half of its cells are units."""
+    filled = [cell.strip("[]()") for cell in cells if cell.strip("[]()- ")]
+    return bool(filled) and 2 * sum(known_unit(cell) is not None for cell in filled) >= len(filled)
+
+
+def commas(content: bytes) -> bytes:
+    """A text whose cells are separated by spaces, with commas instead."""
+    lines = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", content.replace(b"\r\n", b"\n"))
+    return re.sub(rb"[ \t]+", b",", lines)
+
+
+DELIMITED = LogFormat("CSV", read_delimited, suffixes=(".csv", ".txt", ".tsv", ".dat", ".log"))

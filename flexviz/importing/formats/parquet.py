@@ -1,0 +1,108 @@
+"""Parquet tables with any column names; a column of lists becomes one column per entry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as papq
+
+from flexviz.errors import InputError
+from flexviz.importing.formats.base import (
+    SHORTEST,
+    Log,
+    LogFormat,
+    LogTable,
+    ReadOptions,
+    as_numbers,
+    readable,
+)
+from flexviz.measurements import Array
+from flexviz.progress import Progress
+
+
+def read_parquet(path: Path, options: ReadOptions) -> Log:
+    """All columns of numbers of a Parquet table."""
+    options.progress(Progress(f"reading {path.name}", 0.0))
+    with readable(path, "Parquet table"):
+        schema = papq.read_schema(path)
+        every = [field.name for field in schema if holds_numbers(field.type)]
+        names = [name for name in every if options.wants(name)]
+        table = papq.read_table(path, columns=names)
+        columns, units, unusable = columns_of(table, {})
+    unusable |= {f.name: f"it holds {f.type}" for f in schema if not holds_numbers(f.type)}
+    if table.num_rows < SHORTEST:
+        raise InputError(f"{table.num_rows} rows, expected at least {SHORTEST}", file=path)
+    unread = tuple(name for name in every if name not in names)
+    return Log(path, "Parquet", (LogTable("", columns, None, units),), unusable, unread=unread)
+
+
+def is_list(kind: pa.DataType) -> bool:
+    """Lists of any kind."""
+    return pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
+
+
+def is_number(kind: pa.DataType) -> bool:
+    """Types that become numbers."""
+    types = pa.types
+    return types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind)
+
+
+def holds_numbers(kind: pa.DataType) -> bool:
+    """Numbers, times, and lists of numbers."""
+    return is_number(kind.value_type) if is_list(kind) else is_number(kind) or pa.types.is_timestamp(kind)
+
+
+def columns_of(
+    table: pa.Table, entry_names: Mapping[str, Sequence[str]]
+) -> tuple[dict[str, Array], dict[str, str], dict[str, str]]:
+    """Columns as arrays, the units that their types state, and why some cannot be used.
+
+    `entry_names` names the entries of columns of lists: `column/name` instead of `column[0]`.
+    """
+    columns: dict[str, Array] = {}
+    units: dict[str, str] = {}
+    unusable: dict[str, str] = {}
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if is_list(column.type):
+            lists = entries(column)
+            if lists is None:
+                unusable[name] = "its lists are not all of the same length"
+                continue
+            names = entry_names.get(name, ())
+            for i in range(lists.shape[1]):
+                entry = f"{name}/{names[i]}" if len(names) == lists.shape[1] else f"{name}[{i}]"
+                columns[entry] = lists[:, i]
+            continue
+        if pa.types.is_timestamp(column.type):
+            column, units[name] = column.cast(pa.timestamp("ns")).cast(pa.int64()), "ns"
+        values = as_numbers(plain(column))
+        if values is None or not np.isfinite(values).any():
+            unusable[name] = "it has no values"
+        else:
+            columns[name] = values
+    return columns, units, unusable
+
+
+def plain(column: pa.ChunkedArray) -> Array:
+    """(N,) the column's numbers; where values are missing, whole numbers become float with NaN."""
+    if column.null_count or pa.types.is_boolean(column.type):
+        column = column.cast(pa.float64(), safe=False)
+    return column.to_numpy()
+
+
+def entries(column: pa.ChunkedArray) -> Array | None:
+    """(N, k) a column of lists; None unless every list has k numbers."""
+    whole = column.combine_chunks()
+    flat = as_numbers(plain(pa.chunked_array([whole.flatten()])))
+    if flat is None or whole.null_count or len(whole) == 0 or len(flat) % len(whole):
+        return None
+    width = len(flat) // len(whole)
+    if not pa.types.is_fixed_size_list(whole.type) and not (np.array(whole.value_lengths()) == width).all():
+        return None
+    return flat.reshape(len(whole), width)
+
+
+PARQUET = LogFormat("Parquet", read_parquet, suffixes=(".parquet", ".pq"))

@@ -1,0 +1,207 @@
+"""How well the robot's masses explain the torques under assumed units, signs and zero positions.
+
+For each joint τ = s·(rigid inverse dynamics of the CAD model) + Bθ̈ + viscous and Coulomb friction + offset is
+fitted within physical bounds: s near 1, B and friction not negative. A wrong sign or unit cannot be explained
+so, whatever the masses and the friction really are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from flexviz._pinocchio import pin
+from flexviz.errors import InputError
+from flexviz.importing.cross_checks import joint_parts
+from flexviz.importing.thresholds import LIMITS
+from flexviz.measurements import Array, GroupTable, SampledMotion, sample_motion
+from flexviz.robot import PayloadBody, Robot
+
+TORQUE_UNITS = np.geomspace(1e-4, 1e4, 49)  # [Nm] scales of τ that are tried
+LARGEST_SAMPLE = 600  # instants of all groups together
+
+Samples = Sequence[tuple[tuple[PayloadBody, ...], SampledMotion]]
+
+
+@dataclass(frozen=True)
+class TorqueFit:
+    """How the torque of one joint is explained.
+
+    Attributes:
+        share: of its variance, at most 1; negative where the fit is worse than a constant.
+        slope: s.
+        by_masses: part of `share` that friction and an offset alone do not explain.
+    """
+
+    share: float
+    slope: float
+    by_masses: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """An assumed reading of the columns: θ·factor + zero and τ·sign, all (n,)."""
+
+    factor: Array
+    zero: Array
+    sign: Array
+
+    @staticmethod
+    def unchanged(n: int) -> Reading:
+        """The columns as the mapping states them."""
+        return Reading(np.ones(n), np.zeros(n), np.ones(n))
+
+
+class TorqueModel:
+    """The motion of all groups at a few instants, and fits of its torques.
+
+    Attributes:
+        span, speed: (n,) of each joint's θ [rad], [rad/s].
+        width, fastest: (n,) range and speed limit of the joints [rad], [rad/s].
+        q_ratio: (n,) θ per q; 0 where q is not recorded or shows another motion.
+        usable: there is motion for long enough, and the robot's description has masses.
+    """
+
+    def __init__(self, robot: Robot, groups: Sequence[tuple[tuple[PayloadBody, ...], GroupTable]]) -> None:
+        self.robot = robot
+        samples = [(bodies, sample_motion(table.time, table.theta, table.tau)) for bodies, table in groups]
+        total = sum(len(motion.q) for _, motion in samples)
+        every = max(1, -(-total // LARGEST_SAMPLE))
+        self.samples = [(bodies, thinned(motion, every)) for bodies, motion in samples]
+        self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)
+        self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
+        self.width, self.fastest = limits(robot)
+        self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
+        self.torque = np.concatenate([motion.torque for _, motion in self.samples])
+        self.inertia = largest_inertia(robot)
+        seconds = sum(float(table.time[-1] - table.time[0]) for _, table in groups)
+        self.usable = seconds >= LIMITS.shortest_motion and self._has_masses()
+
+    def _has_masses(self) -> bool:
+        try:
+            rigid = self.rigid(Reading.unchanged(self.robot.n))[0]
+        except InputError:
+            return False
+        return bool(np.isfinite(rigid).all() and rigid.any())
+
+    def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
+        """(M, n) torques of the CAD model, velocities and accelerations."""
+        torques, robot = [], self.robot
+        for bodies, motion in self.samples:
+            model = robot.model_with(robot.cad_parameters, bodies)
+            data = model.createData()
+            q = motion.q * reading.factor + reading.zero
+            state = [robot.to_pin(x) for x in (q, motion.v * reading.factor, motion.a * reading.factor)]
+            rows = [pin.rnea(model, data, *row) for row in zip(*state, strict=True)]
+            torques.append(robot.from_pin(np.array(rows)))
+        speeds = np.concatenate([motion.v for _, motion in self.samples])
+        accelerations = np.concatenate([motion.a for _, motion in self.samples])
+        return np.concatenate(torques), speeds * reading.factor, accelerations * reading.factor
+
+    def fit(self, reading: Reading) -> list[TorqueFit]:
+        """Fits of all joints, with a slope near 1."""
+        rigid, v, a = self.rigid(reading)
+        torque = self.torque * reading.sign
+        return [
+            fit_joint(rigid[:, j], v[:, j], a[:, j], torque[:, j], self.inertia[j], LIMITS.slopes)
+            for j in range(self.robot.n)
+        ]
+
+    def fit_any_scale(self, reading: Reading) -> list[TorqueFit]:
+        """Fits of all joints with τ in any unit: the one that explains it best."""
+        rigid, v, a = self.rigid(reading)
+        result = []
+        for j in range(self.robot.n):
+            torque = self.torque[:, j] * reading.sign[j]
+            columns = rigid[:, j], v[:, j], a[:, j]
+            fits = [
+                fit_joint(*columns, torque / unit, self.inertia[j], LIMITS.slopes) for unit in TORQUE_UNITS
+            ]
+            shares = np.array([fit.share for fit in fits])
+            near = np.flatnonzero(shares >= np.max(shares) - 0.01)
+            best = int(near[len(near) // 2])
+            friction = fit_joint(0.0 * rigid[:, j], v[:, j], a[:, j], torque, 0.0, (0.0, 0.0)).share
+            slope = fits[best].slope * TORQUE_UNITS[best]
+            result.append(TorqueFit(float(shares[best]), float(slope), float(shares[best]) - friction))
+        return result
+
+    def best_share(self) -> float:
+        """How well the torques are explained with any scale and sign; the sum over the joints."""
+        if not self.usable:
+            return 0.0
+        n = self.robot.n
+        fits = [
+            self.fit_any_scale(Reading(np.ones(n), np.zeros(n), sign * np.ones(n))) for sign in (1.0, -1.0)
+        ]
+        return sum(max(plus.share, minus.share) for plus, minus in zip(*fits, strict=True))
+
+
+def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
+    """θ per q of joint j; 0 where q is not recorded or shows another motion."""
+    parts = joint_parts(tables, j, "q")
+    both = sum(float(part.theta @ part.other) for part in parts)
+    theta = sum(float(part.theta @ part.theta) for part in parts)
+    q = sum(float(part.other @ part.other) for part in parts)
+    return 0.0 if both == 0.0 or both**2 < LIMITS.same_motion * theta * q else theta / both
+
+
+def limits(robot: Robot) -> tuple[Array, Array]:
+    """(n,) range [rad] and speed [rad/s] of the joints; wide ones where the robot's description has none."""
+    width = robot.upper_limit - robot.lower_limit
+    width = np.where(width > 0.5, np.minimum(width, LIMITS.widest), LIMITS.widest)
+    speed = robot.velocity_limit
+    return width, np.where(speed > 0.1, np.minimum(speed, LIMITS.fastest), LIMITS.fastest)
+
+
+def thinned(motion: SampledMotion, every: int) -> SampledMotion:
+    """One in `every` instants."""
+    return SampledMotion(motion.q[::every], motion.v[::every], motion.a[::every], motion.torque[::every])
+
+
+def largest_inertia(robot: Robot) -> Array:
+    """(n,) largest diagonal entry of M(q) over many poses, at least a wrist's share of the whole [kg m²]."""
+    model, data = robot.model, robot.model.createData()
+    poses = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(32, robot.n))
+    largest = np.max([np.diag(pin.crba(model, data, q)) for q in poses], axis=0)
+    largest = robot.from_pin(np.asarray(largest, dtype=float))
+    return np.maximum(largest, LIMITS.small_link * np.max(largest))
+
+
+def fit_joint(
+    rigid: Array, v: Array, a: Array, torque: Array, inertia: float, slopes: tuple[float, float]
+) -> TorqueFit:
+    """One joint: rigid torques, velocity, acceleration and τ, all (M,), at the same instants."""
+    fastest = float(np.max(np.abs(v)))
+    target = torque - np.mean(torque)
+    total = float(target @ target)
+    if fastest < LIMITS.resting or total == 0.0:
+        return TorqueFit(1.0, 1.0)  # a joint at rest proves nothing
+    matrix = np.stack([rigid, a, v, np.tanh(30.0 * v / fastest)], axis=1)
+    matrix -= np.mean(matrix, axis=0)  # the offset is free
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    # a square problem with the same solution is cheaper
+    q, r = np.linalg.qr(matrix / scale)
+    projected = q.T @ target
+    lower = np.array([slopes[0], 0.0, 0.0, 0.0]) * scale
+    upper = np.array([slopes[1], LIMITS.motor_inertia * inertia, np.inf, np.inf]) * scale
+    x = bounded_least_squares(r, projected, lower, upper)
+    unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
+    return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
+
+
+def bounded_least_squares(matrix: Array, target: Array, lower: Array, upper: Array) -> Array:
+    """(k,) least squares with lower bounds; upper bounds that were passed are then held."""
+    x = lower + nnls(matrix, target - matrix @ lower)[0]
+    held = x > upper
+    while held.any():
+        free = ~held
+        x = np.where(held, upper, lower)
+        x[free] += nnls(matrix[:, free], target - matrix @ x)[0]
+        if not (x[free] > upper[free]).any():
+            break
+        held |= x > upper
+    return x
