@@ -19,7 +19,7 @@ from flexviz.app.tasks import Identify, Sweep, sets_beside
 from flexviz.effects import EFFECTS
 from flexviz.resources import sessions_dir
 from flexviz.view import COMMON_EFFECTS
-from flexviz.view.sweep import COUNT
+from flexviz.view.fit_charts import SWEEP_COUNT
 from tests.app_running import (
     act,
     chart,
@@ -268,7 +268,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     wait(app)
     result = sweep._result
     assert result is not None
-    assert len(result.bandwidths) == COUNT and "swept 11" in status(app)
+    assert len(result.bandwidths) == SWEEP_COUNT and "swept 11" in status(app)
     x, fit, validation, mark = sweep._charts._charts["residual"]._handle.data
     assert np.isfinite(fit).all() and x[mark.argmax()] == x[validation.argmin()]
     assert f"{result.best:.1f}"[:3] in sweep._about.content
@@ -282,7 +282,7 @@ def test_the_sweep_marks_its_minimum_and_can_be_stopped(app: Application) -> Non
     until(app, lambda: "1 of 11" in status(app))
     command(app, "Stop what is running")
     wait(app)
-    assert sweep._result is not None and 1 <= len(sweep._result.bandwidths) < COUNT
+    assert sweep._result is not None and 1 <= len(sweep._result.bandwidths) < SWEEP_COUNT
     for row in step(app, DataStep)._roles.values():
         send(app, row, "Ignore")
     assert "Sweep is off" in sweep._about.content

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from benchmarks.effect_pages.pages import FOLDER, files
-from benchmarks.effect_pages.pictures import PICTURES, PLACE
-from benchmarks.effect_pages.svg import COLOURS, GREY
+from benchmarks.effect_pages.pictures import LINE_COLOURS, PICTURES, PLACE
+from flexviz.charts import FILE
 from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES, EFFECTS, Effect
 from flexviz.effects.base_tilt import tilted_gravity
@@ -351,10 +351,10 @@ def test_picture_is_an_svg_with_units(name: str) -> None:
     assert sum(label.endswith("]") for label in labels) == 2
     curves = list(root.iter("{http://www.w3.org/2000/svg}polyline"))
     assert curves and len(text) < 15_000
-    assert set(re.findall(r"#[0-9a-fA-F]{6}", text)) <= {GREY, *COLOURS}
+    assert set(re.findall(r"#[0-9a-fA-F]{6}", text)) <= {FILE.ink, *LINE_COLOURS}
 
 
-@pytest.mark.parametrize("colour", [GREY, *COLOURS])
+@pytest.mark.parametrize("colour", [FILE.ink, *LINE_COLOURS])
 def test_colours_are_seen_on_light_and_dark_pages(colour: str) -> None:
     def luminance(text: str) -> float:
         share = np.array([int(text[k : k + 2], 16) / 255 for k in (1, 3, 5)])

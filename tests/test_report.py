@@ -98,16 +98,16 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
         "Coulomb friction at the link on joint2",
         "31 % ± 4 % of the residual of joint2 follows its velocity, most of it from 0.200 to 1.00 rad/s.",
         "1987.3", "4.1", "not to be trusted", "part is observer error", "0.0158 Nm",
-        "flexviz report", "sha256sum --check", "numpy", "held out",
+        "flexviz report", "sha256sum --check", "numpy", "(validation)",
     ):  # fmt: skip
         assert words in page.text, words
     figures = [h for h in re.findall(r"Figure \d+\. ([^.]*)\.", page.text)]
     assert figures == [
-        "Error of each group after every added effect",
-        "Evidence for Coulomb friction on joint2",
-        "Residual of joint2 against velocity",
+        "Error after each added effect, all joints",
+        "Evidence for Coulomb friction on joint2, g1",
+        "Residual of joint2 against velocity, 31 %",
         "Spectrum of the residual of joint2",
-        "What the model of joint2 lacks, drawn freely against velocity",
+        "Stopgap: free torque of joint2 against velocity",
     ]
 
 

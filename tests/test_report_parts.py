@@ -12,11 +12,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
+from flexviz.charts.svg import log_ticks, stretches, svg, ticks
 from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis
-from flexviz.report.chart import Band, Chart, Curve
 from flexviz.report.sections.staircase import columns
-from flexviz.report.svg import log_ticks, stretches, svg, ticks
 from flexviz.session import Session, is_session, open_session, save_session
 from tests.found import DIAGNOSIS, GUARD
 from tests.small_session import small_session
@@ -52,27 +52,29 @@ def test_ticks_of_a_logarithmic_axis() -> None:
 def test_lines_are_interrupted_where_nothing_is_known() -> None:
     x, y = np.arange(7.0), np.array([np.nan, 1.0, 2.0, np.inf, 1.0, np.nan, 3.0])
     assert [list(rows) for rows in stretches(x, y)] == [[1, 2], [4], [6]]
-    picture = ElementTree.fromstring(svg(chart(Curve(x, y, "a", "#0072B2")), "k"))
+    picture = ElementTree.fromstring(svg(chart(ChartSeries("a", "#0072B2", x, y)), "k"))
     lines = [e for e in picture.iter(f"{SVG}polyline") if len(e.attrib["points"].split()) > 0]
     assert len(lines) == 3 + 1  # and its place in the legend
 
 
-def chart(*curves: Curve, **more: Any) -> Chart:
-    return Chart("title", "words", "x", "y", curves, **more)
+def chart(*series: ChartSeries, logarithmic: bool = False, **more: Any) -> Chart:
+    axes = ChartAxis("x"), ChartAxis("y", logarithmic=logarithmic)
+    return Chart("key", "title", *axes, series, description="words", height=260, **more)
 
 
 def test_a_chart_without_a_finite_value_is_drawn_all_the_same() -> None:
-    empty = Curve(np.arange(3.0), np.full(3, np.nan), "nothing", "#0072B2")
+    empty = ChartSeries("nothing", "#0072B2", np.arange(3.0), np.full(3, np.nan))
     for logarithmic in (False, True):
         ElementTree.fromstring(svg(chart(empty, logarithmic=logarithmic), "k"))
-    flat = Curve(np.zeros(3), np.full(3, 5.0), "flat", "#0072B2")
-    band = Band(np.zeros(3), np.full(3, 4.0), np.full(3, 6.0), "band", "#999999")
-    text = svg(chart(flat, bands=(band,), span=(-1.0, 1.0)), "k")
+    flat = ChartSeries("flat", "#0072B2", np.zeros(3), np.full(3, 5.0))
+    ribbon = Ribbon("ribbon", "#999999", np.zeros(3), np.full(3, 4.0), np.full(3, 6.0))
+    text = svg(chart(flat, ribbons=(ribbon,), highlights=((-1.0, 1.0),)), "k")
     assert "nan" not in text and "inf" not in text
 
 
 def test_a_long_legend_takes_more_rows_and_long_names_are_cut() -> None:
-    curves = [Curve(np.arange(3.0), np.arange(3.0), f"{'long' * 20}{i}", "#0072B2") for i in range(6)]
+    x = np.arange(3.0)
+    curves = [ChartSeries(f"{'long' * 20}{i}", "#0072B2", x, x) for i in range(6)]
     picture = ElementTree.fromstring(svg(chart(*curves), "k"))
     places = [
         (float(e.attrib["x"]), float(e.attrib["y"]))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.app.uplot import columns
 from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.curves import DIRECTED
 from flexviz.diagnosis.records import FreeCurve
@@ -17,12 +18,12 @@ from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.effects import EFFECTS
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effect_card import card_html, picture
-from flexviz.view.evidence import evidence_plot
+from flexviz.view.fit_charts import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.next_step import next_step, steps_done
-from flexviz.view.staircase import EMPTY, staircase_html, staircase_plots
+from flexviz.view.residual_maps import MAP_COLUMNS, free_chart, free_html, map_charts, map_html, map_of
+from flexviz.view.residual_samples import ResidualSamples, range_html, stretches_of, time_residual
+from flexviz.view.time_charts import evidence_chart
 from flexviz.view.verdict import finding_html, heading_html, verdict_html
-from flexviz.view.where import ResidualSamples, range_html, shaded, time_residual
-from flexviz.view.where_maps import MAP_COLUMNS, free_html, free_plot, map_html, map_of, map_plots
 from flexviz.wording import effect_text_name, share_text, values_text, verdict_text
 
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
@@ -117,23 +118,30 @@ def test_an_unknown_effect_has_none() -> None:
 
 
 def test_evidence_follows_the_group() -> None:
-    plot = evidence_plot(FINDING, "g2")
-    assert "g2" in plot.title and len(plot.lines) == 2 and len(plot.x) == 50
-    assert "g1" in evidence_plot(FINDING, "g9").title
-    assert evidence_plot(replace(FINDING, evidence=None), "g1").note and not evidence_plot(None, "g1").lines
+    chart = evidence_chart(FINDING, "g2")
+    assert "g2" in chart.title and len(chart.series) == 2 and len(chart.series[0].x) == 50
+    assert "1.00 Nm rms" in chart.description and not chart.playhead
+    assert "g1" in evidence_chart(FINDING, "g9").title
+    assert evidence_chart(replace(FINDING, evidence=None), "g1").note
+    assert not evidence_chart(None, "g1").series
 
 
 def test_stairs_fall_and_say_what_was_added() -> None:
     model_steps = (ModelStep((), STEP), ModelStep(("coulomb_friction:joint2",), LOW))
-    both, one = staircase_plots(model_steps, 1, "joint2")
-    labels = [line.label for line in both.lines]
+    both, one = staircase_charts(model_steps, 1, "joint2")
+    labels = [series.label for series in both.series]
     assert labels == ["g1", "g4 (validation)", "noise floor"]
-    assert both.lines[0].values[0] == pytest.approx(np.sqrt(2.5)) and both.lines[0].values[-1] < 0.2
-    assert list(both.x) == [-0.5, 0.5, 0.5, 1.5] and one.lines[0].values[0] == 1.0
+    assert both.series[0].y[0] == pytest.approx(np.sqrt(2.5)) and both.series[0].y[-1] < 0.2
+    assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == 1.0
+    assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
+    assert "g1 from 1.58 to 0.158 Nm" in both.description
     assert "+ Coulomb friction on joint2" in staircase_html(model_steps)
     without = tuple(ModelStep(s.effects, replace(s.step, groups=(), noise_floor=())) for s in model_steps)
-    assert [line.label for line in staircase_plots(without, 0, "joint1")[0].lines] == ["fit", "validation"]
-    assert staircase_plots((), 0, "joint1")[0].note == EMPTY and staircase_html(()) == ""
+    assert [series.label for series in staircase_charts(without, 0, "joint1")[0].series] == [
+        "fit",
+        "validation",
+    ]
+    assert staircase_charts((), 0, "joint1")[0].note == NO_STEPS and staircase_html(()) == ""
 
 
 def residuals(n: int = 2000) -> Any:
@@ -148,9 +156,10 @@ def residuals(n: int = 2000) -> Any:
 
 def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:
     found = ResidualSamples.of(residuals(), 0)
-    plot = time_residual(found, "joint1", "g1")
-    assert plot.bands == ((1, 2),) and plot.lines[1].values[0] == pytest.approx(0.196)
-    assert np.abs(plot.lines[0].values).max() == 2.0 and plot.span == (0.0, 10.0)
+    chart = time_residual(found, "joint1", "g1")
+    (ribbon,) = chart.ribbons
+    assert ribbon.high == pytest.approx(0.196) and ribbon.low == pytest.approx(-0.196)
+    assert np.abs(chart.series[0].y).max() == 2.0 and chart.x.limits == (0.0, 10.0) and chart.playhead
     assert ResidualSamples.of(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
     assert "left g9 out" in time_residual(found, "joint1", "g9").note
 
@@ -162,8 +171,10 @@ def test_a_range_marks_its_instants() -> None:
     assert (low, high) == pytest.approx((-1.0, 1.0), abs=0.11) and found.limits("nothing") is None
     time, inside = found.instants("position", 0.5, 1.0, "g2")
     assert np.mean(inside) == pytest.approx(np.mean(np.sin(np.linspace(0, 10, 2000)) >= 0.5), abs=0.01)
-    plot = time_residual(found, "joint1", "g2")
-    assert set(shaded(plot, time, inside)) == {0.0, 1.0}
+    marked = stretches_of(time, inside)
+    assert len(marked) == 2 and sum(b - a for a, b in marked) == pytest.approx(10 * np.mean(inside), abs=0.02)
+    chart = replace(time_residual(found, "joint1", "g2"), highlights=marked)
+    assert set(columns(chart)[-1]) == {0.0, 1.0} and stretches_of(time, inside & False) == ()
     nowhere = found.instants("position", 0.5, 1.0, "g9")
     assert not len(nowhere[0]) and range_html("position", 0.5, 1.0, nowhere[1]) == ""
 
@@ -186,15 +197,16 @@ def test_the_maps_are_the_diagnosis_own() -> None:
     assert text.count("<td style") == len(MAP_COLUMNS) and text.count("<td>–</td>") == len(MAP_COLUMNS)
     assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_html((), ("joint1",)) == ""
     assert map_of(maps, "joint1", "load") is None
-    plots = {plot.key: plot for plot in map_plots(maps, "joint2")}
-    assert [line.label for line in plots["position"].lines][:2] == ["forward", "backward"]  # they differ
-    velocity = plots["velocity"]
-    assert len(velocity.x) == 5 and velocity.bands == ((1, 2),)  # without the empty bin
-    assert velocity.lines[1].values == pytest.approx(0.196) and "10 %" in velocity.title
-    assert all(np.isfinite(column).all() for plot in plots.values() for column in plot.data())
+    charts = {chart.key: chart for chart in map_charts(maps, "joint2")}
+    assert [series.label for series in charts["position"].series] == ["forward", "backward"]  # they differ
+    velocity = charts["velocity"]
+    assert len(columns(velocity)[0]) == 5 and len(velocity.ribbons) == 1  # without the empty bin
+    assert velocity.ribbons[0].high == pytest.approx(0.196) and "10 %" in velocity.title
+    assert velocity.highlights == ((-0.5, 0.5),) and "most of it from −0.500 to 0.500" in velocity.description
+    assert all(np.isfinite(column).all() for chart in charts.values() for column in columns(chart))
     maps[-1] = residual_map("joint2", DIRECTED, 0.12, ("forward", "backward"))
-    assert len(map_plots(maps, "joint2")[0].lines) == 3  # the direction says nothing more
-    assert not any(plot.lines for plot in map_plots((), "joint2"))
+    assert len(map_charts(maps, "joint2")[0].series) == 1  # the direction says nothing more
+    assert not any(chart.series for chart in map_charts((), "joint2"))
 
 
 def free_curve(value: list[list[float]], variable: str = "position") -> FreeCurve:
@@ -208,16 +220,16 @@ def free_curve(value: list[list[float]], variable: str = "position") -> FreeCurv
 
 def test_the_free_curve_says_that_it_is_a_stopgap() -> None:
     nan = float("nan")
-    both = free_plot(free_curve([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
-    assert [line.label for line in both.lines if line.width > 1] == ["forward", "backward"]
-    assert len(both.x) == 2 and both.bands == ((1, 2), (4, 5)) and both.title.startswith("Stopgap")
-    assert both.lines[1].values == pytest.approx(both.lines[0].values + 0.196)
-    apart = free_plot(free_curve([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
-    assert list(apart.lines[0].values) == [-2.0, -1.0, 2.0, 3.0] and len(apart.bands) == 1
-    assert len(free_plot(free_curve([[1.0, 2.0, 3.0]])).x) == 3
+    both = free_chart(free_curve([[nan, 1.0, 2.0, 3.0], [-1.0, -2.0, -3.0, nan]]))
+    assert [series.label for series in both.series] == ["forward", "backward"]
+    assert len(columns(both)[0]) == 2 and len(both.ribbons) == 2 and both.title.startswith("Stopgap")
+    assert both.ribbons[0].high[1:] == pytest.approx(both.series[0].y[1:] + 0.196)
+    apart = free_chart(free_curve([[nan, nan, 2.0, 3.0], [-2.0, -1.0, nan, nan]], "velocity"))
+    assert list(apart.series[0].y) == [-2.0, -1.0, 2.0, 3.0] and len(apart.ribbons) == 1
+    assert len(columns(free_chart(free_curve([[1.0, 2.0, 3.0]])))[0]) == 3
     text = free_html(free_curve([[1.0, 2.0]]))
     assert "Stopgap" in text and "43 ± 4 %" in text and "not a model" in text
-    assert not free_plot(None).lines and free_html(None) == ""
+    assert not free_chart(None).series and free_html(None) == ""
 
 
 def test_what_to_do_next(tmp_path: Any) -> None:

@@ -11,13 +11,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexviz.charts.plots import POINTS, finite, playhead, thin, time_plot
+from flexviz.app.uplot import columns, nearest
+from flexviz.charts.chart import MAX_POINTS, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, sample, scene_labels, with_replay
-from flexviz.view.convergence import convergence_plots, progress_text
-from flexviz.view.signals import signals_plots
-from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots, stretch
+from flexviz.view.fit_charts import convergence_charts, progress_text
+from flexviz.view.time_charts import (
+    numbers_html,
+    observer_for,
+    observer_numbers,
+    signals_charts,
+    states_charts,
+    stretch,
+)
 from tests.small_set import write_small_set
 
 
@@ -32,7 +39,7 @@ def test_thinning_keeps_extremes_and_order(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     x, y = np.arange(count, dtype=float), rng.normal(size=count)
     thinned, (column,) = thin(x, [y])
-    assert len(thinned) == len(column) <= POINTS
+    assert len(thinned) == len(column) <= MAX_POINTS
     assert np.all(np.diff(thinned) >= 0) and thinned[0] == x[0]
     assert column.max() == y.max() and column.min() == y.min()
 
@@ -40,15 +47,15 @@ def test_thinning_keeps_extremes_and_order(count: int, seed: int) -> None:
 def test_no_nan_reaches_a_chart() -> None:
     y = np.array([np.nan, 1.0, np.inf, -np.inf, np.nan, 2.0])
     assert finite(y).tolist() == [0.0, 1.0, 1.0, 1.0, 1.0, 2.0]
-    plot = time_plot("k", "t", "Nm", np.arange(6.0), [("a", "#000000", y)])
-    assert all(np.isfinite(column).all() for column in plot.data())
+    chart = time_chart("k", "t", "Nm", np.arange(6.0), [("a", "#000000", y)])
+    assert all(np.isfinite(column).all() for column in columns(chart))
 
 
 def test_playhead_is_at_the_nearest_sample() -> None:
     x = np.array([0.0, 1.0, 3.0])
-    assert playhead(x, 1.9).tolist() == [0.0, 1.0, 0.0]
-    assert playhead(x, 99.0).tolist() == [0.0, 0.0, 1.0]
-    assert playhead(np.zeros(0), 1.0).tolist() == []
+    assert nearest(x, 1.9) == 1
+    assert nearest(x, 99.0) == 2
+    assert nearest(np.zeros(0), 1.0) == 0
 
 
 @pytest.mark.parametrize("name", list(OBSERVERS))
@@ -56,7 +63,7 @@ def test_states_follow_the_bandwidth(measurements: MeasurementSet, name: str) ->
     group = measurements.groups[0]
     shown = {}
     for bandwidth in (20.0, 80.0):
-        plots = states_plots(group, 1, make_observer(name, bandwidth), measurements.torque_hold)
+        plots = states_charts(group, 1, make_observer(name, bandwidth), measurements.torque_hold)
         assert [p.key for p in plots] == [
             "theta",
             "theta1",
@@ -66,17 +73,19 @@ def test_states_follow_the_bandwidth(measurements: MeasurementSet, name: str) ->
             "tau",
             "disturbance",
         ]
-        for plot in plots:
-            assert len(plot.x) <= POINTS and all(len(column) == len(plot.x) for column in plot.data())
-            assert all(np.isfinite(column).all() for column in plot.data())
+        for chart in plots:
+            drawn = columns(chart) if chart.series else (np.zeros(0),)
+            assert len(drawn[0]) <= MAX_POINTS and all(len(column) == len(drawn[0]) for column in drawn)
+            assert all(np.isfinite(column).all() for column in drawn)
         shown[bandwidth] = plots
-    assert not np.array_equal(shown[20.0][4].lines[0].values, shown[80.0][4].lines[0].values)
-    assert bool(shown[20.0][6].lines) == (make_observer(name).disturbance(np.zeros((9, 1)), 0.01) is not None)
+    assert not np.array_equal(shown[20.0][4].series[0].y, shown[80.0][4].series[0].y)
+    disturbance = make_observer(name).disturbance(np.zeros((9, 1)), 0.01)
+    assert bool(shown[20.0][6].series) == (disturbance is not None)
 
 
 def test_one_joint_is_the_same_as_all(measurements: MeasurementSet) -> None:
     group, observer = measurements.groups[1], make_observer("eso", 60.0)
-    alone = states_plots(group, 1, observer)[0].lines[1].values
+    alone = states_charts(group, 1, observer)[0].series[1].y
     states = observer.states(group.segments[0])
     _, (together,) = thin(states.time, [states.theta[0, :, 1]])
     assert alone == pytest.approx(together)
@@ -104,11 +113,11 @@ def test_bandwidth_to_plot_data_in_time(tmp_path: Any) -> None:
     theta = np.sin(np.outer(t, np.arange(1, 8)))
     segment = Segment(t, theta, 5 * theta, 0.001)
     group = Group("g", "t", "p", (), False, tmp_path, (segment,), t)
-    states_plots(group, 3, make_observer("eso", 50.0))
+    states_charts(group, 3, make_observer("eso", 50.0))
     taken = []
     for bandwidth in np.linspace(20, 200, 15):
         begin = time.perf_counter()
-        states_plots(group, 3, make_observer("butterworth-zero-phase", float(bandwidth)))
+        states_charts(group, 3, make_observer("butterworth-zero-phase", float(bandwidth)))
         taken.append(time.perf_counter() - begin)
     assert np.median(taken) < 0.15
 
@@ -146,15 +155,15 @@ def result_for(measurements: MeasurementSet) -> Any:
 
 def test_signals_before_and_after(measurements: MeasurementSet) -> None:
     group = measurements.groups[0]
-    before = signals_plots(group, 0, "joint1", None, None)
-    assert [bool(p.lines) for p in before] == [True, False, False] and "Run" in before[1].note
+    before = signals_charts(group, 0, "joint1", None, None)
+    assert [bool(p.series) for p in before] == [True, False, False] and "Run" in before[1].note
     result = result_for(measurements)
     motion = measured_motion(measurements, group, result)
-    after = signals_plots(group, 0, "joint1", result, motion)
+    after = signals_charts(group, 0, "joint1", result, motion)
     torque, residual, _ = after
-    assert [line.label for line in torque.lines] == ["measured", "model"]
-    assert np.abs(torque.lines[0].values - torque.lines[1].values).max() < 1.0
-    assert residual.lines[0].values == pytest.approx(0.1)
+    assert [series.label for series in torque.series] == ["measured", "model"]
+    assert np.abs(torque.series[0].y - torque.series[1].y).max() < 1.0
+    assert residual.series[0].y == pytest.approx(0.1)
 
 
 def test_deflection_from_the_best_source(measurements: MeasurementSet) -> None:
@@ -204,27 +213,27 @@ class Iteration:
 
 
 def test_convergence_is_positive_scaled_and_finite() -> None:
-    assert all(not plot.lines for plot in convergence_plots([]))
+    assert all(not chart.series for chart in convergence_charts([]))
     steps: list[Any] = [
         Iteration(i, "fit", 10.0**-i, 0.0 if i == 2 else 0.1, (900 + i, 0.0), ("stiffness:j", "x:j"))
         for i in range(3)
     ]
     for count in (1, 3):
-        cost, step, parameters = convergence_plots(steps[:count])
-        for plot in (cost, step, parameters):
-            assert all(np.isfinite(column).all() for column in plot.data())
-        assert cost.logarithmic and cost.lines[0].values.min() > 0 and step.lines[0].values.min() > 0
-        assert parameters.lines[0].label == "K j" and parameters.lines[0].values[-1] == 1.0
+        cost, step, parameters = convergence_charts(steps[:count])
+        for chart in (cost, step, parameters):
+            assert all(np.isfinite(column).all() for column in columns(chart))
+        assert cost.y.logarithmic and cost.series[0].y.min() > 0 and step.series[0].y.min() > 0
+        assert parameters.series[0].label == "K j" and parameters.series[0].y[-1] == 1.0
     assert "iteration 3" in progress_text(steps)
 
 
 def test_small_values_are_shown_in_thousandths() -> None:
     for scale, unit in ((1.0, "Nm"), (1e-2, "mNm"), (1e-6, "µNm"), (0.0, "Nm")):
-        plot = time_plot(
+        chart = time_chart(
             "k", "t", "Nm", np.arange(3.0), [("a", "#000000", scale * np.array([0.0, 1.0, 0.5]))]
         )
-        assert plot.title == f"t [{unit}]"
-        assert not scale or 0.1 <= plot.lines[0].values.max() < 100
+        assert chart.heading == f"t [{unit}]"
+        assert not scale or 0.1 <= chart.series[0].y.max() < 100
 
 
 def test_of_a_long_recording_a_stretch_is_filtered(measurements: MeasurementSet) -> None:

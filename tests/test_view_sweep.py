@@ -7,18 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexviz.app.uplot import columns
 from flexviz.effects import EFFECTS
 from flexviz.identification import SweepResult
 from flexviz.view.effects import COMMON_EFFECTS, addable_effects, effects_note, more_effects, why_fixed
-from flexviz.view.sweep import (
-    COUNT,
+from flexviz.view.fit_charts import (
     LEAST_SPAN,
-    axis,
+    SWEEP_COUNT,
     rounded,
     scaled,
+    stiffness_limits,
     sweep_bandwidths,
+    sweep_charts,
     sweep_html,
-    sweep_plots,
 )
 
 
@@ -34,10 +35,10 @@ def result(order: list[int] | None = None) -> SweepResult:
 @pytest.mark.parametrize("present", [5.0, 31.4, 700.0, 2000.0])
 def test_bandwidths_surround_the_present_one_within_the_limits(present: float) -> None:
     widths = sweep_bandwidths(present, 5.0, 2000.0)
-    assert len(set(widths)) == COUNT and list(widths) == sorted(widths)
+    assert len(set(widths)) == SWEEP_COUNT and list(widths) == sorted(widths)
     assert widths[0] >= 5.0 and widths[-1] <= 2000.0 and widths[0] <= present <= widths[-1]
     if present == 31.4:
-        assert widths[COUNT // 2] == present
+        assert widths[SWEEP_COUNT // 2] == present
 
 
 @pytest.mark.parametrize("order", [None, [3, 1, 0, 2]])
@@ -45,19 +46,20 @@ def test_bandwidths_surround_the_present_one_within_the_limits(present: float) -
 def test_the_mark_is_a_vertical_line_at_the_joints_minimum(
     order: list[int] | None, joint: int, least: float
 ) -> None:
-    residual, stiffness = sweep_plots(result(order), joint, "j")
-    assert residual.mark is not None and stiffness.mark is not None
-    at = int(residual.mark.argmax())
-    assert residual.mark.sum() == 1 and list(residual.x[at - 1 : at + 2]) == [least] * 3
-    assert list(residual.x) == sorted(residual.x) and len(residual.data()) == 4
-    assert [line.label for line in residual.lines] == ["fit", "validation"]
+    residual, stiffness = sweep_charts(result(order), joint, "j")
+    assert residual.marker == stiffness.marker == least
+    x, *_, mark = drawn = columns(residual)
+    at = int(mark.argmax())
+    assert mark.sum() == 1 and list(x[at - 1 : at + 2]) == [least] * 3
+    assert list(x) == sorted(x) and len(drawn) == 4
+    assert [series.label for series in residual.series] == ["fit", "validation"]
     assert f"{least:g}" in sweep_html(result(order), joint, "j")
 
 
 def test_without_validation_the_fit_decides() -> None:
     alone = replace(result(), rms_validation=np.full((4, 2), np.nan))
-    residual, _ = sweep_plots(alone, 0, "<j>")
-    assert [line.label for line in residual.lines] == ["fit"]
+    residual, _ = sweep_charts(alone, 0, "<j>")
+    assert [series.label for series in residual.series] == ["fit"]
     assert "least fit residual" in sweep_html(alone, 0, "<j>") and "<j>" not in sweep_html(alone, 0, "<j>")
 
 
@@ -71,26 +73,31 @@ def test_one_bandwidth_is_a_plot_too() -> None:
         stiffness=full.stiffness[:1],
         best=10.0,
     )
-    for plot in sweep_plots(one, 0, "j"):
-        assert plot.span is not None and plot.span[0] <= 10.0 <= plot.span[1] and plot.span[0] < plot.span[1]
+    for chart in sweep_charts(one, 0, "j"):
+        low, high = chart.x.limits or (0.0, 0.0)
+        assert low <= 10.0 <= high and low < high
     assert "end of the sweep" not in sweep_html(one, 0, "j")
 
 
 def test_axes_have_round_limits_and_do_not_enlarge_what_stands_still() -> None:
     assert rounded(10.47, 94.2) == pytest.approx((8.0, 100.0))
     assert rounded(5.0, 15.0) == pytest.approx((4.0, 20.0))
-    low, high, logarithmic = axis(np.array([999.9, 1000.1]))
+    low, high, logarithmic = stiffness_limits(np.array([999.9, 1000.1]))
     assert not logarithmic
     assert high - low == pytest.approx(LEAST_SPAN * 1000.0)
-    low, high, _ = axis(np.array([900.0, 1100.0]))
+    low, high, _ = stiffness_limits(np.array([900.0, 1100.0]))
     assert low < 900.0 and high > 1100.0
-    assert axis(np.array([900.0, 1000.0, 5e9])) == (100.0, 1e10, True)  # the last one at its bound
+    assert stiffness_limits(np.array([900.0, 1000.0, 5e9])) == (
+        100.0,
+        1e10,
+        True,
+    )  # the last one at its bound
 
 
 def test_large_numbers_get_a_prefix() -> None:
     large = replace(result(), stiffness=1000.0 * result().stiffness)
-    plot = sweep_plots(large, 0, "j")[1]
-    assert "[kNm/rad]" in plot.title and plot.lines[0].values == pytest.approx(1000.0, rel=1e-3)
+    chart = sweep_charts(large, 0, "j")[1]
+    assert "[kNm/rad]" in chart.heading and chart.series[0].y == pytest.approx(1000.0, rel=1e-3)
     assert scaled(5e9) == (1e-6, "M") and scaled(50.0) == (1.0, "")
 
 

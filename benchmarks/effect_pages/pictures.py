@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.effect_pages.svg import Line, picture
+from flexviz.charts import COLOURS, DASHES, FILE, Chart, ChartAxis, ChartSeries, svg
 from flexviz.effects import EFFECTS, Effect, EffectTarget
 from flexviz.effects.trial import Array, TrialMotion, TrialSignal
 
 PLACE = EffectTarget(joint=0, group="g1", payload="p1")
+LINE_COLOURS = (COLOURS.measured, COLOURS.playhead, COLOURS.residual)  # seen on light and dark pages
+HEIGHT = 250  # [pixels]
 CYCLE = np.linspace(0.0, 2 * np.pi, 1601)  # [s] one turn of a motion at 1 rad/s
 
 
@@ -177,8 +179,16 @@ def draw(name: str) -> str:
     """The picture of an effect as SVG text."""
     effect, shown = EFFECTS[name], PICTURES[name]
     scale, unit = (1e3, "mrad") if effect.entry == "deflection" else (1.0, "Nm")
-    lines = [Line(shown.x(c.made), scale * curve(effect, c), c.label) for c in shown.curves]
-    return picture(f"{effect.title}: u against {shown.against}", shown.against, f"u [{unit}]", lines)
+    series = [
+        ChartSeries(c.label, colour, shown.x(c.made), scale * curve(effect, c), 2.0, dash)
+        for c, colour, dash in zip(shown.curves, LINE_COLOURS, DASHES, strict=False)
+    ]
+    title = f"{effect.title}: u against {shown.against}"
+    chart = Chart(
+        name, title, ChartAxis(shown.against), ChartAxis("u", unit), tuple(series), description=caption(name),
+        height=HEIGHT,
+    )  # fmt: skip
+    return svg(chart, name, FILE)
 
 
 def caption(name: str) -> str:

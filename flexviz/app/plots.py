@@ -8,12 +8,12 @@ from flexviz.app.state import Change
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.view import (
-    convergence_plots,
+    convergence_charts,
     observer_for,
-    signals_plots,
+    signals_charts,
+    staircase_charts,
     staircase_html,
-    staircase_plots,
-    states_plots,
+    states_charts,
 )
 
 RIGHT = 430  # [pixels]
@@ -49,18 +49,18 @@ class PlotPanel:
         store, analysis = self._store, self._store.analysis
         observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
         hold, now = store.measurements.torque_hold, store.clock.time
-        self._states.show(states_plots(store.group, store.joint, observer, hold, now))
+        self._states.show(states_charts(store.group, store.joint, observer, hold, now))
 
     def _draw_signals(self) -> None:
         """Torque, residual and error of the selected joint in the selected group."""
         store, result = self._store, self._store.analysis.identification
-        self._signals.show(signals_plots(store.group, store.joint, store.joint_name, result, store.motion))
+        self._signals.show(signals_charts(store.group, store.joint, store.joint_name, result, store.motion))
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
         """The error of every model on the way."""
         store, models = self._store, self._store.analysis.model_steps
-        self._compare.show(staircase_plots(models, store.joint, store.joint_name))
+        self._compare.show(staircase_charts(models, store.joint, store.joint_name))
         self._steps.content = staircase_html(models)
 
     def _iterated(self) -> None:
@@ -70,7 +70,7 @@ class PlotPanel:
         """The solver's iterations; they may come faster than they can be drawn."""
         if self._stale:
             self._stale = False
-            self._convergence.show(convergence_plots(self._store.fit.iterations))
+            self._convergence.show(convergence_charts(self._store.fit.iterations))
 
     def _move(self) -> None:
         """Move the playheads."""

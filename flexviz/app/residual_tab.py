@@ -12,14 +12,14 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.view import (
     VARIABLES,
     ResidualSamples,
+    free_chart,
     free_html,
-    free_plot,
     groups_html,
+    map_charts,
     map_html,
     map_of,
-    map_plots,
     range_html,
-    shaded,
+    stretches_of,
     time_residual,
 )
 
@@ -74,10 +74,10 @@ class ResidualTab:
         residual = time_residual(self._samples, name, store.group.name)
         marked = self._marked()
         self._range.visible = marked is not None
-        if marked is not None and residual.shade is not None:
-            residual = replace(residual, shade=shaded(residual, marked.time, marked.marked))
+        if marked is not None and residual.series:
+            residual = replace(residual, highlights=stretches_of(marked.time, marked.marked))
         self._stopgap.content = free_html(store.free_curve)
-        self._charts.show((free_plot(store.free_curve), residual, *map_plots(store.maps, name)))
+        self._charts.show((free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 

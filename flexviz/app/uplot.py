@@ -1,62 +1,80 @@
-"""Plots on the page: a `view.plots.Plot` as a uPlot chart that is updated in place."""
+"""Charts on the page: a `charts.Chart` as a uPlot that is updated in place."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import viser
+from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, LEVELS, Plot
+from flexviz.charts import COLOURS, Chart, ChartAxis
 from flexviz.wording import escape
 
-SHADE = f"{COLOURS.playhead}40"
+Array = NDArray[np.float64]
+
+LEVELS = (1.0, 0.95)  # of a playhead, by turns (see `UplotChart.move`)
+HIGHLIGHT, RIBBON = f"{COLOURS.playhead}40", f"{COLOURS.reference}40"
+RIBBON_WIDTH = 0.8  # [pixels] of its edges
+FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones on a scale of their own
 
 
 class UplotChart:
-    """One chart; `show` brings it to a new plot by sending only what changed."""
+    """One chart; `show` brings it to a new description by sending only what changed."""
 
-    def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
+    def __init__(self, server: viser.ViserServer, chart: Chart) -> None:
         self._server = server
-        self._plot = plot
+        self._chart = chart
+        self._columns = columns(chart)
+        self._at: int | None = None  # row of the playhead
+        self._level = LEVELS[0]
         self._handle = server.gui.add_uplot(
-            plot.data(),
-            series=_series(plot),  # type: ignore[arg-type]
-            title=plot.title,
-            scales=_scales(plot),  # type: ignore[arg-type]
-            axes=_axes(plot),  # type: ignore[arg-type]
+            self._data(),
+            title=chart.heading,
             legend={"show": True},  # type: ignore[arg-type]
-            cursor={"sync": {"key": "time"}} if plot.playhead is not None else None,  # type: ignore[arg-type]
-            height=plot.height,
+            cursor={"sync": {"key": "time"}} if chart.playhead else None,  # type: ignore[arg-type]
+            height=chart.height,
             padding=(10, 14, 0, 0),
-            bands=_bands(plot),  # type: ignore[arg-type]
+            **_look(chart),
         )
 
-    def show(self, plot: Plot) -> None:
-        """Draw this plot instead of the one before."""
-        before, self._plot = self._plot, plot
+    def show(self, chart: Chart) -> None:
+        """Draw this chart instead of the one before."""
+        before, self._chart = self._chart, chart
+        self._columns, self._at, self._level = columns(chart), None, LEVELS[0]
+        look = _look(chart)
         with self._server.atomic():
-            if _look(before) != _look(plot):
-                self._handle.series = _series(plot)  # type: ignore[assignment]
-                self._handle.scales = _scales(plot)  # type: ignore[assignment]
-                self._handle.axes = _axes(plot)  # type: ignore[assignment]
-                self._handle.bands = _bands(plot)  # type: ignore[assignment]
-            if before.title != plot.title:
-                self._handle.title = plot.title
-            self._handle.data = plot.data()
+            if look != _look(before):
+                for name, value in look.items():
+                    setattr(self._handle, name, value)
+            if before.heading != chart.heading:
+                self._handle.title = chart.heading
+            self._handle.data = self._data()
 
     def visible(self, on: bool) -> None:
         """Show or hide the chart."""
         self._handle.visible = on
 
     def move(self, time: float) -> None:
-        """Move the playhead [s]; nothing is sent for a plot without one or when it stays where it is."""
-        moved = self._plot.at(time)
-        if moved is self._plot or moved.playhead is None or self._plot.playhead is None:
+        """Move the playhead [s]; nothing is sent for a chart without one or when it stays where it is.
+
+        The level changes with every move, and with it the scale's top: a chart whose data change in the
+        moment in which it gets its width sets out its axes only where a scale changes too.
+        """
+        if not self._chart.playhead:
             return
-        if moved.playhead.argmax() == self._plot.playhead.argmax() and self._plot.playhead.any():
-            return
-        self._plot = moved
-        self._handle.data = moved.data()
+        at = nearest(self._columns[0], time)
+        if at != self._at:
+            self._at, self._level = at, LEVELS[self._level == LEVELS[0]]
+            self._handle.data = self._data()
+
+    def _data(self) -> tuple[Array, ...]:
+        if not self._chart.playhead:
+            return self._columns
+        now = np.zeros(len(self._columns[0]))
+        if self._at is not None:
+            now[self._at] = self._level
+        return (*self._columns, now)
 
 
 class ChartColumn:
@@ -69,20 +87,19 @@ class ChartColumn:
         with tab:
             self._notes = server.gui.add_html("")
 
-    def show(self, plots: tuple[Plot, ...]) -> None:
-        """Bring the tab to these plots; one without lines is only its note."""
-        notes = "".join(f'<div class="fv fv-dim">{escape(plot.note)}</div>' for plot in plots if plot.note)
+    def show(self, charts: tuple[Chart, ...]) -> None:
+        """Bring the tab to these charts; one without series is only its note."""
+        notes = "".join(f'<div class="fv fv-dim">{escape(c.note)}</div>' for c in charts if c.note)
         self._notes.content = notes
-        drawn = [plot for plot in plots if plot.lines]
-        for key, chart in self._charts.items():
-            chart.visible(any(plot.key == key for plot in drawn))
-        for plot in drawn:
-            chart = self._charts.get(plot.key)
-            if chart is None:
-                with self.folder:
-                    self._charts[plot.key] = UplotChart(self._server, plot)
+        drawn = {chart.key: chart for chart in charts if chart.series and len(columns(chart)[0]) > 1}
+        for key, shown in self._charts.items():
+            shown.visible(key in drawn)
+        for key, chart in drawn.items():
+            if key in self._charts:
+                self._charts[key].show(chart)
             else:
-                chart.show(plot)
+                with self.folder:
+                    self._charts[key] = UplotChart(self._server, chart)
 
     def move(self, time: float) -> None:
         """Move every playhead [s]."""
@@ -91,77 +108,85 @@ class ChartColumn:
                 chart.move(time)
 
 
-def _look(plot: Plot) -> tuple[Any, ...]:
-    lines = tuple((line.label, line.colour, line.width, line.dashed, line.points) for line in plot.lines)
-    extra = plot.playhead is not None, plot.mark is not None, plot.shade is not None, plot.whole_x
-    return lines, extra, plot.bands, plot.logarithmic, plot.logarithmic_x, plot.x_label, plot.span, plot.range
+def columns(chart: Chart) -> tuple[Array, ...]:
+    """x, every series, both edges of every ribbon, highlights and marker, each (M,).
+
+    All series of a chart on the screen have one x. Rows with a NaN are left out: one would blank the chart.
+    """
+    paths = [series.path() for series in chart.series]
+    edges = [edge for ribbon in chart.ribbons for edge in (ribbon.high, ribbon.low)]
+    table = np.stack([paths[0][0], *(y for _, y in paths), *edges]).astype(float)
+    table = table[:, np.isfinite(table).all(axis=0)]
+    if chart.marker is not None and table.shape[1]:  # three rows with one x are a vertical line
+        at = nearest(table[0], chart.marker)
+        table = np.insert(table, [at, at], table[:, [at]], axis=1)
+    x, flags = table[0], []
+    if chart.highlights is not None:
+        inside = [(x >= first) & (x <= last) for first, last in chart.highlights]
+        flags.append(np.any([np.zeros(len(x), bool), *inside], axis=0).astype(float))
+    if chart.marker is not None:
+        flags.append((np.arange(len(x)) == nearest(x, chart.marker) + 1).astype(float))
+    return tuple(np.ascontiguousarray(column) for column in (*table, *flags))
 
 
-def _series(plot: Plot) -> tuple[dict[str, Any], ...]:
-    series: list[dict[str, Any]] = [{"label": plot.x_label}]
-    for line in plot.lines:
-        entry: dict[str, Any] = {
-            "label": line.label,
-            "stroke": line.colour,
-            "width": line.width,
-            "scale": "y",
-        }
-        if line.dashed:
-            entry["dash"] = [6, 4]
-        entry["points"] = {"show": line.points, "size": 5, "fill": line.colour}
-        series.append(entry)
-    if plot.shade is not None:
-        series.append(
-            {"label": "chosen", "fill": SHADE, "width": 0, "scale": "now", "points": {"show": False}}
-        )
-    if plot.mark is not None:
-        series.append(
-            {
-                "label": "least",
-                "stroke": COLOURS.playhead,
-                "width": 1.5,
-                "scale": "now",
-                "points": {"show": False},
-            }
-        )
-    if plot.playhead is not None:
-        series.append(
-            {
-                "label": "now",
-                "stroke": COLOURS.playhead,
-                "width": 1.5,
-                "scale": "now",
-                "points": {"show": False},
-            }
-        )
-    return tuple(series)
+def nearest(x: Array, value: float) -> int:
+    """The first row of x (M,), increasing, that is nearest to a value; 0 where there is none."""
+    return int(np.argmin(np.abs(x - value))) if len(x) else 0
 
 
-def _scales(plot: Plot) -> dict[str, Any]:
-    scales: dict[str, Any] = {
-        # of base 10 uPlot would write only the powers of ten at a horizontal axis
-        "x": {"time": False} | _scale(plot.logarithmic_x, plot.span, base=2),
-        "y": _scale(plot.logarithmic, plot.range),
+def _look(chart: Chart) -> dict[str, Any]:
+    """Everything of a uPlot but its data, title and size."""
+    return {
+        "series": _series(chart),
+        "scales": _scales(chart),
+        "axes": _axes(chart),
+        "bands": _bands(chart),
     }
-    if plot.playhead is not None or plot.mark is not None or plot.shade is not None:
-        # its zeros lie below the chart; its top is as high as what is drawn (see `Plot.at`)
+
+
+def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
+    entries: list[dict[str, Any]] = [{"label": chart.x.text}]
+    for series in chart.series:
+        entry = {"label": series.label, "stroke": series.colour, "width": series.width, "scale": "y"}
+        if series.dash:
+            entry["dash"] = list(series.dash)
+        entries.append(entry | {"points": {"show": series.points, "size": 5, "fill": series.colour}})
+    for ribbon in chart.ribbons:
+        edge = {"stroke": ribbon.colour, "width": RIBBON_WIDTH, "scale": "y", "points": {"show": False}}
+        entries += [edge | {"label": f"{sign}{ribbon.label}"} for sign in ("+", "−")]
+    line = {"stroke": COLOURS.playhead, "width": 1.5, **FLAGS}
+    if chart.highlights is not None:
+        entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})
+    if chart.marker is not None:
+        entries.append({"label": "least", **line})
+    if chart.playhead:
+        entries.append({"label": "now", **line})
+    return tuple(entries)
+
+
+def _scales(chart: Chart) -> dict[str, Any]:
+    # of base 10 uPlot would write only the powers of ten at a horizontal axis
+    scales: dict[str, Any] = {"x": {"time": False} | _scale(chart.x, base=2), "y": _scale(chart.y, base=10)}
+    if chart.playhead or chart.marker is not None or chart.highlights is not None:
+        # its zeros lie below the chart; its top is as high as what is drawn (see `UplotChart.move`)
         top = {"pad": 0, "soft": min(LEVELS), "mode": 1}
         scales["now"] = {"range": {"min": {"pad": 0, "hard": 0.02}, "max": top}}
     return scales
 
 
-def _scale(logarithmic: bool, limits: tuple[float, float] | None, base: int = 10) -> dict[str, Any]:
-    scale: dict[str, Any] = {"distr": 3, "log": base} if logarithmic else {}
-    return scale if limits is None else scale | {"range": limits}
+def _scale(axis: ChartAxis, base: int) -> dict[str, Any]:
+    scale: dict[str, Any] = {"distr": 3, "log": base} if axis.logarithmic else {}
+    return scale if axis.limits is None else scale | {"range": axis.limits}
 
 
-def _axes(plot: Plot) -> tuple[dict[str, Any], ...]:
+def _axes(chart: Chart) -> tuple[dict[str, Any], ...]:
     x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
-    if plot.whole_x:
+    if chart.x.whole:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
     return (x, {"scale": "y", "size": 58})
 
 
-def _bands(plot: Plot) -> tuple[dict[str, Any], ...] | None:
-    fill = f"{COLOURS.reference}40"
-    return tuple({"series": [high + 1, low + 1], "fill": fill} for high, low in plot.bands) or None
+def _bands(chart: Chart) -> tuple[dict[str, Any], ...] | None:
+    first = 1 + len(chart.series)
+    pairs = [(first + 2 * i, first + 2 * i + 1) for i in range(len(chart.ribbons))]
+    return tuple({"series": [high, low], "fill": RIBBON} for high, low in pairs) or None

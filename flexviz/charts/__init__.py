@@ -1,20 +1,37 @@
-"""Charts as data and their colours, for screen, report, recording and documents alike."""
+"""Charts as data, their colours, and their SVG, for screen, report, recording and documents alike."""
 
+from flexviz.charts.chart import (
+    DASHED,
+    DASHES,
+    TIME,
+    Chart,
+    ChartAxis,
+    ChartSeries,
+    Ribbon,
+    no_chart,
+    thin,
+    time_chart,
+)
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb, shares
-from flexviz.charts.plots import LEVELS, Line, Plot, aligned, no_plot, thin, time_plot
+from flexviz.charts.svg import FILE, svg
 
 __all__ = [
     "COLOURS",
-    "LEVELS",
-    "Line",
-    "Plot",
-    "aligned",
+    "DASHED",
+    "DASHES",
+    "FILE",
+    "TIME",
+    "Chart",
+    "ChartAxis",
+    "ChartSeries",
+    "Ribbon",
     "cividis",
     "css",
     "gradient",
-    "no_plot",
+    "no_chart",
     "rgb",
     "shares",
+    "svg",
     "thin",
-    "time_plot",
+    "time_chart",
 ]

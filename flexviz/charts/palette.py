@@ -25,7 +25,7 @@ class Palette:
     playhead: str = "#D55E00"
     residual: str = "#009E73"
     torque: str = "#CC79A7"
-    reference: str = "#999999"
+    reference: str = "#7b7b7b"
     series: tuple[str, ...] = (
         "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999",
     )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, Plot, cividis, rgb
+from flexviz.charts import Chart, cividis, rgb
 from flexviz.recording.stream import Stream
 from flexviz.wording import number
 
@@ -28,6 +28,7 @@ ROWS = 6  # of names beside a frame, then a new column
 COLUMN = 300.0  # its width
 FRAME = (120, 120, 120)
 WORDS = (128, 128, 128)
+EDGE = 1.0  # width of a ribbon's edges
 CELL = (40, 20)  # width and height of a map's cell
 WHITE = (255, 255, 255)
 
@@ -61,95 +62,73 @@ class Words:
         recording.log(entity, points, static=True)
 
 
-def send_charts(
-    recording: Stream,
-    entity: str,
-    plots: Sequence[Plot],
-    columns: int = 2,
-    ticks: Sequence[tuple[float, str]] = (),
-) -> None:
-    """Charts in rows of `columns`, those without lines left out; `ticks`: (x, text) below each of them."""
-    drawn = [plot for plot in plots if plot.lines and len(plot.x) > 1]
-    for place, plot in enumerate(drawn):
+def send_charts(recording: Stream, entity: str, charts: Sequence[Chart], columns: int = 2) -> None:
+    """Charts in rows of `columns`, those without lines left out."""
+    drawn = [chart for chart in charts if any(len(series.x) > 1 for series in chart.series)]
+    for place, chart in enumerate(drawn):
         origin = np.array([place % columns * ACROSS, place // columns * DOWN])
-        width = WIDE if len(drawn) == 1 else NARROW
-        send_chart(recording, f"{entity}/{plot.key}", plot, origin, width, ticks)
+        send_chart(recording, f"{entity}/{chart.key}", chart, origin, WIDE if len(drawn) == 1 else NARROW)
 
 
-def send_chart(
-    recording: Stream,
-    entity: str,
-    plot: Plot,
-    origin: Array,
-    width: float = WIDE,
-    ticks: Sequence[tuple[float, str]] = (),
-) -> None:
+def send_chart(recording: Stream, entity: str, chart: Chart, origin: Array, width: float = WIDE) -> None:
     """One chart with its upper left corner at `origin` (2,): entities `entity`/frame, /lines, /words."""
-    values = [_scaled(line.values, plot.logarithmic) for line in plot.lines]
-    y_low, y_high = limits(np.concatenate(values), _ends(plot))
-    x_low, x_high = plot.span or (float(plot.x[0]), float(plot.x[-1]))
+    lines = [(*series.path(), series.colour, series.width) for series in chart.series]
+    for ribbon in chart.ribbons:
+        lines += [(ribbon.x, edge, ribbon.colour, EDGE) for edge in (ribbon.low, ribbon.high)]
+    log = chart.y.logarithmic
+    values = [_scaled(y, log) for _, y, _, _ in lines]
+    ends = None if chart.y.limits is None else _scaled(np.array(chart.y.limits), log)
+    y_low, y_high = limits(np.concatenate(values)) if ends is None else (float(ends[0]), float(ends[1]))
+    x = np.concatenate([x for x, _, _, _ in lines])
+    x_low, x_high = chart.x.limits or (float(np.nanmin(x)), float(np.nanmax(x)))
     size = np.array([width, HEIGHT])
 
     def place(x: Array, y: Array) -> Array:
         share = np.stack([(x - x_low) / (x_high - x_low), 1.0 - (y - y_low) / (y_high - y_low)], axis=1)
         return origin + share * size
 
-    corners = origin + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])
-    strips, colours = [corners], [FRAME]
-    if y_low < 0.0 < y_high and not plot.logarithmic:
+    strips = [origin + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])]
+    if y_low < 0.0 < y_high and not log:
         strips.append(place(np.array([x_low, x_high]), np.zeros(2)))
-        colours.append(FRAME)
-    frame = rr.LineStrips2D(strips, colors=colours, radii=rr.Radius.ui_points([0.6] * len(strips)))
-    recording.log(f"{entity}/frame", frame, static=True)
-    good = [np.isfinite(y) for y in values]
-    lines = rr.LineStrips2D(
-        [place(plot.x[keep], y[keep]) for keep, y in zip(good, values, strict=True)],
-        colors=[rgb(line.colour) for line in plot.lines],
-        radii=rr.Radius.ui_points([0.6 * line.width for line in plot.lines]),
+    thin_lines = rr.Radius.ui_points([0.6] * len(strips))
+    recording.log(
+        f"{entity}/frame",
+        rr.LineStrips2D(strips, colors=[FRAME] * len(strips), radii=thin_lines),
+        static=True,
     )
-    recording.log(f"{entity}/lines", lines, static=True)
-    _words(plot, (x_low, x_high), (y_low, y_high), width, ticks).send(recording, f"{entity}/words", origin)
+    good = [np.isfinite(y) for y in values]
+    drawn = rr.LineStrips2D(
+        [place(line[0][keep], y[keep]) for line, keep, y in zip(lines, good, values, strict=True)],
+        colors=[rgb(colour) for _, _, colour, _ in lines],
+        radii=rr.Radius.ui_points([0.6 * width for _, _, _, width in lines]),
+    )
+    recording.log(f"{entity}/lines", drawn, static=True)
+    _words(chart, (x_low, x_high), (y_low, y_high), width).send(recording, f"{entity}/words", origin)
 
 
-def _words(
-    plot: Plot,
-    x: tuple[float, float],
-    y: tuple[float, float],
-    width: float,
-    ticks: Sequence[tuple[float, str]],
-) -> Words:
+def _words(chart: Chart, x: tuple[float, float], y: tuple[float, float], width: float) -> Words:
     """Title above, the ends of both axes or the ticks, the name of every line beside it; from (0, 0)."""
-    ends = [10.0**value for value in y] if plot.logarithmic else list(y)
+    ends = [10.0**value for value in y] if chart.y.logarithmic else list(y)
     found: list[Placed] = [
-        (width / 2, -1.1 * ROW, plot.title, WORDS),
+        (width / 2, -1.1 * ROW, chart.heading, WORDS),
         (-1.7 * ROW, 0.3 * ROW, number(ends[1], 2), WORDS),
         (-1.7 * ROW, HEIGHT, number(ends[0], 2), WORDS),
     ]
-    shown = ticks or [(value, number(value, 3)) for value in x] + [(sum(x) / 2, plot.x_label)]
+    shown = chart.x.ticks or [(value, number(value, 3)) for value in x] + [(sum(x) / 2, chart.x.text)]
     for value, text in shown:
         found.append(((value - x[0]) / (x[1] - x[0]) * width, HEIGHT + 0.7 * ROW, text, WORDS))
-    named = [line for line in plot.lines if line.colour != COLOURS.reference or len(plot.lines) < 3]
-    for place, line in enumerate(named):
+    for place, series in enumerate(chart.series):
         x_at, y_at = width + (0.6 + place // ROWS) * COLUMN, (0.3 + place % ROWS) * ROW
-        found.append((x_at, y_at, line.label, rgb(line.colour)))
-    return Words(np.array([f[:2] for f in found]), tuple(f[2] for f in found), tuple(f[3] for f in found))
+        found.append((x_at, y_at, series.label, rgb(series.colour)))
+    return Words.of(found, 0.0)
 
 
-def limits(values: Array, ends: tuple[float, float] | None = None) -> tuple[float, float]:
+def limits(values: Array) -> tuple[float, float]:
     """The lowest and highest of the values with a little room; never the same."""
-    if ends is not None:
-        return ends
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     room = 0.06 * (high - low) or max(abs(high), 1e-12) * 0.1
     return low - room, high + room
-
-
-def _ends(plot: Plot) -> tuple[float, float] | None:
-    if plot.range is None:
-        return None
-    low, high = _scaled(np.array(plot.range), plot.logarithmic)
-    return float(low), float(high)
 
 
 def _scaled(values: Array, logarithmic: bool) -> Array:

@@ -13,8 +13,7 @@ from flexviz.recording.charts import send_charts, send_map
 from flexviz.recording.columns import send_line
 from flexviz.recording.paths import TIME, diagnosis_path, path
 from flexviz.recording.stream import Stream
-from flexviz.session import ModelStep
-from flexviz.view import MAP_COLUMNS, free_plot, map_of, map_plots, staircase_plots
+from flexviz.view import MAP_COLUMNS, free_chart, map_charts, map_of, staircase_chart
 from flexviz.wording import effect_text_name, finding_name
 
 if TYPE_CHECKING:
@@ -36,15 +35,12 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
     title = "share of each joint's residual that each variable explains, out of sample"
     send_map(recording, f"{where}/map", title, joints, list(MAP_COLUMNS.values()), shares)
     for joint in joints:
-        send_charts(recording, where + path("curves", joint), map_plots(maps, joint), columns=3)
+        send_charts(recording, where + path("curves", joint), map_charts(maps, joint), columns=3)
 
 
 def send_staircase(recording: Stream, where: str, steps: Sequence[Step]) -> None:
     """The error of every group after each added effect."""
-    names = treads(steps)
-    model_steps = [ModelStep((), step) for step in steps]
-    ticks = [(float(place), name) for place, name in enumerate(names)]
-    send_charts(recording, f"{where}/staircase", staircase_plots(model_steps, 0, "")[:1], ticks=ticks)
+    send_charts(recording, f"{where}/staircase", [staircase_chart(steps, ticks=treads(steps))])
 
 
 def treads(steps: Sequence[Step]) -> list[str]:
@@ -63,7 +59,7 @@ def treads(steps: Sequence[Step]) -> list[str]:
 
 def send_free_curve(recording: Stream, where: str, curve: FreeCurve | None) -> None:
     """A curve for what no effect explains."""
-    send_charts(recording, f"{where}/free", [free_plot(curve)])
+    send_charts(recording, f"{where}/free", [free_chart(curve)])
 
 
 def send_evidence(recording: Stream, number: int, rank: int, finding: Finding) -> None:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from flexviz.report.chart import Chart
+from flexviz.charts import Chart
 
+FIGURE_HEIGHT = 260  # [pixels] of a chart, legend not counted
 Tone = Literal["", "good", "missing", "unknown", "warn"]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import count
 
-from flexviz.charts import COLOURS, css, rgb
+from flexviz.charts import COLOURS, css, rgb, svg
 from flexviz.report.blocks import (
     Block,
     Callout,
@@ -26,7 +26,6 @@ from flexviz.report.blocks import (
     Tiles,
 )
 from flexviz.report.style import CSS
-from flexviz.report.svg import svg
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"

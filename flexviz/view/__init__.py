@@ -3,7 +3,6 @@
 Nothing here knows a browser. The app renders it, report and recording print it, tests read it.
 """
 
-from flexviz.view.convergence import convergence_plots, progress_text
 from flexviz.view.effect_card import card_html
 from flexviz.view.effects import (
     COMMON_EFFECTS,
@@ -13,12 +12,38 @@ from flexviz.view.effects import (
     more_effects,
     why_fixed,
 )
-from flexviz.view.evidence import evidence_plot
+from flexviz.view.fit_charts import (
+    convergence_charts,
+    progress_text,
+    staircase_chart,
+    staircase_charts,
+    staircase_html,
+    sweep_bandwidths,
+    sweep_charts,
+    sweep_html,
+)
 from flexviz.view.identifiability import check_html, listed
 from flexviz.view.next_step import next_step, steps_done
-from flexviz.view.signals import signals_plots
-from flexviz.view.staircase import FLOOR, curves, staircase_html, staircase_plots, stepped, treads
-from flexviz.view.states import numbers_html, observer_for, observer_numbers, states_plots
+from flexviz.view.residual_maps import (
+    MAP_COLUMNS,
+    free_chart,
+    free_html,
+    leading_map,
+    map_chart,
+    map_charts,
+    map_html,
+    map_of,
+    notable,
+    spectrum_chart,
+)
+from flexviz.view.residual_samples import (
+    VARIABLES,
+    ResidualSamples,
+    groups_html,
+    range_html,
+    stretches_of,
+    time_residual,
+)
 from flexviz.view.status import (
     error_text,
     joint_colours,
@@ -28,41 +53,47 @@ from flexviz.view.status import (
     step_line_html,
     total_rms,
 )
-from flexviz.view.sweep import sweep_bandwidths, sweep_html, sweep_plots
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
+from flexviz.view.time_charts import (
+    evidence_chart,
+    numbers_html,
+    observer_for,
+    observer_numbers,
+    signals_charts,
+    states_charts,
+)
 from flexviz.view.verdict import finding_html, heading_html, verdict_html
-from flexviz.view.where import VARIABLES, ResidualSamples, groups_html, range_html, shaded, time_residual
-from flexviz.view.where_maps import MAP_COLUMNS, free_html, free_plot, map_html, map_of, map_plots
 
 __all__ = [
     "COMMON_EFFECTS",
-    "FLOOR",
     "MAP_COLUMNS",
     "VARIABLES",
     "ResidualSamples",
     "addable_effects",
     "card_html",
     "check_html",
-    "convergence_plots",
-    "curves",
+    "convergence_charts",
     "effect_hint",
     "effects_note",
     "error_text",
-    "evidence_plot",
+    "evidence_chart",
     "finding_html",
+    "free_chart",
     "free_html",
-    "free_plot",
     "groups_html",
     "heading_html",
     "joint_colours",
     "joint_rms",
+    "leading_map",
     "legend_html",
     "listed",
+    "map_chart",
+    "map_charts",
     "map_html",
     "map_of",
-    "map_plots",
     "more_effects",
     "next_step",
+    "notable",
     "numbers_html",
     "observer_for",
     "observer_numbers",
@@ -70,21 +101,21 @@ __all__ = [
     "progress_text",
     "range_html",
     "set_html",
-    "shaded",
-    "signals_plots",
+    "signals_charts",
+    "spectrum_chart",
+    "staircase_chart",
+    "staircase_charts",
     "staircase_html",
-    "staircase_plots",
-    "states_plots",
+    "states_charts",
     "status_html",
     "step_line_html",
-    "stepped",
     "steps_done",
+    "stretches_of",
     "sweep_bandwidths",
+    "sweep_charts",
     "sweep_html",
-    "sweep_plots",
     "time_residual",
     "total_rms",
-    "treads",
     "truth_html",
     "truth_values",
     "verdict_html",

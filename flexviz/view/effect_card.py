@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from xml.etree import ElementTree
 
@@ -23,7 +24,7 @@ def picture(name: str) -> str:
         ElementTree.fromstring(text)
     except ElementTree.ParseError:
         return ""
-    return text.replace(' width="480" height="270"', ' width="100%"', 1)
+    return re.sub(r' width="480" height="\d+"', ' width="100%"', text, count=1)
 
 
 def card_html(name: str) -> str:

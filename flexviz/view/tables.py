@@ -10,7 +10,17 @@ import numpy as np
 
 from flexviz.charts import COLOURS
 from flexviz.measurements import MeasurementSet
-from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, number, plain_name, plural, with_error
+from flexviz.wording import (
+    INERTIAL,
+    MARKS,
+    NORMAL_95,
+    SYMBOLS,
+    escape,
+    number,
+    plain_name,
+    plural,
+    with_error,
+)
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification, ParameterEstimate
@@ -85,7 +95,7 @@ def _rows(
             rows.append(
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
-        value, error = with_error(p.value, None if p.std is None else 1.96 * p.std)
+        value, error = with_error(p.value, None if p.std is None else NORMAL_95 * p.std)
         payload, real = payloads.get(id(p)), ""
         if truth is not None:
             real = f'<td class="fv-truth">{number(truth.get((p.name, payload or p.joint)))}</td>'

@@ -25,6 +25,7 @@ from flexviz.wording.findings import (
 from flexviz.wording.numbers import (
     INERTIAL,
     MARKS,
+    NORMAL_95,
     SYMBOLS,
     escape,
     number,
@@ -40,6 +41,7 @@ __all__ = [
     "BEGINNINGS",
     "INERTIAL",
     "MARKS",
+    "NORMAL_95",
     "SCOPES",
     "SYMBOLS",
     "absorbed_text",

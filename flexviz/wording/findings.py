@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from flexviz.effects import EFFECTS
-from flexviz.wording.numbers import number, plain_name, unit_text, with_error
+from flexviz.wording.numbers import NORMAL_95, number, plain_name, unit_text, with_error
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Absorbed, Diagnosis, Finding, Tie
@@ -85,7 +85,7 @@ def values_text(finding: Finding) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"; the interval is 95 %."""
     parts = []
     for name, (value, std, unit) in finding.parameters.items():
-        shown, error = with_error(value, None if std is None else 1.96 * std)
+        shown, error = with_error(value, None if std is None else NORMAL_95 * std)
         parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(unit)}".rstrip())
     return ", ".join(parts)
 

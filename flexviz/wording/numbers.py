@@ -50,6 +50,7 @@ def plural(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
+NORMAL_95 = 1.96  # standard errors in half a 95 % interval
 INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 MARKS = {"yes": "●", "weak": "◐", "no": "○"}
 SYMBOLS = {

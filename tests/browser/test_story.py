@@ -238,7 +238,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     page.get_by_role("option", name="velocity", exact=True).click()
     until(lambda: "of the time in this group" in page.inner_text("body"), what="the range")
     found = until(
-        lambda: any(t.startswith("Residual of joint1 [Nm] against velocity") for t in charts(page)), what="it"
+        lambda: any(t.startswith("Residual of joint1 against velocity") for t in charts(page)), what="it"
     )
     assert found
     over_time = until(

@@ -15,7 +15,7 @@ from flexviz.app.tasks import Diagnose, DiagnosedSet
 from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
 from flexviz.session import Analysis
-from flexviz.view import free_html, free_plot, heading_html, verdict_html
+from flexviz.view import free_chart, free_html, heading_html, verdict_html
 from flexviz.wording import effect_text_name, number
 
 LOOKED = "looked for the missing effect"
@@ -53,7 +53,7 @@ class DiagnoseStep(WorkflowStep):
         curve = store.free_curve
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
-        self._curve.show((free_plot(curve, height=HEIGHT),))
+        self._curve.show((free_chart(curve, height=HEIGHT),))
         self._heading.content = heading_html(diagnosis) if fresh else ""
         self._show_findings()
         self.model.show(store.measurements.effects, analysis.effects, why)

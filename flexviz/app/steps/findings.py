@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flexviz.app.page import Page, off
 from flexviz.app.uplot import ChartColumn
-from flexviz.view import card_html, evidence_plot, finding_html
+from flexviz.view import card_html, evidence_chart, finding_html
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Finding
@@ -78,7 +78,7 @@ class FindingEntry:
         self._toggle.label = "Hide evidence" if shown else "Show evidence"
         self._folder.visible = shown
         if shown:
-            self._chart.show((evidence_plot(finding, self._group, height=HEIGHT),))
+            self._chart.show((evidence_chart(finding, self._group, height=HEIGHT),))
 
     def _switch(self) -> None:
         self.opened = not self.opened

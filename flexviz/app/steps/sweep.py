@@ -15,7 +15,7 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
 from flexviz.progress import Progress
 from flexviz.session import Analysis
-from flexviz.view import sweep_html, sweep_plots
+from flexviz.view import sweep_charts, sweep_html
 from flexviz.wording import plural
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class BandwidthSweep:
             note += sweep_html(self._result, store.joint, store.joint_name)
             if self._of is not None and _settings(self._of) != _settings(store.analysis):
                 note += warning("The settings have changed since this sweep.")
-            self._charts.show(sweep_plots(self._result, store.joint, store.joint_name))
+            self._charts.show(sweep_charts(self._result, store.joint, store.joint_name))
         self._best.visible = self._folder.visible = self._result is not None
         self._about.content = note
 

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from flexviz.charts import COLOURS, thin
-from flexviz.diagnosis import Evidence, Finding
+from flexviz.diagnosis import Finding
 from flexviz.effects import EFFECTS
-from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
-from flexviz.report.chart import Chart, Curve
+from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.gathering import Subject
+from flexviz.view import evidence_chart
 from flexviz.wording import (
     absorbed_text,
     effect_text_name,
     finding_name,
-    number,
     plural,
     share_text,
     values_text,
 )
 
-RESIDUAL_COLOUR = "#0072B2"
-POINTS = 500  # of a drawn line
 TAKEN_UP = 3  # parameters named at most
 REAL = 3.0  # standard errors by which a parameter must have moved to be named
 CONSIDERED = 6  # candidates listed a round
@@ -75,41 +69,10 @@ def _part(title: str, finding: Finding) -> Section:
         more = len(moved) - TAKEN_UP
         also = f"; and {plural(more, 'other')}" if more > 0 else ""
         blocks.append(text(f"Until it was added other parameters had taken it up: {named}{also}."))
-    if finding.evidence is not None and len(finding.evidence.time) > 1:
-        blocks.append(Figure(evidence_chart(finding, finding.evidence)))
+    chart = evidence_chart(finding, height=FIGURE_HEIGHT)
+    if chart.series:
+        blocks.append(Figure(chart))
     return Section(title, tuple(blocks))
-
-
-def evidence_chart(finding: Finding, evidence: Evidence) -> Chart:
-    """The residual with what the effect takes away, in the group where that is largest."""
-    group, first, last = max(
-        evidence.groups,
-        key=lambda g: float(np.mean(evidence.signature[g[1] : g[2]] ** 2)) if g[2] > g[1] else 0.0,
-    )
-    rows = slice(first, last)
-    x, (residual, signature) = thin(
-        np.asarray(evidence.time[rows]),
-        [np.asarray(evidence.residual[rows]), np.asarray(evidence.signature[rows])],
-        POINTS,
-    )
-    before, after = (
-        float(np.sqrt(np.mean(values**2)))
-        for values in (evidence.residual[rows], evidence.residual[rows] - evidence.signature[rows])
-    )
-    words = (
-        f"Group {group}: the residual of {evidence.joint} before adding the effect ({number(before, 3)} Nm "
-        f"rms) and what the effect takes from it; {number(after, 3)} Nm rms stay."
-    )
-    return Chart(
-        f"Evidence for {finding_name(finding)}",
-        words,
-        f"time in group {group} [s]",
-        f"torque on {evidence.joint} [Nm]",
-        (
-            Curve(x, residual, "residual without the effect", RESIDUAL_COLOUR, "", 2.6),
-            Curve(x, signature, "what the effect takes away", COLOURS.model, "6 3", 1.8),
-        ),
-    )
 
 
 def _ranking(subject: Subject) -> Table | None:

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report.blocks import Block, Cell, Section, Table, table, text
 from flexviz.report.gathering import Subject
-from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
+from flexviz.wording import INERTIAL, MARKS, NORMAL_95, number, plain_name, plural, unit_text, with_error
 
-NORMAL = 1.96  # standard errors in half a 95 % interval
 WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
 TIES = 3  # named at most
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -46,7 +45,7 @@ def source(subject: Subject) -> str:
 
 def interval(value: float, std: float | None) -> tuple[str, str]:
     """A value and half of its 95 % interval."""
-    return with_error(value, None if std is None or not math.isfinite(std) else NORMAL * std)
+    return with_error(value, None if std is None or not math.isfinite(std) else NORMAL_95 * std)
 
 
 def place_of(p: ParameterEstimate) -> str:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from flexviz.charts import COLOURS
+from flexviz.charts import Chart
 from flexviz.diagnosis import Step
-from flexviz.report.blocks import Block, Cell, Figure, Section, Table, table, text
-from flexviz.report.chart import Chart, Curve
+from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Figure, Section, Table, table, text
 from flexviz.report.gathering import Subject
 from flexviz.report.sections.summary import fall
-from flexviz.view import FLOOR, curves, stepped, total_rms, treads
+from flexviz.view import staircase_chart, total_rms
 from flexviz.wording import effect_text_name, number
 
-DASHES = ("", "2 3", "8 3 2 3", "1 3")  # of the fitted groups, by turns
-HELD_OUT = "7 4"
-FLOOR_COLOUR = "#595959"
 MOST_COLUMNS = 7  # steps of a table's width
 
 
@@ -57,31 +55,8 @@ def _own(subject: Subject) -> str:
 
 
 def _chart(steps: tuple[Step, ...]) -> Chart:
-    x = treads(len(steps))
-    lines: list[Curve] = []
-    for place, (group, (values, held_out)) in enumerate(curves(steps, None).items()):
-        dash = HELD_OUT if held_out else DASHES[place // len(COLOURS.series) % len(DASHES)]
-        colour = COLOURS.series[place % (len(COLOURS.series) - 2)]  # the last two are pale on white
-        label = f"{group} (held out)" if held_out and group != "validation" else group
-        y = stepped(np.maximum(values, FLOOR))
-        lines.append(Curve(x, y, label, colour, dash, 2.4 if held_out else 1.8))
-    floors = [total_rms(np.asarray(s.noise_floor)) for s in steps if s.noise_floor]
-    if len(floors) == len(steps) and np.isfinite(floors).all():
-        floor = stepped(np.maximum(floors, FLOOR))
-        lines.append(Curve(x, floor, "noise floor", FLOOR_COLOUR, "1 3", 2.0))
-    words = "; ".join(
-        f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} Nm"
-        for group, (values, _) in curves(steps, None).items()
-    )
-    return Chart(
-        "Error of each group after every added effect",
-        f"{fall(steps)} {words}.",
-        "effects added",
-        "rms residual [Nm]",
-        tuple(lines),
-        logarithmic=True,
-        x_ticks=tuple((float(k), str(k)) for k in range(len(steps))),
-    )
+    chart = staircase_chart(steps)
+    return replace(chart, description=f"{fall(steps)} {chart.description}", height=FIGURE_HEIGHT)
 
 
 def _groups(steps: tuple[Step, ...]) -> Table:

@@ -1,6 +1,6 @@
 """Where in time the model fails: one joint's residual, and the instants at which a variable is in a range.
 
-What each variable explains is computed by the diagnosis; `where_maps` shows it.
+What each variable explains is computed by the diagnosis; `residual_maps` shows it.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, Line, Plot, aligned, no_plot, thin
-from flexviz.view.where_maps import HEIGHT, NORMAL
-from flexviz.wording import escape, number
+from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, thin
+from flexviz.view.residual_maps import HEIGHT
+from flexviz.wording import NORMAL_95, escape, number
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -105,25 +105,26 @@ class ResidualSamples:
         return self.variables["time"][rows], (values >= low) & (values <= high)
 
 
-def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Plot:
-    """One joint's residual over time in the shown group, with the band that noise fills."""
+def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart:
+    """One joint's residual over time in the shown group, with the ribbon that noise fills."""
     if found is None:
-        return no_plot("time", EMPTY)
+        return no_chart("time", EMPTY)
     rows = found.rows(shown)
     time, residual = found.variables["time"][rows], found.residual[rows]
     if len(time) < 2:
-        return no_plot("time", left_out(shown))
+        return no_chart("time", left_out(shown))
     x, (values,) = thin(time, [residual])
-    half = np.full(len(x), NORMAL * found.floor if np.isfinite(found.floor) else 0.0)
-    lines = (
-        Line("residual", COLOURS.residual, values, 1.3),
-        Line("noise +95 %", COLOURS.reference, half, 1.0),
-        Line("noise −95 %", COLOURS.reference, -half, 1.0),
-    )
-    title = f"Residual of {name} [Nm] against time, {shown}"
-    nowhere = np.zeros(len(x))
-    plot = Plot("time", title, x, lines, height=HEIGHT, playhead=nowhere, bands=((1, 2),), shade=nowhere)
-    return aligned([plot], time[0], time[-1])[0]
+    half = np.full(len(x), NORMAL_95 * found.floor if np.isfinite(found.floor) else 0.0)
+    return Chart(
+        "time",
+        f"Residual of {name} against time, {shown}",
+        y=ChartAxis("residual", "Nm"),
+        series=(ChartSeries("residual", COLOURS.residual, x, values, 1.3),),
+        ribbons=(Ribbon("95 % of noise", COLOURS.reference, x, -half, half),),
+        playhead=True,
+        highlights=(),
+        height=HEIGHT,
+    ).spans(time[0], time[-1])
 
 
 def left_out(group: str) -> str:
@@ -131,11 +132,13 @@ def left_out(group: str) -> str:
     return f"The last Run left {group} out (Ignore in step Data): it has no residual."
 
 
-def shaded(plot: Plot, time: Array, inside: NDArray[np.bool_]) -> Array:
-    """0/1 at the plot's x: which instants are highlighted."""
-    if not len(plot.x) or not len(time):
-        return np.zeros(len(plot.x))
-    return inside[np.clip(np.searchsorted(time, plot.x), 0, len(time) - 1)].astype(float)
+def stretches_of(time: Array, inside: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
+    """The intervals of time (M,) in which all instants are inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
+    return tuple(
+        (float(time[first]), float(time[last - 1]))
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+    )
 
 
 def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]) -> str:

@@ -1,0 +1,226 @@
+"""Where the model fails: the diagnosis' maps of the residual as a table of all joints and charts of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.charts import (
+    COLOURS,
+    DASHED,
+    DASHES,
+    Chart,
+    ChartAxis,
+    ChartSeries,
+    Ribbon,
+    cividis,
+    css,
+    no_chart,
+)
+from flexviz.wording import NORMAL_95, escape, number, short_names
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import FreeCurve, ResidualMap
+
+Array = NDArray[np.float64]
+
+MAP_COLUMNS = {
+    "position": "pos.",
+    "velocity": "vel.",
+    "position × direction": "pos.±",
+    "acceleration": "acc.",
+    "load": "load",
+    "time": "time",
+    "group": "group",
+    "frequency": "freq.",
+}
+"""Variable -> head of its column."""
+CHARTED = ("position", "velocity", "acceleration", "load")  # variables with a chart on the screen
+AGAINST = (*CHARTED, "position × direction", "time")  # those a report may choose from
+FREE = "free"
+HEIGHT = 150  # [pixels] on the screen
+LOG_FLOOR = 1e-9  # [Nm/√Hz] least value of a logarithmic axis
+NOTABLE_SHARE = 0.05  # of a residual; less is not pointed at
+MANY_BINS = 40  # a line with more has no dots
+CURVE_COLOURS = (COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque)
+
+
+def map_of(maps: Sequence[ResidualMap], joint: str, variable: str) -> ResidualMap | None:
+    """One joint's map against one variable, or None."""
+    return next((one for one in maps if (one.joint, one.variable) == (joint, variable)), None)
+
+
+def map_html(maps: Sequence[ResidualMap], joints: Sequence[str], chosen: int = 0) -> str:
+    """Share of every joint's residual that each variable explains, in the colours of the scene."""
+    if not maps:
+        return ""
+    head = "".join(f'<th title="{escape(name)}">{short}</th>' for name, short in MAP_COLUMNS.items())
+    rows = []
+    for index, (joint, short) in enumerate(zip(joints, short_names(tuple(joints)), strict=True)):
+        cells = "".join(_cell(map_of(maps, joint, name), joint, name) for name in MAP_COLUMNS)
+        label = f"<b>{escape(short)}</b>" if index == chosen else escape(short)
+        rows.append(f"<tr><td>{label}</td>{cells}</tr>")
+    return (
+        '<div class="fv"><b>Share of the residual that each variable explains</b>'
+        f'<table class="fv-table fv-heat"><tr><th></th>{head}</tr>{"".join(rows)}</table>'
+        '<div class="fv-dim">Of the present model, out of sample: noise scores 0. '
+        "pos.±: position and direction.</div></div>"
+    )
+
+
+def _cell(one: ResidualMap | None, joint: str, variable: str) -> str:
+    if one is None:
+        return "<td>–</td>"
+    share = max(one.explained, 0.0)
+    colour = cividis(share)
+    ink = "#000" if sum(colour) > 330 else "#fff"
+    exact = f"{100 * one.explained:.1f} ± {100 * NORMAL_95 * one.explained_std:.1f} %"
+    return (
+        f'<td style="background:{css(colour)};color:{ink}" '
+        f'title="{escape(joint)}, {escape(variable)}: {exact}">{100 * share:.0f} %</td>'
+    )
+
+
+def notable(one: ResidualMap) -> bool:
+    """Whether a variable explains more than chance does, and enough to be worth a look."""
+    return one.explained > NORMAL_95 * one.explained_std and one.explained >= NOTABLE_SHARE
+
+
+def leading_map(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
+    """The map of a joint against the variable that explains most."""
+    of_joint = [m for m in maps if m.joint == joint and m.variable in AGAINST]
+    of_joint = [m for m in of_joint if np.count_nonzero(np.isfinite(m.mean).any(axis=0)) > 1]
+    return max(of_joint, key=lambda m: m.explained, default=None)
+
+
+def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
+    """One joint's residual against every variable, with the ribbon that noise fills, and its spectrum.
+
+    Against the position one curve per direction of motion where the direction matters.
+    """
+    charts = []
+    for name in CHARTED:
+        one = _directed(maps, joint) if name == "position" else None
+        one = one or map_of(maps, joint, name)
+        charts.append(no_chart(name) if one is None else map_chart(one, name))
+    spectrum = map_of(maps, joint, "frequency")
+    charts.append(no_chart("spectrum") if spectrum is None else spectrum_chart(spectrum))
+    return tuple(charts)
+
+
+def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
+    """The map of position and direction, where it explains clearly more than either."""
+    from flexviz.diagnosis import CLEARLY, DIRECTED  # heavy, and loaded wherever there are maps
+
+    both = map_of(maps, joint, DIRECTED)
+    simpler = [one for name in ("position", "velocity") if (one := map_of(maps, joint, name)) is not None]
+    if both is None or not simpler:
+        return None
+    more = both.explained - max(one.explained for one in simpler)
+    return both if more > max(CLEARLY, both.explained_std) else None
+
+
+def map_chart(one: ResidualMap, key: str = "") -> Chart:
+    """The mean residual against one variable, with what noise alone would fill."""
+    key = key or one.variable
+    known = np.isfinite(one.mean).any(axis=0) & np.isfinite(one.std).any(axis=0)
+    if np.count_nonzero(known) < 2:
+        return no_chart(key, f"The {key} of {one.joint} hardly changes.")
+    mean, std, x = one.mean[:, known], one.std[:, known], np.nanmean(one.centres[:, known], axis=0)
+    points = len(x) <= MANY_BINS
+    styles = zip(one.curves, mean, CURVE_COLOURS, DASHES, strict=False)
+    series = [
+        ChartSeries(name or "mean residual", colour, x, y, 2.2, dash, points)
+        for name, y, colour, dash in styles
+    ]
+    half = NORMAL_95 * np.nanmax(std, axis=0)
+    share, error = (100 * max(value, 0.0) for value in (one.explained, NORMAL_95 * one.explained_std))
+    words = f"{share:.0f} % ± {error:.0f} % of the residual of {one.joint} follows its {one.variable}"
+    if notable(one):
+        low, high = (number(edge, 3) for edge in one.range)
+        words += f", most of it from {low} to {high} {one.unit}."
+    else:
+        words += ": no more than chance."
+    return Chart(
+        key,
+        f"Residual of {one.joint} against {key}, {share:.0f} %",
+        ChartAxis(f"{one.variable} of {one.joint}", one.unit),
+        ChartAxis("mean residual", "Nm"),
+        tuple(series),
+        (Ribbon("95 % of noise", COLOURS.reference, x, -half, half),),
+        description=f"{words} Largest mean: {number(float(np.nanmax(np.abs(mean))), 3)} Nm.",
+        highlights=(one.range,) if notable(one) else None,
+        height=HEIGHT,
+    )
+
+
+def spectrum_chart(one: ResidualMap) -> Chart:
+    """The residual's spectrum over the noise floor's."""
+    if one.mean.shape[1] < 2:
+        return no_chart("spectrum")
+    looks = ((COLOURS.residual, ()), (COLOURS.reference, DASHED))
+    series = tuple(
+        ChartSeries(name, colour, x, np.maximum(np.nan_to_num(values), LOG_FLOOR), dash=dash)
+        for name, (colour, dash), x, values in zip(one.curves, looks, one.centres, one.mean, strict=False)
+    )
+    share, middle = 100 * max(one.explained, 0.0), number(sum(one.range) / 2, 3)
+    return Chart(
+        "spectrum",
+        f"Spectrum of the residual of {one.joint}",
+        ChartAxis("frequency", "Hz"),
+        ChartAxis("residual", "Nm/√Hz", logarithmic=True),
+        series,
+        description=f"Of the residual of {one.joint} above the noise floor, beyond the motion's own "
+        f"frequencies, the strongest band of one hertz, near {middle} Hz, holds {share:.0f} %"
+        + ("." if notable(one) else ": no more than chance."),
+        height=HEIGHT,
+    )
+
+
+# -- where no effect explains it -------------------------------------------------------------------------
+
+
+def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
+    """The free curve for what no effect explains, with its 95 % interval."""
+    if curve is None:
+        return no_chart(FREE)
+    values, halves, names = curve.value, NORMAL_95 * curve.std, curve.directions
+    seen = np.isfinite(values) & np.isfinite(halves)
+    if not (seen.sum(axis=0) > 1).any():  # each direction where the other never is: one curve
+        first, columns = np.argmax(seen, axis=0), np.arange(values.shape[1])
+        values, halves, names = values[first, columns][None], halves[first, columns][None], ("",)
+    if np.count_nonzero(np.isfinite(values).all(axis=0)) < 2:
+        return no_chart(FREE)
+    x, looks = curve.centres, list(zip(CURVE_COLOURS, DASHES, strict=True))
+    series, ribbons = [], []
+    for name, value, half, (colour, dash) in zip(names, values, halves, looks, strict=False):
+        series.append(ChartSeries(name or "free curve", colour, x, value, 2.2, dash))
+        ribbons.append(Ribbon("95 %", colour, x, value - half, value + half))
+    largest = number(float(np.nanmax(np.abs(values))), 3)
+    return Chart(
+        FREE,
+        f"Stopgap: free torque of {curve.joint} against {curve.variable}",
+        ChartAxis(f"{curve.variable} of {curve.joint}", curve.unit),
+        ChartAxis("missing torque", "Nm"),
+        tuple(series),
+        tuple(ribbons),
+        description=f"A curve of free shape against the {curve.variable} of {curve.joint} would take "
+        f"{100 * max(curve.explained, 0.0):.0f} % of its residual: {curve.note}. "
+        f"Largest torque: {largest} Nm.",
+        height=height,
+    )
+
+
+def free_html(curve: FreeCurve | None) -> str:
+    """What the curve is, and what it is not."""
+    if curve is None:
+        return ""
+    share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
+    sides = " and the direction of motion" if len(curve.directions) > 1 else ""
+    return (
+        f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
+        f"of {escape(curve.joint)} would take {share} of its residual: {escape(curve.note)}.</div>"
+    )

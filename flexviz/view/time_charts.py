@@ -1,0 +1,280 @@
+"""Charts over time of one joint: torque and residual, the observer's states, evidence for a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.charts import (
+    COLOURS,
+    DASHED,
+    Chart,
+    ChartAxis,
+    ChartSeries,
+    no_chart,
+    thin,
+    time_chart,
+)
+from flexviz.measurements import Group, Segment
+from flexviz.observers import Observer, make_observer
+from flexviz.scene import RobotMotion
+from flexviz.view.residual_samples import left_out
+from flexviz.wording import finding_name, number
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Finding
+    from flexviz.identification import Identification
+
+Array = NDArray[np.float64]
+
+SIGNAL_HEIGHT, STATE_HEIGHT = 200, 150  # [pixels]
+MAX_FILTERED = 100_000  # samples of a recording that are filtered for a chart
+THETA_STATES = (
+    ("theta", "θ", "rad"),
+    ("theta1", "θ̇", "rad/s"),
+    ("theta2", "θ̈", "rad/s²"),
+    ("theta3", "θ⃛", "rad/s³"),
+    ("theta4", "θ⁗", "rad/s⁴"),
+)  # key, title, unit
+EVIDENCE = "evidence"
+
+
+# -- torque, residual, error -----------------------------------------------------------------------------
+
+
+def torque(group: Group, joint: int) -> tuple[Array, Array]:
+    """Time (N,) [s] and measured torque (N,) [Nm] of one joint over all segments."""
+    time = np.concatenate([segment.time for segment in group.segments])
+    return time, np.concatenate([segment.tau[:, joint] for segment in group.segments])
+
+
+def model_torque(
+    group: Group, joint: int, result: Identification | None
+) -> tuple[Array, Array, Array] | None:
+    """Time, model torque and residual (M,) [Nm] of one joint; None where the result has none for the group.
+
+    The model torque is what the model says the motor must give: measured (filtered) torque minus residual.
+    """
+    series = None if result is None else result.residuals.get(group.name)
+    if series is None or not len(series.time):
+        return None
+    time, residual = series.time, series.residual[:, joint]
+    measured_time, measured = torque(group, joint)
+    return time, np.interp(time, measured_time, measured) - residual, residual
+
+
+def signals_charts(
+    group: Group, joint: int, name: str, result: Identification | None, motion: RobotMotion | None
+) -> tuple[Chart, ...]:
+    """Torque, residual and motor-angle error of one joint."""
+    time, measured = torque(group, joint)
+    lines = [("measured", COLOURS.measured, measured)]
+    model = model_torque(group, joint, result)
+    if model is None:
+        why = "Model torque and residual appear here after Run (step 3, Identify)."
+        second = no_chart("residual", why if result is None else left_out(group.name))
+        shown = time
+    else:
+        model_time, explained, residual = model
+        inside = (time >= model_time[0]) & (time <= model_time[-1])
+        shown = time[inside]
+        modelled = np.interp(shown, model_time, explained)
+        lines = [("measured", COLOURS.measured, measured[inside]), ("model", COLOURS.model, modelled)]
+        second = _signal("residual", f"Residual, {name}", model_time, COLOURS.residual, residual)
+    first = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
+    charts = (first, second, _error_chart(joint, name, motion))
+    return tuple(chart.spans(time[0], time[-1]) for chart in charts)
+
+
+def _signal(key: str, title: str, time: Array, colour: str, values: Array, unit: str = "Nm") -> Chart:
+    return time_chart(key, title, unit, time, [(key, colour, values)], height=SIGNAL_HEIGHT)
+
+
+def _error_chart(joint: int, name: str, motion: RobotMotion | None) -> Chart:
+    if motion is None or motion.model_theta is None:
+        return no_chart("error")
+    error = motion.model_theta[:, joint] - motion.theta[:, joint]
+    return _signal("error", f"Simulated − measured θ, {name}", motion.time, COLOURS.model, error, "rad")
+
+
+# -- the observer's states -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverNumbers:
+    """How an observer treats a signal.
+
+    Attributes
+    ----------
+    lag: delay of slow motion [s].
+    noise_gain: (5,) from the noise of θ to the noise of each derivative [1, 1/s, … 1/s⁴].
+    note: what else to know, one sentence.
+    """
+
+    lag: float
+    noise_gain: Array
+    note: str
+
+
+def one_joint(segment: Segment, joint: int) -> Segment:
+    """The segment with only one joint's columns, so that only this one is filtered."""
+    columns = slice(joint, joint + 1)
+    return replace(segment, theta=segment.theta[:, columns], tau=segment.tau[:, columns])
+
+
+def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: int) -> Observer:
+    """The observer as it treats one joint (its own bandwidth where there is one a joint)."""
+    own = bandwidth if bandwidth is None or np.ndim(bandwidth) == 0 else np.asarray(bandwidth)[joint]
+    return make_observer(name, None if own is None else float(own))  # type: ignore[arg-type]
+
+
+def states_charts(
+    group: Group, joint: int, observer: Observer, torque_hold: float = 0.0, at: float = 0.0
+) -> tuple[Chart, ...]:
+    """θ … its 4th derivative, τ and the disturbance of one joint, one chart each.
+
+    Of a long recording only the stretch around `at` [s] is computed, so that the slider stays quick.
+    """
+    segments, cut = stretch(group.segments, at)
+    time, valid, columns = estimate(segments, joint, observer, torque_hold)
+    x, thinned = thin(time, [*columns, *(measured(segments, joint, name) for name in ("theta", "tau"))])
+    inside, note = settled(x, time[valid])
+
+    def state(key: str, title: str, unit: str, column: int, recorded: int | None = None) -> Chart:
+        rows = inside if recorded is None else slice(None)
+        shown = ChartSeries("observer", COLOURS.model, x[rows], thinned[column][rows])
+        series: tuple[ChartSeries, ...] = (shown,)
+        if recorded is not None:
+            below = ChartSeries("measured", COLOURS.measured, x, thinned[recorded], 2.6)
+            series = (below, replace(shown, width=1.3))
+        return Chart(key, title, y=ChartAxis(unit=unit), series=series, height=STATE_HEIGHT)
+
+    charts = [
+        state(*which, column, recorded=None if column else -2) for column, which in enumerate(THETA_STATES)
+    ]
+    charts[0] = replace(charts[0], note=f"{cut}{note}")
+    charts.append(state("tau", "τ", "Nm", 5, recorded=-1))
+    if len(columns) > 6:
+        charts.append(state("disturbance", "disturbance", "rad/s⁵", 6))
+    else:
+        charts.append(no_chart("disturbance", "This observer has no disturbance state; the ESO has one."))
+    return tuple(chart.spans(x[0], x[-1]) for chart in charts)
+
+
+def estimate(
+    segments: Sequence[Segment], joint: int, observer: Observer, torque_hold: float
+) -> tuple[Array, NDArray[np.bool_], list[Array]]:
+    """Time, validity and θ … θ⁗, τ (and the disturbance, where there is one) of one joint, each (N,)."""
+    parts: list[list[Array]] = []
+    for segment in segments:
+        states = observer.states(one_joint(segment, joint), torque_hold)
+        row = [states.time, states.valid, *states.theta[:, :, 0], states.tau[0, :, 0]]
+        parts.append(row if states.disturbance is None else [*row, states.disturbance[:, 0]])
+    time, valid, *columns = (np.concatenate(pieces) for pieces in zip(*parts, strict=True))
+    return time, valid.astype(bool), columns
+
+
+def measured(segments: Sequence[Segment], joint: int, name: str) -> Array:
+    """θ or τ of one joint over the segments, (N,)."""
+    return np.concatenate([getattr(segment, name)[:, joint] for segment in segments])
+
+
+def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED) -> tuple[list[Segment], str]:
+    """The segments, or of a long recording `longest` samples around `at` [s], and a sentence about it."""
+    if sum(len(segment) for segment in segments) <= longest:
+        return list(segments), ""
+    index = max((i for i, segment in enumerate(segments) if segment.time[0] <= at), default=0)
+    segment = segments[index]
+    first = int(np.clip(np.searchsorted(segment.time, at) - longest // 2, 0, max(len(segment) - longest, 0)))
+    part = slice(first, first + longest)
+    cut = replace(segment, time=segment.time[part], theta=segment.theta[part], tau=segment.tau[part])
+    return [cut], f"A long recording: {cut.time[0]:.0f} to {cut.time[-1]:.0f} s are shown. "
+
+
+def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
+    """Which instants x lie outside the start-up and end transients, and a sentence about what is left out."""
+    inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
+    if np.count_nonzero(inside) < 2:
+        return np.ones(len(x), bool), "At this bandwidth everything is start-up transient."
+    start, end = float(valid[0] - x[0]), float(x[-1] - valid[-1])
+    if start + end < 1e-6:
+        return inside, ""
+    return (
+        inside,
+        f"Derivatives leave out the transients: {start:.2f} s at the start, {end:.2f} s at the end.",
+    )
+
+
+def observer_numbers(observer: Observer, step: float) -> ObserverNumbers:
+    """Lag and noise gain at a sampling step [s], with a sentence about them."""
+    if observer.zero_phase:
+        note = "zero phase: runs forward and backward, delays nothing"
+    elif observer.name == "eso":
+        note = "causal: each derivative lags differently, which biases stiffness and motor inertia"
+    else:
+        note = "equal delay: θ, τ and all derivatives lag alike"
+    return ObserverNumbers(float(observer.lag(step)), np.asarray(observer.noise_gain(step)), note)
+
+
+def numbers_html(numbers: ObserverNumbers) -> str:
+    """Lag and noise gain as a small table."""
+    gains = "".join(f"<td>{number(value, 2)}</td>" for value in numbers.noise_gain)
+    return (
+        f'<div class="fv"><b>Lag</b> {number(1000 * numbers.lag, 3)} ms at 1 Hz '
+        f'<span class="fv-dim">({numbers.note})</span>'
+        '<table class="fv-table"><tr><th>Noise gain, derivative</th>'
+        "<th>θ</th><th>1st</th><th>2nd</th><th>3rd</th><th>4th</th></tr>"
+        f'<tr><td class="fv-dim">1/sᵏ</td>{gains}</tr></table></div>'
+    )
+
+
+# -- evidence --------------------------------------------------------------------------------------------
+
+
+def evidence_chart(finding: Finding | None, group: str = "", height: int = 190) -> Chart:
+    """The residual without an effect and what the effect explains of it, in `group`.
+
+    Where the evidence does not hold that group: in the one where the effect explains most.
+    """
+    if finding is None:
+        return no_chart(EVIDENCE)
+    evidence = finding.evidence
+    if evidence is None or not len(evidence.time):
+        return no_chart(EVIDENCE, "No evidence is kept for this finding.")
+    spans = {name: slice(first, last) for name, first, last in evidence.groups}
+    chosen = group if group in spans else max(spans, key=lambda name: _power(evidence.signature[spans[name]]))
+    rows = spans[chosen]
+    time, residual = np.asarray(evidence.time[rows]), np.asarray(evidence.residual[rows])
+    signature = np.asarray(evidence.signature[rows])
+    if len(time) < 2:
+        return no_chart(EVIDENCE)
+    name = finding_name(finding)
+    chart = time_chart(
+        EVIDENCE,
+        f"Evidence for {name}, {chosen}",
+        "Nm",
+        time,
+        [
+            ("residual without the effect", COLOURS.residual, residual),
+            ("explained by the effect", COLOURS.model, signature),
+        ],
+        height=height,
+    )
+    before, after = (number(_power(values) ** 0.5, 3) for values in (residual, residual - signature))
+    return replace(
+        chart,
+        x=ChartAxis(f"time in group {chosen}", "s"),
+        y=replace(chart.y, label=f"torque on {evidence.joint}"),
+        series=(chart.series[0], replace(chart.series[1], dash=DASHED)),
+        description=f"Group {chosen}: the residual of {evidence.joint} before the effect was added "
+        f"({before} Nm rms) and what the effect explains of it; {after} Nm rms remain.",
+        playhead=False,
+    )
+
+
+def _power(values: Array) -> float:
+    return float(np.mean(np.square(values))) if len(values) else 0.0
