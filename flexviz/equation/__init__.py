@@ -3,7 +3,7 @@
 from flexviz.equation.chain import Chain
 from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
-from flexviz.equation.residual import Equation, Evaluation
+from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.equation.reversal_nuisance import pulses
 from flexviz.equation.signals import Signals, build_signals, equation_stride
 
@@ -16,6 +16,7 @@ __all__ = [
     "Layout",
     "LinkDynamics",
     "LinkTerms",
+    "OperatingPoint",
     "Signals",
     "build_signals",
     "equation_stride",

@@ -1,8 +1,7 @@
-"""What friction with memory remembers of the time before a record: a few numbers per stretch.
+"""Initial state of friction with memory: a few unknown numbers per stretch.
 
-Where the state begins is unknown, but how much of it is left at each instant is not: r contains columns of
-known course C and unknown size h. For each stretch h is what fits best, so r and its Jacobian are freed of
-them: r − C (CᵀC + λ)⁻¹ Cᵀ r.
+The initial state is unknown, but how it fades is not: r contains known columns C of unknown size h. Per
+stretch, h is the least-squares fit, which is subtracted from r and from its Jacobian: r − C (CᵀC + λ)⁻¹ Cᵀ r.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from flexviz.equation.signals import Signals
 
 Array = NDArray[np.float64]
 
-LEAST = 0.01  # of a column's largest value: what is left of it below that counts for nothing
+NEGLIGIBLE = 0.01  # of a column's largest value
 
 
 @dataclass(frozen=True)
-class Remembered:
-    """The columns of one stretch.
+class InitialStates:
+    """Columns of the unknown initial states of one stretch.
 
     Attributes:
         rows: the stretch's samples.
@@ -37,23 +36,23 @@ class Remembered:
     columns: Array
     solve: Array
 
-    def taken_out(self, r: Array) -> None:
-        """Free residuals (N, n) or Jacobians (N, n, P) of them, in place."""
+    def remove_from(self, r: Array) -> None:
+        """Subtract what the columns explain from residuals (N, n) or Jacobians (N, n, P), in place."""
         part = r[self.rows]
         flat = part.reshape(len(self.columns), -1)
         r[self.rows] = (flat - self.columns @ (self.solve @ flat)).reshape(part.shape)
 
 
-def remembered(
+def initial_states(
     context: EffectContext,
     signals: Signals,
     effects: Sequence[tuple[ChosenEffect, Array]],
     chain: Chain,
-) -> list[Remembered]:
-    """The columns of every stretch that has some.
+) -> list[InitialStates]:
+    """The columns of every stretch that has an unknown initial state.
 
     Args:
-        context: prepared.
+        context: what the laws see.
         signals: the equation's.
         effects: the model's, each with its parameters.
         chain: how changes of s and q move r.
@@ -73,6 +72,6 @@ def remembered(
     out = []
     for index, parts in found.items():
         c = np.stack(parts, axis=1)
-        solve = np.linalg.inv(c.T @ c + LEAST**2 * np.eye(c.shape[1])) @ c.T
-        out.append(Remembered(signals.blocks[index].rows, c, solve))
+        solve = np.linalg.inv(c.T @ c + NEGLIGIBLE**2 * np.eye(c.shape[1])) @ c.T
+        out.append(InitialStates(signals.blocks[index].rows, c, solve))
     return out

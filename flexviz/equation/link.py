@@ -35,6 +35,7 @@ class LinkDynamics:
     """Evaluates Y(q, q̇, q̈) and the derivatives of Y Γ."""
 
     def __init__(self, robot: Robot) -> None:
+        self._robot = robot
         self._model = robot.model.copy()
         self._data = self._model.createData()
         self._order = robot.order
@@ -56,7 +57,7 @@ class LinkDynamics:
             np.empty((count, n, n)),
             np.empty((count, n, n)),
         )
-        q, v, a = (np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a))
+        q, v, a = self._rows(q, v, a)
         model, data = self._model, self._data
         regressor, dq, dv, mass = terms.regressor, terms.dq, terms.dv, terms.mass
         derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
@@ -77,22 +78,35 @@ class LinkDynamics:
     def torque(self, parameters: Array, q: Array, v: Array, a: Array) -> Array:
         """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]."""
         self._set(parameters)
-        rows = [np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a)]
-        out = np.array([pin.rnea(self._model, self._data, *row) for row in zip(*rows, strict=True)])
-        return out if self._sorted else out[:, self._order]
+        model, data = self._model, self._data
+        rows = zip(*self._rows(q, v, a), strict=True)
+        return self._robot.from_pin(np.array([pin.rnea(model, data, *row) for row in rows]))
+
+    def gravity_torque(self, parameters: Array, q: Array, axis: int) -> Array:
+        """Y Γ at rest under an acceleration of 1 m/s² along a base axis, shape (N, n) [Nm]."""
+        self._set(parameters)
+        usual, still = self._model.gravity.linear.copy(), np.zeros(len(self._order))
+        try:
+            self._model.gravity.linear = np.eye(3)[axis]
+            rows = self._rows(q)[0]
+            out = np.array([pin.rnea(self._model, self._data, row, still, still) for row in rows])
+        finally:
+            self._model.gravity.linear = usual
+        return self._robot.from_pin(out)
 
     def regressor(self, q: Array, v: Array, a: Array) -> Array:
         """Y alone, shape (N, n, 10n)."""
         count, n = q.shape
         out = np.empty((count, n, 10 * n))
-        q, v, a = (np.ascontiguousarray(self._to_pin(x)) for x in (q, v, a))
+        q, v, a = self._rows(q, v, a)
         for k in range(count):
             out[k] = pin.computeJointTorqueRegressor(self._model, self._data, q[k], v[k], a[k])
         return out if self._sorted else out[:, self._order][:, :, self._columns]
 
-    def _to_pin(self, x: Array) -> Array:
-        return x if self._sorted else x[:, np.argsort(self._order)]
+    def _rows(self, *levels: Array) -> list[Array]:
+        return [np.ascontiguousarray(self._robot.to_pin(level)) for level in levels]
 
     def _set(self, parameters: Array) -> None:
         for i, row in enumerate(parameters):
-            self._model.inertias[1 + int(self._order[i])] = pin.Inertia.FromDynamicParameters(row)
+            inertia = pin.Inertia.FromDynamicParameters(row) if row[0] else pin.Inertia.Zero()
+            self._model.inertias[1 + int(self._order[i])] = inertia

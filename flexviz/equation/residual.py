@@ -19,15 +19,18 @@ from numpy.typing import NDArray
 from flexviz.effects import EFFECTS, ChosenEffect, Terms
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext, viscous_scale
-from flexviz.equation.initial_state import Remembered, remembered
+from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
+PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
 
-STATE_ROUNDS = 6
+STATE_ITERATIONS = 6  # s depends on what the effects make of s
+STATE_TOLERANCE = 1e-5  # largest change of s, relative to its largest value, that ends them
+MOVED = 1e-3  # relative change of a parameter after which effects look at it anew
 
 
 @dataclass(frozen=True)
@@ -52,71 +55,102 @@ class Evaluation:
 class Equation:
     """r(x) for given signals and effects.
 
-    What an effect's law sees of the identified quantities (s, q, K in its `JointMotion`) stays as it is until
-    `prepare` is called again; the Jacobian is exact for that. So does what friction with memory remembers of
-    the time before a record, which r is freed of (`beginning`).
+    Args:
+        robot: whose rigid-body dynamics count.
+        signals: observer outputs.
+        layout: of the vector x.
+        shared: cache kept by the caller for all equations of the same signals.
     """
 
     def __init__(
         self, robot: Robot, signals: Signals, layout: Layout, shared: dict[object, Any] | None = None
     ) -> None:
-        """`shared` is kept by the caller for all equations of the same signals."""
         self.robot = robot
         self.signals = signals
         self.layout = layout
-        self.context = EffectContext(robot, signals, layout, shared)
-        self._link = LinkDynamics(robot)
-        self._linear: dict[ChosenEffect, Terms] = {}
-        self._prepared: Array | None = None
-        self._remembered: list[Remembered] | None = None
+        self.link = LinkDynamics(robot)
+        self._shared: dict[object, Any] = {} if shared is None else shared
 
     @property
     def has_state(self) -> bool:
         """Whether some effect's law depends on identified quantities."""
         return any(EFFECTS[e.effect].state for e in self.layout.effects)
 
-    def prepare(self, x: Array) -> bool:
-        """Let the effects see the parameters x.
+    def at(self, x: Array, after: OperatingPoint | None = None) -> OperatingPoint:
+        """The equation for effects that see the parameters x, shape (P,).
 
-        Returns:
-            whether something that effects depend on has changed since the last call.
+        Args:
+            x: the parameters.
+            after: an earlier point on the same path. It is returned itself where nothing that effects see has
+                changed since, and is otherwise where the search for s starts.
         """
-        if self._prepared is not None:
-            lay = self.layout
-            seen = slice(lay.compliance.start, lay.size)
-            scale = np.abs(self._prepared[seen]) + np.abs(x[seen]) + 1e-9
-            if not self.has_state or np.max(np.abs(x[seen] - self._prepared[seen]) / scale) < 1e-3:
-                return False
-        first = self._prepared is None
-        self._remembered = None
-        self._forget()
-        self._prepared = x.copy()
-        self.context.refresh(x, self._rigid_or_elastic(x), self.context.last_s)
-        if self.has_state:
-            # s depends on what the effects make of s: a few rounds until it stays
-            before = self.context.last_s
-            for _ in range(STATE_ROUNDS):
-                s, q = self.motor_side(x)
-                self._forget()
-                self.context.refresh(x, q, s[0])
-                if before is not None and np.max(np.abs(s[0] - before)) < 1e-5 * (np.abs(s[0]).max() + 1e-12):
-                    break
-                before = s[0]
-        return not first
+        if after is not None and not (self.has_state and after.left_behind(x)):
+            return after
+        q = self._without_effects(x)
+        if after is None:
+            context = EffectContext(self.link, self.signals, self.layout, self._shared, x, q)
+            point = OperatingPoint(self, x, context, {})
+        else:
+            point = after.seeing(x, q, after.context.s)
+        if not self.has_state:
+            return point
+        before = point.context.s
+        for _ in range(STATE_ITERATIONS):
+            s, q = point.motor_side(x)
+            point = point.seeing(x, q, s[0])
+            change = np.inf if before is None else np.max(np.abs(s[0] - before))
+            if change < STATE_TOLERANCE * (np.abs(s[0]).max() + 1e-12):
+                break
+            before = s[0]
+        return point
 
-    def _forget(self) -> None:
-        self._linear = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
+    def evaluate(self, x: Array) -> Evaluation:
+        """Residual and Jacobian at x (shape (P,)), which effects see, too."""
+        return self.at(x).evaluate(x)
 
-    def _rigid_or_elastic(self, x: Array) -> Array:
-        """q without any effect: a first link side for laws that need one."""
+    def _without_effects(self, x: Array) -> Array:
+        """q without any effect, shape (3, N, n): a first link side for laws that need one."""
         lay, sig = self.layout, self.signals
         s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5] - x[lay.motor_viscous] * sig.theta[1:4]
         return sig.theta[:3] - x[lay.compliance] * s
 
-    def terms(self, x: Array) -> list[tuple[slice, Terms]]:
-        """Every effect's terms at x, with the place of its parameters."""
-        if self._prepared is None:
-            self.prepare(x)
+
+class OperatingPoint:
+    """The equation for effects that see fixed parameters; made by `Equation.at`.
+
+    What an effect's law sees of the identified quantities (s, q, K in its `JointMotion`) is that of `x`, also
+    where the residual is evaluated beside it; the Jacobian is exact for that. What friction with memory
+    remembers of the time before a record, which r is freed of, is fixed by the first evaluation
+    (`initial_state`).
+
+    Attributes:
+        equation: whose residual.
+        x: shape (P,), the parameters that effects see.
+        context: what they see.
+    """
+
+    def __init__(
+        self, equation: Equation, x: Array, context: EffectContext, linear: dict[ChosenEffect, Terms]
+    ) -> None:
+        self.equation, self.context = equation, context
+        self.signals, self.layout = equation.signals, equation.layout
+        self.x = x.copy()
+        self._linear = linear  # of laws that are linear in their parameters: the same at every x
+        self._initial: list[InitialStates] | None = None
+
+    def left_behind(self, x: Array) -> bool:
+        """Whether x is no longer what the effects see."""
+        seen = slice(self.layout.compliance.start, self.layout.size)
+        scale = np.abs(self.x[seen]) + np.abs(x[seen]) + 1e-9
+        return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) >= MOVED)
+
+    def seeing(self, x: Array, q: Array, s: Array | None) -> OperatingPoint:
+        """The point at which effects see x, q (3, N, n) and s (N, n); what does not depend on them is kept."""
+        kept = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
+        return OperatingPoint(self.equation, x, self.context.seeing(x, q, s), kept)
+
+    def terms(self, x: Array) -> PlacedTerms:
+        """Every effect's terms at x."""
         out = []
         for effect, where in self.layout.effect_slices():
             law = EFFECTS[effect.effect]
@@ -125,9 +159,8 @@ class Equation:
                 out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:
-                self._linear[effect] = law.terms(
-                    self.context, effect.place, np.zeros(where.stop - where.start)
-                )
+                nothing = np.zeros(where.stop - where.start)
+                self._linear[effect] = law.terms(self.context, effect.place, nothing)
             unit = self._linear[effect]
             value = np.tensordot(x[where], unit.slopes, axes=1)
             out.append((where, Terms(unit.entry, unit.joints, value, unit.slopes)))
@@ -135,13 +168,12 @@ class Equation:
 
     def _rescaled(self, term: Terms, x: Array) -> Terms:
         """A law that is relative to viscous friction, with that of x."""
-        assert self._prepared is not None
         (joint,) = term.joints
-        seen = viscous_scale(self.layout, self._prepared, joint)[0]
+        seen = viscous_scale(self.layout, self.x, joint)[0]
         ratio = viscous_scale(self.layout, x, joint)[0] / seen
         return replace(term, value=ratio * term.value, slopes=ratio * term.slopes)
 
-    def motor_side(self, x: Array, terms: list[tuple[slice, Terms]] | None = None) -> tuple[Array, Array]:
+    def motor_side(self, x: Array, terms: PlacedTerms | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
         lay, sig = self.layout, self.signals
         terms = self.terms(x) if terms is None else terms
@@ -156,15 +188,10 @@ class Equation:
                 q[:, :, list(term.joints)] += term.value
         return s, q
 
-    def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
-        """Rows and inertial parameters with payload, shape (n, 10), of each block."""
-        inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
-        return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
-
     def link_terms(self, x: Array) -> LinkTerms:
         """The rigid-body terms at x."""
         q = self.motor_side(x)[1]
-        return self._link.evaluate(self._bodies(x), q[0], q[1], q[2])
+        return self.equation.link.evaluate(self._bodies(x), *q)
 
     def residual(self, x: Array) -> Array:
         """r alone at x, shape (N, n) [Nm]: a third of the work where no friction has a memory."""
@@ -174,28 +201,41 @@ class Equation:
         s, q = self.motor_side(x, terms)
         residual = s[0] - x[self.layout.link_viscous] * q[1]
         for rows, parameters in self._bodies(x):
-            residual[rows] -= self._link.torque(parameters, q[0, rows], q[1, rows], q[2, rows])
+            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
         return _without(terms, residual)
 
     def evaluate(self, x: Array) -> Evaluation:
         """Residual and Jacobian at x (shape (P,))."""
-        lay, sig, n = self.layout, self.signals, self.layout.n
+        lay = self.layout
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
         blocks = self._bodies(x)
-        link = self._link.evaluate(blocks, q[0], q[1], q[2])
-
+        link = self.equation.link.evaluate(blocks, *q)
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= link.regressor[rows] @ parameters.ravel()
         residual = _without(terms, residual)
-        jacobian = np.zeros((sig.count, n, lay.size))
-        jacobian[:, :, lay.inertial] = -link.regressor
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
-        for j in range(n):
+        jacobian = self._jacobian(x, terms, chain, s, q, link)
+        if self._initial is None:
+            values = [(effect, x[where]) for effect, where in lay.effect_slices()]
+            self._initial = initial_states(self.context, self.signals, values, chain)
+        for stretch in self._initial:
+            stretch.remove_from(residual)
+            stretch.remove_from(jacobian)
+        return Evaluation(residual, jacobian, s, q, link)
+
+    def _jacobian(
+        self, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array, link: LinkTerms
+    ) -> Array:
+        """∂r/∂x before initial states are removed, shape (N, n, P)."""
+        lay, theta = self.layout, self.signals.theta
+        jacobian = np.zeros((self.signals.count, lay.n, lay.size))
+        jacobian[:, :, lay.inertial] = -link.regressor
+        for j in range(lay.n):
             jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
-            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(sig.theta[2:5, :, j], j)
-            jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(sig.theta[1:4, :, j], j)
+            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:5, :, j], j)
+            jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(theta[1:4, :, j], j)
             jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
         for where, term in terms:
             for p, column in enumerate(range(where.start, where.stop)):
@@ -207,16 +247,15 @@ class Equation:
                 column = chain.column(term.entry, term.joints, term.value / scale)
                 jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
-        if self._remembered is None:
-            values = [(effect, x[where]) for effect, where in lay.effect_slices()]
-            self._remembered = remembered(self.context, sig, values, chain)
-        for stretch in self._remembered:
-            stretch.taken_out(residual)
-            stretch.taken_out(jacobian)
-        return Evaluation(residual, jacobian, s, q, link)
+        return jacobian
+
+    def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
+        """Rows and inertial parameters with payload, shape (n, 10), of each block."""
+        inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
+        return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
 
 
-def _without(terms: list[tuple[slice, Terms]], residual: Array) -> Array:
+def _without(terms: PlacedTerms, residual: Array) -> Array:
     """The residual less what effects subtract from it directly."""
     for _, term in terms:
         if term.entry == "residual":

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.chain import Chain
-from flexviz.equation.residual import Equation
+from flexviz.equation.residual import OperatingPoint
 
 Array = NDArray[np.float64]
 
 SPACING = 0.01  # [s] between pulses
-MOST = 12  # pulses in one stretch: what friction does at a long rest changes slowly
+MAX_PULSES = 12  # in one stretch: what friction does at a long rest changes slowly
 SHARE = 0.15  # of the change of u that is unknown on average between two pulses
 SETTLED = 0.99  # u has reached this share of its full size on either side
 SOURCES = {
@@ -44,9 +44,9 @@ class Pulses:
     columns: Array
 
 
-def pulses(equation: Equation, x: Array, chain: Chain) -> list[Pulses]:
+def pulses(point: OperatingPoint, x: Array, chain: Chain) -> list[Pulses]:
     """The pulses of every stretch that has some, for the rigid-body terms in `chain`."""
-    sig, lay, context = equation.signals, equation.layout, equation.context
+    sig, lay, context = point.signals, point.layout, point.context
     found: dict[int, list[Array]] = {}
     for effect, where in lay.effect_slices():
         law = EFFECTS[effect.effect]
@@ -81,7 +81,7 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     times, sizes = [], []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         first, last = motion.time[a] - SPACING / 2, motion.time[min(b, len(size)) - 1] + SPACING / 2
-        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MOST)
+        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MAX_PULSES)
         grid = np.linspace(first, last, count)
         inside = (grid > motion.time[0]) & (grid < motion.time[-1])
         times.append(grid[inside])

@@ -1,4 +1,4 @@
-"""Standard errors that know the residual's colour.
+"""Standard errors that account for the residual's colour.
 
 The residual is filtered noise (and model error): its samples are correlated in time and between joints, so
 the textbook covariance σ²(JᵀJ)⁻¹ is wrong, here by up to a factor of twelve. The sandwich A⁻¹ (Jᵀ T J) A⁻¹
@@ -9,15 +9,57 @@ spectrum.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import fft
+from flexviz.estimation.linear_algebra import scaled_inverse
 
 Array = NDArray[np.float64]
 
 SMOOTHING = 24  # spectral bins are averaged over a 1/24 of the band
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Uncertainty of the parameters.
+
+    Attributes:
+        matrix: shape (P, P); zero for parameters at a bound.
+        prior_share: shape (P,), share of the prior in each variance, 0 … 1.
+    """
+
+    matrix: Array
+    prior_share: Array
+
+    @property
+    def standard_errors(self) -> Array:
+        """Of every parameter, shape (P,)."""
+        return np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
+
+
+def sandwich(
+    information: Array, score: Array, prior: Array, at_bound: NDArray[np.bool_] | None = None
+) -> Covariance:
+    """Sandwich covariance with the prior's own uncertainty.
+
+    Args:
+        information: shape (P, P), JᵀJ of the weighted Jacobian.
+        score: shape (P, P), covariance of the score, Jᵀ T J.
+        prior: shape (P, P), Hessian of the prior.
+        at_bound: shape (P,), parameters held at a bound; none where None.
+    """
+    size = len(information)
+    free = np.ones(size, bool) if at_bound is None else ~at_bound
+    index = np.ix_(free, free)
+    inverse = scaled_inverse(information[index] + prior[index])
+    from_prior = inverse @ prior[index] @ inverse
+    matrix, share = np.zeros((size, size)), np.ones(size)
+    matrix[index] = inverse @ score[index] @ inverse + from_prior
+    share[free] = np.diag(from_prior) / np.maximum(np.diag(matrix)[free], 1e-300)
+    return Covariance(matrix, share)
 
 
 def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
@@ -36,8 +78,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     length = fft.next_fast_len(2 * longest, real=True)
     spectrum = cross_spectrum(residual, rows, length)
     total = np.zeros((size, size))
-    count = length // 2 + 1
-    share = np.full(count, 2.0)  # a real signal's spectrum is counted twice but for its ends
+    share = np.full(length // 2 + 1, 2.0)  # a real signal's spectrum counts twice but for its ends
     share[0] = 1.0
     if length % 2 == 0:
         share[-1] = 1.0
@@ -77,24 +118,3 @@ def cross_spectrum(residual: Array, rows: Sequence[slice], length: int) -> Array
         for j in range(n):
             out[:, i, j] = np.convolve(padded[:, i, j], kernel, mode="valid")
     return out
-
-
-def covariance(information: Array, colour: Array, prior: Array) -> tuple[Array, Array]:
-    """Sandwich covariance with the prior's own uncertainty, and the share of the prior in each variance.
-
-    Args:
-        information: shape (P, P), JᵀJ of the weighted Jacobian.
-        colour: shape (P, P), Jᵀ T J.
-        prior: shape (P, P), Hessian of the prior.
-
-    Returns:
-        covariance, shape (P, P), and the prior's share of each diagonal entry, shape (P,), 0 … 1.
-    """
-    matrix = information + prior
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True)
-    inverse = inverse * scale[:, None] * scale
-    from_data = inverse @ colour @ inverse
-    from_prior = inverse @ prior @ inverse
-    total = from_data + from_prior
-    return total, np.diag(from_prior) / np.maximum(np.diag(total), 1e-300)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Equation
+from flexviz.equation import OperatingPoint
 from flexviz.estimation.projection import Projection, Weigh
 from flexviz.estimation.scoring import Scored
 
@@ -22,7 +22,7 @@ SHORTEST = 0.2  # [s]
 
 
 def best_intervals(
-    equation: Equation,
+    point: OperatingPoint,
     joint: int,
     weigh: Weigh,
     projection: Projection,
@@ -33,7 +33,7 @@ def best_intervals(
     """The interval of every stretch in which a torque on a joint explains most, the best stretch first.
 
     Args:
-        equation: prepared at the present parameters.
+        point: at the present parameters.
         joint: index in the set's joint order.
         weigh: weights columns as the projection's residual.
         projection: takes out what the model can do by itself.
@@ -41,7 +41,7 @@ def best_intervals(
         longest: share of the stretch that an episode may fill.
     """
     episodes = [name for name, effect in EFFECTS.items() if effect.scope == "episode"]
-    sig, n = equation.signals, equation.layout.n
+    sig, n = point.signals, point.layout.n
     out = []
     for index, block in enumerate(sig.blocks):
         name = sig.groups[block.group].name
@@ -52,7 +52,7 @@ def best_intervals(
         instants = np.arange(time.min(), time.max(), max(CLOSEST, length / INSTANTS))
         # T on the link side: r gains the filtered step
         columns = np.zeros((len(time), n, len(instants)))
-        columns[:, joint] = equation.context.steps_block(index, instants, joint).T
+        columns[:, joint] = point.context.steps_block(index, instants, joint).T
         weighed = weigh(columns, index)
         rows = slice(block.rows.start * n, block.rows.stop * n)
         gram, along = projection.normal(weighed, rows)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Equation, Evaluation
+from flexviz.equation import Equation, Evaluation, OperatingPoint
+from flexviz.estimation.bounds import Bounds, bounded_step
 from flexviz.estimation.prior import Prior
 
 Array = NDArray[np.float64]
@@ -20,23 +21,13 @@ class Stopped(Exception):
     """Raised inside the solver when the user stops it; the solver returns what it has."""
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """Limits of each parameter, shape (P,) each."""
-
-    lower: Array
-    upper: Array
-
-    def clip(self, x: Array) -> Array:
-        return np.clip(x, self.lower, self.upper)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solution:
     """Where the solver ended.
 
     Attributes:
         x: shape (P,).
+        point: what the effects see there.
         evaluation: the equation at x.
         weights: shape (N, n), 1/σ of each sample and joint [1/Nm].
         converged: the last step was negligible.
@@ -45,6 +36,7 @@ class Solution:
     """
 
     x: Array
+    point: OperatingPoint
     evaluation: Evaluation
     weights: Array
     converged: bool
@@ -58,6 +50,7 @@ def gauss_newton(
     bounds: Bounds,
     x: Array,
     *,
+    after: OperatingPoint | None = None,
     mask: NDArray[np.bool_] | None = None,
     reweightings: int = 3,
     max_iterations: int = 60,
@@ -73,6 +66,7 @@ def gauss_newton(
         prior: of the parameters.
         bounds: of the parameters.
         x: start, feasible.
+        after: where an earlier fit of the same equation was.
         mask: shape (N, n), samples to use; all where None.
         reweightings: how often σ is estimated; more often where columns follow the stiffness.
         max_iterations: over all reweightings.
@@ -82,44 +76,74 @@ def gauss_newton(
     Returns:
         the solution; `converged` is False when the iterations ran out or the user stopped it.
     """
-    used = np.ones(equation.signals.tau.shape[1:], bool) if mask is None else mask
-    equation.prepare(x)
-    now = equation.evaluate(x)
-    at_bound = np.zeros(len(x), bool)
-    iterations = 0
-    weights = _weights(now.residual, used, equation)
-    cost = _cost(now, weights, prior, x)
+    descent = _Descent(equation, prior, bounds, x, after, mask, report, tolerance)
+    left = max_iterations
     converged = False
     try:
-        report(x, cost, np.inf)
+        report(x, descent.cost, np.inf)
         for _ in range(reweightings + (5 if equation.has_state else 0)):
             converged = False
-            while iterations < max_iterations:
-                iterations += 1
-                gradient, hessian = normal_equations(now, weights, prior, x)
-                step, at_bound = bounded_step(gradient, hessian, x, bounds)
-                length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-                if length < tolerance:
-                    converged = True
-                    break
-                accepted = _line_search(equation, weights, prior, bounds, x, step, cost)
-                if accepted is None:
-                    converged = length < 1.0  # nothing better within a tenth of a standard deviation or so
-                    break
-                x, now, cost = accepted
-                report(x, cost, length)
-            changed = equation.prepare(x)
-            if changed:
-                now = equation.evaluate(x)
-            new = _weights(now.residual, used, equation)
-            settled = converged and not changed and np.allclose(new[new > 0], weights[new > 0], rtol=0.02)
-            weights = new
-            cost = _cost(now, weights, prior, x)
-            if settled:
+            left, converged = descent.run(left)
+            if descent.reweight() and converged:
                 break
     except Stopped:
         converged = False
-    return Solution(x, now, weights, converged, at_bound, cost)
+    now = descent
+    return Solution(now.x, now.point, now.evaluation, now.weights, converged, now.at_bound, now.cost)
+
+
+class _Descent:
+    """One fit: steps at fixed weights, then new weights."""
+
+    def __init__(
+        self,
+        equation: Equation,
+        prior: Prior,
+        bounds: Bounds,
+        x: Array,
+        after: OperatingPoint | None,
+        mask: NDArray[np.bool_] | None,
+        report: Callable[[Array, float, float], None],
+        tolerance: float,
+    ) -> None:
+        self.equation, self.prior, self.bounds, self.x = equation, prior, bounds, x
+        self.used = np.ones(equation.signals.tau.shape[1:], bool) if mask is None else mask
+        self.report, self.tolerance = report, tolerance
+        self.point = equation.at(x, after)
+        self.evaluation = self.point.evaluate(x)
+        self.at_bound = np.zeros(len(x), bool)
+        self.weights = _weights(self.evaluation.residual, self.used, equation)
+        self.cost = weighted_cost(self.evaluation, self.weights, prior, x)
+
+    def run(self, iterations: int) -> tuple[int, bool]:
+        """Steps at fixed weights: how many iterations are left, and whether the last step was negligible."""
+        while iterations > 0:
+            iterations -= 1
+            gradient, hessian = normal_equations(self.evaluation, self.weights, self.prior, self.x)
+            step, self.at_bound = bounded_step(gradient, hessian, self.x, self.bounds)
+            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
+            if length < self.tolerance:
+                return iterations, True
+            accepted = line_search(
+                self.point, self.weights, self.prior, self.bounds, self.x, step, self.cost
+            )
+            if accepted is None:
+                # nothing better within a tenth of a standard deviation or so
+                return iterations, length < 1.0
+            self.x, self.evaluation, self.cost = accepted
+            self.report(self.x, self.cost, length)
+        return iterations, False
+
+    def reweight(self) -> bool:
+        """Estimate the weights anew; whether neither they nor what the effects see have changed."""
+        point = self.equation.at(self.x, self.point)
+        changed = point is not self.point
+        if changed:
+            self.point, self.evaluation = point, point.evaluate(self.x)
+        old, self.weights = self.weights, _weights(self.evaluation.residual, self.used, self.equation)
+        self.cost = weighted_cost(self.evaluation, self.weights, self.prior, self.x)
+        used = self.weights > 0
+        return not changed and np.allclose(self.weights[used], old[used], rtol=0.02)
 
 
 def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> tuple[Array, Array]:
@@ -131,34 +155,6 @@ def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) ->
     return gradient + scaled.T @ residual, hessian + scaled.T @ scaled
 
 
-def bounded_step(
-    gradient: Array, hessian: Array, x: Array, bounds: Bounds
-) -> tuple[Array, NDArray[np.bool_]]:
-    """The Gauss–Newton step with parameters that would cross a bound put onto it; and which those are."""
-    fixed = np.zeros(len(x), bool)
-    step = np.zeros(len(x))
-    for _ in range(len(x)):
-        free = ~fixed
-        right = -gradient[free] - hessian[np.ix_(free, fixed)] @ step[fixed]
-        step[free] = _solve(hessian[np.ix_(free, free)], right)
-        crossing = free & ((x + step < bounds.lower) | (x + step > bounds.upper))
-        if not crossing.any():
-            break
-        step[crossing] = bounds.clip(x + step)[crossing] - x[crossing]
-        fixed |= crossing
-    return step, fixed
-
-
-def _solve(matrix: Array, right: Array) -> Array:
-    """Solve with the diagonal scaled to one: the parameters' units differ by many orders."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * scale[:, None] * scale
-    try:
-        return scale * np.linalg.solve(scaled, scale * right)
-    except np.linalg.LinAlgError:
-        return scale * np.linalg.lstsq(scaled, scale * right, rcond=1e-12)[0]
-
-
 def _weights(residual: Array, used: NDArray[np.bool_], equation: Equation) -> Array:
     floor = 1e-9 * np.sqrt(np.mean(equation.signals.tau[0] ** 2, axis=0)) + 1e-12
     count = np.maximum(used.sum(axis=0), 1)
@@ -166,15 +162,15 @@ def _weights(residual: Array, used: NDArray[np.bool_], equation: Equation) -> Ar
     return used / np.maximum(sigma, floor)
 
 
-def _cost(now: Evaluation, weights: Array, prior: Prior, x: Array) -> float:
+def weighted_cost(now: Evaluation, weights: Array, prior: Prior, x: Array) -> float:
     return 0.5 * float(((now.residual * weights) ** 2).sum()) + prior.value(x)
 
 
-def _line_search(
-    equation: Equation, weights: Array, prior: Prior, bounds: Bounds, x: Array, step: Array, cost: float
+def line_search(
+    point: OperatingPoint, weights: Array, prior: Prior, bounds: Bounds, x: Array, step: Array, cost: float
 ) -> tuple[Array, Evaluation, float] | None:
     """The first of x + step, x + step/2, … that lowers the cost; None when none does."""
-    compliance = equation.layout.compliance
+    compliance = point.layout.compliance
     length = 1.0
     for _ in range(MAX_HALVINGS):
         trial = bounds.clip(x + length * step)
@@ -182,8 +178,8 @@ def _line_search(
         # not exactly
         trial[compliance] = np.maximum(trial[compliance], 0.1 * x[compliance])
         if prior.feasible(trial):
-            now = equation.evaluate(trial)
-            trial_cost = _cost(now, weights, prior, trial)
+            now = point.evaluate(trial)
+            trial_cost = weighted_cost(now, weights, prior, trial)
             if np.isfinite(trial_cost) and trial_cost < cost:
                 return trial, now, trial_cost
         length *= 0.5

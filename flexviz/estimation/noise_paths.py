@@ -147,6 +147,39 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     return out
 
 
+def noise_density(
+    paths: Sequence[NoisePath],
+    noise: tuple[Array, Array],
+    transfer: Transfer,
+    step: float,
+    hertz: Array,
+) -> Array:
+    """One-sided spectral density that white measurement noise leaves in the residual.
+
+    The noise's way through the equation is known in closed form, so the floor is computed, not drawn from one
+    more noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
+    that their mean products weigh each frequency.
+
+    Args:
+        paths: of the noise into the residual.
+        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
+        transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
+        step: of the raw samples [s].
+        hertz: shape (F,).
+
+    Returns:
+        shape (F, n) [Nm²/Hz].
+    """
+    omega: Array = 2 * np.pi * hertz
+    total = np.zeros((len(hertz), len(noise[0])))
+    for path in paths:
+        products = np.einsum("jtim,ktim,m->jki", path.matrices, path.matrices, path.variance(noise))
+        products /= path.matrices.shape[1]
+        gain = np.array(path.gains(transfer, omega))
+        total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
+    return 2 * step * total
+
+
 def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
     """(sensor, joints) whose noise goes the same way: all plain joints together, each damped one alone."""
     plain = np.flatnonzero(lag == 0.0)

@@ -11,10 +11,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.estimation.linear_algebra import scaled_inverse
+
 Array = NDArray[np.float64]
 Weigh = Callable[[Array, int], Array]  # columns (N_block, n, C) of a stretch, its index → (N_block·n, C)
 
-ALIVE = 1e-10  # of a signature's squared length must be left, or it is the model's own
+LEAST_LEFT = 1e-10  # share of a signature's squared length; below it the model's own parameters do the same
 
 
 class Projection:
@@ -28,9 +30,7 @@ class Projection:
 
     def __init__(self, residual: Array, instruments: Array, hessian: Array) -> None:
         self.residual, self.instruments = residual, instruments
-        scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        inverse = np.linalg.pinv(hessian * scale[:, None] * scale, rcond=1e-13, hermitian=True)
-        self._inverse = scale[:, None] * inverse * scale
+        self._inverse = scaled_inverse(hessian, rcond=1e-13)
         self._gram = instruments.T @ instruments
         self._along = instruments.T @ residual
 
@@ -49,7 +49,7 @@ class Projection:
         gram += share.T @ (self._gram @ share) - 2 * (inside.T @ share)
         along = columns.T @ self.residual[rows] - share.T @ self._along
         gram = 0.5 * (gram + gram.T)
-        dead = np.diag(gram) <= ALIVE * full
+        dead = np.diag(gram) <= LEAST_LEFT * full
         gram[dead] = gram[:, dead] = along[dead] = 0.0
         return gram, along
 

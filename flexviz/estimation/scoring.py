@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.equation import Chain, Equation
+from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation.projection import Projection, Weigh
 
 Array = NDArray[np.float64]
@@ -42,12 +42,12 @@ class Scored:
 
 
 def score(
-    equation: Equation, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
+    point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
 ) -> list[Scored]:
     """The best guess of every effect.
 
     Args:
-        equation: prepared at the present parameters; its stretches are those of `weigh`.
+        point: at the present parameters; its stretches are those of `weigh`.
         chain: how changes of s and q move r there.
         wanted: the effects to try.
         weigh: weights columns as the projection's residual.
@@ -59,7 +59,7 @@ def score(
     guesses = [
         (effect, guess)
         for effect in wanted
-        for guess in EFFECTS[effect.effect].guesses(equation.context, effect.place)
+        for guess in EFFECTS[effect.effect].guesses(point.context, effect.place)
     ]
     best: dict[ChosenEffect, Scored] = {}
     start = 0
@@ -74,7 +74,7 @@ def score(
             axis=2,
         )
         weighed = np.concatenate(
-            [weigh(columns[b.rows], k) for k, b in enumerate(equation.signals.blocks)], axis=0
+            [weigh(columns[b.rows], k) for k, b in enumerate(point.signals.blocks)], axis=0
         )
         gram, along = projection.normal(weighed)
         at = 0

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
-from flexviz.equation import Equation, Layout, LinkDynamics, Signals
-from flexviz.estimation.least_squares import Bounds
+from flexviz.equation import Equation, Layout, LinkDynamics, OperatingPoint, Signals
+from flexviz.estimation.bounds import Bounds
+from flexviz.estimation.linear_algebra import scaled_solve
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.measurements import MeasurementSet
 
@@ -32,12 +33,14 @@ class Start:
         prior: around it.
         bounds: of the parameters.
         rigid_rms: shape (n,), residual of the rigid least-squares fit [Nm].
+        point: what the effects saw of the rigid robot; None where they were not looked at.
     """
 
     x: Array
     prior: Prior
     bounds: Bounds
     rigid_rms: Array
+    point: OperatingPoint | None = None
 
 
 def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
@@ -51,7 +54,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     cad = physically_consistent(robot.cad_parameters)
     rigid = np.zeros(lay.size)
     rigid[lay.compliance] = 1e-12  # the link moves like the motor
-    equation.prepare(rigid)
+    point = equation.at(rigid)
     regressor = LinkDynamics(robot).regressor(sig.theta[0], sig.theta[1], sig.theta[2])
     torque = sig.tau[0].copy()
     for block in sig.blocks:
@@ -66,7 +69,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
         shifted = slice(where.start - 2 * n, where.stop - 2 * n)
         law = EFFECTS[effect.effect]
         if law.linear and law.entry != "deflection":
-            unit = law.terms(equation.context, effect.place, np.zeros(where.stop - where.start))
+            unit = law.terms(point.context, effect.place, np.zeros(where.stop - where.start))
             for m, joint in enumerate(unit.joints):
                 columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
@@ -94,7 +97,8 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     x[lay.motor_inertia] = motor_inertia
     x[lay.link_viscous] = x[lay.motor_viscous] = np.maximum(viscous, 0.0) / 2
     x[lay.effect_start :] = solution[12 * n :]
-    return _assembled(lay, sig, x, cad, np.sqrt(np.mean(residual**2, axis=0)))
+    start = _assembled(lay, sig, x, cad, np.sqrt(np.mean(residual**2, axis=0)))
+    return replace(start, point=point)
 
 
 def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
@@ -146,8 +150,7 @@ def _rigid_fit(
         a = weighted[:, free]
         matrix = a.T @ a + np.diag(precision[free])
         right = a.T @ target + precision[free] * (centre - x)[free]
-        d = 1 / np.sqrt(np.diag(matrix))
-        x[free] += d * np.linalg.solve(matrix * d[:, None] * d, d * right)
+        x[free] += scaled_solve(matrix, right)
         residual = torque - columns @ x
         sigma = np.sqrt(np.mean(residual**2, axis=0)) + 1e-9 * (1 + sigma)
     return x, residual

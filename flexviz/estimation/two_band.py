@@ -1,17 +1,29 @@
-"""The data of the two_band: the equation's signals in two bands, and the noise's way through it."""
+"""Two-band data: the residual from a wide filter, the instruments from a narrow one, and their noise."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Chain, Equation, Evaluation, Layout, LinkTerms, Signals, build_signals, pulses
+from flexviz.equation import (
+    Chain,
+    Equation,
+    Evaluation,
+    Layout,
+    LinkTerms,
+    OperatingPoint,
+    Signals,
+    build_signals,
+    pulses,
+)
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.noise_paths import instrument_paths, noise_paths, time_constants
+from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingScheme
+from flexviz.estimation.noise_paths import NoisePath, instrument_paths, noise_paths, time_constants
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import (
     Whitener,
@@ -28,27 +40,50 @@ from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]
 
-WIDE_HERTZ = 14.0
 NARROW_HERTZ = 6.0
 SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the sampling theorem's least rate
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
-ORDER = {1: 40, 2: 32, 3: 24}  # samples before each that predict it; fewer for robots with more joints
-LONG_ORDER = 14
-FEW = 60  # samples that tell the size of the noise
+NOISE_SAMPLES = 60  # samples that show the size of the noise
+
+
+@dataclass(frozen=True, eq=False)
+class BandEvaluation:
+    """Both bands' equations at x.
+
+    Attributes:
+        x: shape (P,).
+        wide_point, narrow_point: what the effects see in either band.
+        residual: shape (N, n), of the wide band [Nm].
+        narrow: the narrow band's equation.
+    """
+
+    x: Array
+    wide_point: OperatingPoint
+    narrow_point: OperatingPoint
+    residual: Array
+    narrow: Evaluation
 
 
 class TwoBandData:
-    """Signals in two bands, and the noise's way through the equation."""
+    """Signals in two bands and the noise's paths through them.
+
+    Attributes:
+        layout: of the model.
+        wide, narrow: the equation in either band.
+        blocks: stretches of samples.
+        noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
+        noise_model: how it weighs the data.
+    """
 
     def __init__(
         self,
         measurements: MeasurementSet,
         groups: Sequence[Group],
         layout: Layout,
-        wide_hertz: float = WIDE_HERTZ,
+        scheme: WeightingScheme = REFINING,
     ) -> None:
         raw = max(s.step for g in groups for s in g.segments)
-        wide_hertz = min(wide_hertz, 0.45 / (FlatZeroPhase.ratio * raw))
+        wide_hertz = min(scheme.hertz, 0.45 / (FlatZeroPhase.ratio * raw))
         wide = FlatZeroPhase(2 * np.pi * wide_hertz)
         narrow = FlatZeroPhase(2 * np.pi * min(NARROW_HERTZ, wide_hertz))
         edge = EDGE * WIDE_HERTZ / wide_hertz
@@ -63,11 +98,10 @@ class TwoBandData:
         self.robot = measurements.robot
         self.blocks = wide_signals.blocks
         self.noise = segments_noise([b.segment for b in self.blocks])
+        self.noise_model = scheme.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
         self._set(layout)
-        self.order, self.every, self.ridge = ORDER.get(layout.n, LONG_ORDER), 1, 0.0
-        self.tolerance = np.zeros(layout.n)  # [Nm²] white model error a sample, beside the measurement noise
 
     def _set(self, layout: Layout) -> None:
         self.layout = layout
@@ -81,25 +115,59 @@ class TwoBandData:
         other._set(layout)
         return other
 
+    def with_model_error(self, variance: Array) -> TwoBandData:
+        """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""
+        other = copy(self)
+        other.noise_model = self.noise_model.with_model_error(variance)
+        return other
+
+    def evaluate(self, x: Array, after: BandEvaluation | None = None) -> BandEvaluation:
+        """Both equations at x, shape (P,); `after` is where a fit was before."""
+        wide = self.wide.at(x, None if after is None else after.wide_point)
+        narrow = self.narrow.at(x, None if after is None else after.narrow_point)
+        return BandEvaluation(x, wide, narrow, wide.residual(x), narrow.evaluate(x))
+
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
-        """One whitener a block, at the parameters x and the narrow band's rigid-body terms."""
-        paths = noise_paths(self.layout, x, link)
-        kernels: dict[tuple[float, float], list[Array]] = {}
+        """One whitener per block, at the parameters x and the narrow band's rigid-body terms."""
+        model, paths = self.noise_model, noise_paths(self.layout, x, link)
         out = []
-        for block in self.blocks:
-            raw = block.segment.step
-            key = (raw * block.stride, raw)
-            if key not in kernels:
-                observer = self.wide.signals.observer
-                kernels[key] = [noise_kernel(observer, *key, path, self.order) for path in paths]
-            cov = paths_covariance(paths, kernels[key], self.noise, block.rows)
+        for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
+            cov = paths_covariance(paths, kernels, self.noise, block.rows)
             size = np.trace(cov[0].mean(axis=0)) / self.layout.n
-            cov[0] += np.diag(1e-9 * size + self.tolerance)
-            out.append(whitener(cov, self.every, self.ridge))
+            cov[0] += np.diag(1e-9 * size + model.model_error)
+            out.append(whitener(cov, model.every, model.ridge))
         return out
 
+    def joint_whiteners(self, paths: Sequence[NoisePath]) -> list[list[Whitener]]:
+        """For every block one whitener per joint, of that joint's residual alone.
+
+        The fit's weighting also predicts one joint's noise from the others', which is right for estimating;
+        but with it a torque that is missing on one joint shows on every joint that comes after it. The model
+        error is left out: what it stands for is what is looked for.
+        """
+        out: list[list[Whitener]] = []
+        for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
+            parts = [
+                _own_covariance(path.matrices[:, block.rows], kernel, path.variance(self.noise))
+                for path, kernel in zip(paths, kernels, strict=True)
+            ]
+            cov = np.sum(parts, axis=0)
+            cov[0] *= 1 + 1e-9
+            joints = range(self.layout.n)
+            out.append([whitener(cov[:, :, j, None, None], self.noise_model.every) for j in joints])
+        return out
+
+    def _kernels(self, paths: Sequence[NoisePath]) -> list[list[Array]]:
+        """One kernel per path, for every block; blocks with the same steps share them."""
+        observer, made = self.wide.signals.observer, {}
+        keys = [(b.segment.step * b.stride, b.segment.step) for b in self.blocks]
+        for key in keys:
+            if key not in made:
+                made[key] = [noise_kernel(observer, *key, path, self.noise_model.order) for path in paths]
+        return [made[key] for key in keys]
+
     def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
-        """Mean of (W z)ᵀ W r a sample from the noise that both contain, shape (P,), one a block."""
+        """Mean of (W z)ᵀ W r per sample from the noise that both contain, shape (P,), one per block."""
         paths = {(w.sensor, j): w for w in noise_paths(self.layout, x, link) for j in w.joints}
         observers = self.narrow.signals.observer, self.wide.signals.observer
         out = [np.zeros(self.layout.size) for _ in self.blocks]
@@ -119,7 +187,7 @@ class TwoBandData:
 
     def noise_level(self, x: Array, link: LinkTerms) -> Array:
         """Mean variance that the measurement noise leaves in the residual, from a few samples, shape (n,)."""
-        few = slice(None, None, max(1, self.wide.signals.count // FEW))
+        few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
         part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
         variance = np.zeros(self.layout.n)
@@ -133,7 +201,7 @@ class TwoBandData:
             variance += np.einsum(
                 "dtim,de,etim,m->i", path.matrices, kernel, path.matrices, path.variance(self.noise)
             )
-        return variance / len(part.mass) + self.tolerance
+        return variance / len(part.mass) + self.noise_model.model_error
 
     def noise_shape(self, x: Array, link: LinkTerms) -> Array:
         """What the whiteners depend on, dimensionless, shape (2n,): logs of the variances, time constants."""
@@ -141,23 +209,27 @@ class TwoBandData:
         level = np.log(self.noise_level(x, link))
         return np.concatenate((level, band * time_constants(self.layout, x)))
 
-    def weightings(self, x: Array, narrow: Evaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
-        """One weighting a block: the whitener, and what is not known of the effects' reversals at x."""
-        out = [NoiseWeighting(w) for w in whiteners]
-        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], narrow.link)
-        for unknown in pulses(self.wide, x, chain):
+    def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
+        """One weighting per block: the whitener and the unknown course of the effects' reversals."""
+        x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
+        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], evaluation.narrow.link)
+        for unknown in pulses(evaluation.wide_point, x, chain):
             out[unknown.block] = out[unknown.block].with_unknown(unknown.columns)
         return out
 
-    def noise_score_covariance(self, x: Array, z: Array, weightings: list[NoiseWeighting]) -> Array:
+    def noise_score_covariance(
+        self, x: Array, link: LinkTerms, z: Array, weightings: list[NoiseWeighting]
+    ) -> Array:
         """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
 
         Args:
             x: shape (P,).
+            link: the narrow band's rigid-body terms there.
             z: shape (N, n, P), whitened instruments; zero where samples are not used.
-            weightings: one a block.
+            weightings: one per block.
         """
-        paths = noise_paths(self.layout, x, self.narrow.link_terms(x))
+        paths = noise_paths(self.layout, x, link)
+        deviation = np.sqrt(self.noise_model.model_error)
         total = np.zeros((self.layout.size, self.layout.size))
         for block, weighting in zip(self.blocks, weightings, strict=True):
             rows, raw = block.rows, block.segment.step
@@ -166,11 +238,22 @@ class TwoBandData:
             for path in paths:
                 variance, here = path.variance(self.noise), path.rows(rows)
                 total += noise_score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
-            scaled = (weights * np.sqrt(self.tolerance)[:, None]).reshape(-1, self.layout.size)
+            scaled = (weights * deviation[:, None]).reshape(-1, self.layout.size)
             total += scaled.T @ scaled
             unknown = weighting.unknown_share(z[rows])
             total += unknown @ unknown.T
         return total
+
+
+def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
+    """Cov(r_jt, r_j,t−k) of every joint with itself from one noise source, shape (p + 1, N, n)."""
+    count = sensitivity.shape[1]
+    out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
+    weighted = sensitivity * variance
+    for k, rho in enumerate(kernel[:count]):
+        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))
+        out[k, k:] = np.einsum("dtim,dtim->ti", weighted[:, k:], earlier)
+    return out
 
 
 def residual_noise(

@@ -153,8 +153,7 @@ def _identify(
             )
         except Stopped:
             pass
-        equation.prepare(x)
-        evaluation = equation.evaluate(x)
+        evaluation = equation.at(x, solution.point).evaluate(x)
     if report.stopped:
         converged, message = False, "stopped; the values are those of the last step"
 
@@ -240,9 +239,9 @@ def _plain_fit(
         if near is None and needs_search(layout):
             near = start.bounds.clip(searched_start(measurements, equation))
         options = {"report": report, "max_iterations": max_iterations}
-        solution = gauss_newton(
-            equation, start.prior, start.bounds, start.x if near is None else near, **options
-        )
+        begin = start.x if near is None else near
+        solution = gauss_newton(equation, start.prior, start.bounds, begin, after=start.point, **options)
+        point = solution.point
         for factor in STIFFNESS_FACTORS:
             if solution.converged or report.stopped:
                 break
@@ -251,7 +250,8 @@ def _plain_fit(
                 x[layout.effect_start :] = near[layout.effect_start :]
             x[layout.compliance] /= factor
             report.stage = f"fit from {factor:g} times the stiffness"
-            other = gauss_newton(equation, start.prior, start.bounds, x, **options)
+            other = gauss_newton(equation, start.prior, start.bounds, x, after=point, **options)
+            point = other.point
             if other.converged or other.evaluation.residual.var() < solution.evaluation.residual.var():
                 solution = other
         return observer, equation, start, solution
@@ -322,7 +322,6 @@ def _residuals(
     rms_validation = None
     if validation:
         held_out = Equation(measurements.robot, build_signals(measurements, validation, observer), layout)
-        held_out.prepare(x)
         result = held_out.evaluate(x)
         series |= _series(held_out, result)
         rms_validation = _rms(result.residual)

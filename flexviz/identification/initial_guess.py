@@ -29,25 +29,27 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
     simple = Layout(layout.joints, tuple(e for e in layout.effects if EFFECTS[e.effect].linear))
     inner = Equation(measurements.robot, equation.signals, simple)
     start = start_values(measurements, inner)
-    solution = gauss_newton(inner, start.prior, start.bounds, start.x, reweightings=2, max_iterations=25)
+    solution = gauss_newton(
+        inner, start.prior, start.bounds, start.x, after=start.point, reweightings=2, max_iterations=25
+    )
     x, evaluation = solution.x, solution.evaluation
-    inner = Equation(measurements.robot, equation.signals, simple)  # the laws are to see x, not the start
-    inner.prepare(x)
+    # a new equation: the laws see x in bands that suit it, not the start
+    point = Equation(measurements.robot, equation.signals, simple).at(x)
     weights = solution.weights[:, :, None]
     instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)
     hessian = instruments.T @ instruments + start.prior.gradient_and_hessian(x)[1]
 
     def weigh(columns: Array, block: int) -> Array:
-        return (columns * weights[inner.signals.blocks[block].rows]).reshape(-1, columns.shape[2])
+        return (columns * weights[point.signals.blocks[block].rows]).reshape(-1, columns.shape[2])
 
     wanted = [e for e in layout.effects if not EFFECTS[e.effect].linear]
     residual = (evaluation.residual * solution.weights).ravel()
     projection = Projection(residual, instruments, hessian)
     chain = Chain(x[simple.compliance], x[simple.link_viscous], evaluation.link)
-    found = {s.effect: s.values for s in score(inner, chain, wanted, weigh, projection)}
+    found = {s.effect: s.values for s in score(point, chain, wanted, weigh, projection)}
     for effect in wanted:
         if effect.joint is not None and effect.group is not None:
-            best = best_intervals(inner, effect.joint, weigh, projection, group=effect.group)
+            best = best_intervals(point, effect.joint, weigh, projection, group=effect.group)
             if best:
                 found[effect] = best[0].values
     out = layout.vector(simple.model(x))

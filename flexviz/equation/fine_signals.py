@@ -1,0 +1,122 @@
+"""Wide-band motion on a fine grid: what effects' laws are evaluated on before they are filtered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation.signals import Block, Signals
+from flexviz.noise import segments_noise
+from flexviz.observers import ButterworthZeroPhase
+
+Array = NDArray[np.float64]
+
+FINE_STEP = 2e-3  # [s] the effects' laws are evaluated at least this often
+# the velocity whose sign friction follows: wide enough for sharp reversals, narrow enough for little noise
+SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
+SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
+TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
+LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
+BAND_STEP = 1.05  # bands within this factor are the same to signals that models share
+
+
+@dataclass(frozen=True)
+class FineSignals:
+    """Wide-band signals of one stretch.
+
+    Attributes:
+        time: shape (N_fine,) [s].
+        step: between samples [s].
+        position, velocity: shape (N_fine, n), motor side [rad], [rad/s].
+        theta: shape (4, N_fine, n), in the torque's band: what s and ṡ need [rad/s^k].
+        tau: shape (2, N_fine, n) [Nm/s^k].
+        torque_hertz: shape (n,), that band.
+    """
+
+    time: Array
+    step: float
+    position: Array
+    velocity: Array
+    theta: Array
+    tau: Array
+    torque_hertz: Array
+
+
+def fine_stride(block: Block) -> int:
+    """Raw samples per fine sample: a divisor of the block's own stride."""
+    wanted = max(1, int(FINE_STEP / block.segment.step + 1e-6))
+    return max(d for d in range(1, min(wanted, block.stride) + 1) if block.stride % d == 0)
+
+
+def fine_signals(
+    signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]
+) -> list[FineSignals]:
+    """Of every block, made once for all models whose bands are nearly the same.
+
+    Args:
+        signals: the equation's.
+        inertia, stiffness: shape (n,), B and K, which decide how much noise s and q̇ would have.
+        shared: cache of whatever only the signals determine.
+    """
+    blocks = signals.blocks
+    if "noise" not in shared:
+        shared["noise"] = segments_noise([b.segment for b in blocks])
+    theta, tau = shared["noise"]
+    scale = np.sqrt(np.mean(signals.tau[0] ** 2, axis=0)) + 1e-9
+    wide = [_sign_band(b, theta) for b in blocks]
+    roots = [np.sqrt(b.segment.step) for b in blocks]
+    narrow = [
+        torque_band(theta * root, tau * root, inertia, stiffness, scale, _band_limit(b))
+        for b, root in zip(blocks, roots, strict=True)
+    ]
+    bands = (tuple(np.round(np.log(w) / np.log(BAND_STEP))) for w in (*wide, *narrow))
+    key = ("fine", tuple(fine_stride(b) for b in blocks), *bands)
+    if key not in shared:
+        parts = zip(blocks, wide, narrow, strict=True)
+        shared[key] = [_filtered(block, a, b, signals.torque_hold / 2) for block, a, b in parts]
+    return shared[key]
+
+
+def torque_band(
+    theta: Array, tau: Array, inertia: Array, stiffness: Array, scale: Array, limit: float
+) -> Array:
+    """Widest band in which s and the link velocity are quiet enough, shape (n,) [Hz].
+
+    Args:
+        theta, tau: shape (n,), noise densities [rad √s], [Nm √s].
+        inertia, stiffness, scale: shape (n,): B, K and the rms torque.
+        limit: no wider than this [Hz].
+    """
+    f = np.geomspace(2.0, max(limit, 2.01), 60)[:, None]
+    w = 2 * np.pi * f
+    # one-sided densities 2d²; s = τ − Bθ̈ and ṡ/K = (τ̇ − Bθ⃛)/K, integrated up to f
+    torque = np.sqrt(2 * f * (tau**2 + inertia**2 * theta**2 * w**4 / 5))
+    rate = np.sqrt(2 * f * (tau**2 * w**2 / 3 + inertia**2 * theta**2 * w**6 / 7)) / stiffness
+    quiet = (torque < TORQUE_NOISE * scale) & (rate < LINK_VELOCITY_NOISE)
+    widest = np.where(quiet, f, 0.0).max(axis=0)
+    return np.clip(widest, 2.0, limit)
+
+
+def _band_limit(block: Block) -> float:
+    return 0.3 / (block.segment.step * fine_stride(block))
+
+
+def _sign_band(block: Block, noise_theta: Array) -> Array:
+    """Band of the velocity whose sign friction follows, shape (n,) [Hz]."""
+    density = noise_theta * np.sqrt(block.segment.step)
+    band = SIGN_BANDWIDTH_HZ * (SIGN_REFERENCE_NOISE / (density + 1e-12)) ** (2 / 3)
+    return np.clip(band, 4.0, _band_limit(block))
+
+
+def _filtered(block: Block, wide_hertz: Array, narrow_hertz: Array, delay: float) -> FineSignals:
+    segment, stride = block.segment, fine_stride(block)
+    wide = ButterworthZeroPhase(2 * np.pi * wide_hertz)
+    position = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
+    narrow = ButterworthZeroPhase(2 * np.pi * narrow_hertz)
+    theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
+    tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
+    time, step = segment.time[::stride], segment.step * stride
+    return FineSignals(time, step, position[0], position[1], theta, tau, narrow_hertz)

@@ -1,0 +1,298 @@
+"""Residual and instruments in units of the noise, at one x and along a fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Evaluation
+from flexviz.estimation.covariance import score_covariance
+from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.prior import Prior
+from flexviz.estimation.thresholds import ESTIMATION
+from flexviz.estimation.two_band import BandEvaluation, TwoBandData
+from flexviz.estimation.whitening import Whitener
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """H δx = −g of one Gauss–Newton step.
+
+    Attributes:
+        gradient: shape (P,), g = Zᵀ W r − b and the prior's.
+        information: shape (P, P), Zᵀ W Z.
+        prior_hessian: shape (P, P).
+    """
+
+    gradient: Array
+    information: Array
+    prior_hessian: Array
+
+    @property
+    def hessian(self) -> Array:
+        """H, shape (P, P)."""
+        return self.information + self.prior_hessian
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Whitened residual and instruments at one x.
+
+    Attributes:
+        two_band: the data and the model.
+        x: shape (P,).
+        r: shape (N, n); unused samples are zero.
+        z: shape (N, n, P), likewise.
+        used: shape (N,), samples outside the transients.
+        weightings: one per block.
+        narrow: the narrow band's equation.
+        bias: mean of zᵀ r per sample from the noise that both contain, shape (P,), one per block.
+    """
+
+    two_band: TwoBandData
+    x: Array
+    r: Array
+    z: Array
+    used: Bools
+    weightings: list[NoiseWeighting]
+    narrow: Evaluation
+    bias: list[Array]
+
+    @property
+    def whiteners(self) -> list[Whitener]:
+        """One per block."""
+        return [w.whitener for w in self.weightings]
+
+    @property
+    def rows(self) -> list[slice]:
+        """Samples of each block."""
+        return [b.rows for b in self.two_band.blocks]
+
+    @property
+    def chi(self) -> Array:
+        """Mean square of each joint's residual, shape (n,): one where noise alone explains it."""
+        return np.sum(self.r**2, axis=0) / max(np.count_nonzero(self.used), 1)
+
+    @property
+    def noise_objective(self) -> float:
+        """Σ_j N log max(χ_j, 1): twice the negative log likelihood of residuals above their noise."""
+        return np.count_nonzero(self.used) * float(np.log(np.maximum(self.chi, 1.0)).sum())
+
+    @property
+    def objective(self) -> float:
+        """The same and the cost of unknown pulses."""
+        return self.noise_objective + sum(m.log_determinant for m in self.weightings)
+
+    def within(self, window: Bools) -> Point:
+        """The same with the samples of a window (N,) only."""
+        r, z = self.r * window[:, None], self.z * window[:, None, None]
+        return replace(self, r=r, z=z, used=self.used & window)
+
+    def score(self) -> Array:
+        """Zᵀ W r − b, shape (P,): zero on average where the model is right."""
+        score: Array = self.z.reshape(-1, self.z.shape[2]).T @ self.r.ravel()
+        for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
+            score -= np.count_nonzero(self.used[rows]) * mean
+        return score
+
+    def sample_scores(self) -> Array:
+        """What each sample adds to the score, shape (N, P)."""
+        each = np.einsum("tjp,tj->tp", self.z, self.r)
+        for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
+            each[rows] -= self.used[rows, None] * mean
+        return each
+
+    def _corrected_bias(self) -> list[Array]:
+        """b per sample, shape (P,), one per block.
+
+        A joint whose residual is below its noise has less noise than was estimated (torque chatter, for one,
+        is not noise): less is subtracted then.
+        """
+        layout = self.two_band.layout
+        chi = np.sum(self.r[self.used] ** 2, axis=0) / max(np.count_nonzero(self.used), 1)
+        share = np.zeros(layout.size)
+        share[layout.compliance] = np.minimum(chi, 1.0)
+        for effect, where in layout.effect_slices():
+            if effect.joint is not None:
+                share[where] = min(chi[effect.joint], 1.0)
+        return [share * mean for mean in self.bias]
+
+    def normal_equations(self, prior: Prior) -> NormalEquations:
+        """Of the weighted residual and the prior."""
+        gradient, prior_hessian = prior.gradient_and_hessian(self.x)
+        flat = self.z.reshape(-1, self.z.shape[2])
+        return NormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
+
+    def score_covariance(self) -> Array:
+        """Covariance of the score from the residual's own spectra, shape (P, P)."""
+        return score_covariance(self.r, self.z, self.rows)
+
+    def noise_score_covariance(self) -> Array:
+        """The same from the noise model, raised where the residual is larger than it says."""
+        two_band, raised = self.two_band, max(float(np.mean(self.chi)), 1.0)
+        return two_band.noise_score_covariance(self.x, self.narrow.link, self.z, self.weightings) * raised
+
+
+def weighted_point(
+    two_band: TwoBandData, evaluation: BandEvaluation, weightings: list[NoiseWeighting], bias: list[Array]
+) -> Point:
+    """An evaluation in units of the noise."""
+    pairs = list(zip(weightings, two_band.blocks, strict=True))
+    r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
+    z = np.concatenate([m.apply(evaluation.narrow.jacobian[b.rows]) for m, b in pairs])
+    used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
+    r[~used] = 0.0
+    z[~used] = 0.0
+    return Point(two_band, evaluation.x, r, z, used, weightings, evaluation.narrow, bias)
+
+
+def outside_transients(r: Array) -> Bools:
+    """Samples of one stretch outside the transients at its ends, shape (N,).
+
+    A record that starts with a jump leaves a longer transient than one that does not. The whitened residual
+    shows it: windows of 1/80 of the stretch at either end are dropped up to the last one, within the first
+    eighth, that is `ESTIMATION.transient` times as large as usual.
+    """
+    window = max(3, len(r) // 80)
+    count = len(r) // window
+    energy = (r[: count * window] ** 2).reshape(count, -1).mean(axis=1)
+    loud = energy > ESTIMATION.transient * np.median(energy)
+    used = np.ones(len(r), bool)
+    edge = count // 8
+    first, last = np.flatnonzero(loud[:edge]), np.flatnonzero(loud[::-1][:edge])
+    if first.size:
+        used[: (first[-1] + 1) * window] = False
+    if last.size:
+        used[(count - last[-1] - 1) * window :] = False
+    return used
+
+
+class Whitening:
+    """Weighted points along a fit, whitened once.
+
+    Subclasses renew parts of the weighting where the fit has moved too far for it.
+
+    Args:
+        two_band: the data and the model.
+        after: where a fit was before.
+        own_error: shape (N, n), part of the residual that its band alone makes [Nm].
+        window: shape (N,), the samples that count; all of them where None.
+    """
+
+    def __init__(
+        self,
+        two_band: TwoBandData,
+        *,
+        after: BandEvaluation | None = None,
+        own_error: Array | float = 0.0,
+        window: Bools | None = None,
+    ) -> None:
+        self.two_band, self.evaluation = two_band, after
+        self._own_error, self._window = own_error, window
+        self._whiteners: list[Whitener] | None = None
+        self._weightings: list[NoiseWeighting] | None = None
+        self._bias: list[Array] | None = None
+
+    def point(self, x: Array) -> Point:
+        """Residual and instruments at x, shape (P,)."""
+        self.evaluation = here = self.two_band.evaluate(x, self.evaluation)
+        self._renew(here)
+        link = here.narrow.link
+        if self._whiteners is None:
+            self._whiteners = self.two_band.whiteners(x, link)
+            self._weightings = self._bias = None
+        if self._bias is None:
+            self._bias = self._instrument_bias(x, here)
+        if self._weightings is None:
+            self._weightings = self.two_band.weightings(here, self._whiteners)
+        if not isinstance(self._own_error, float):
+            here = replace(here, residual=here.residual - self._own_error)
+        point = weighted_point(self.two_band, here, self._weightings, self._bias)
+        return point if self._window is None else point.within(self._window)
+
+    def _renew(self, here: BandEvaluation) -> None:
+        """Drop what has to be made anew at this evaluation."""
+
+    def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
+        assert self._whiteners is not None
+        return self.two_band.instrument_bias(x, here.narrow.link, self._whiteners)
+
+
+class EarlyWhitening(Whitening):
+    """The noise is propagated anew in the first steps, until the parameters are nearly right."""
+
+    STEPS = 2
+
+    def __init__(self, two_band: TwoBandData, after: BandEvaluation | None = None) -> None:
+        super().__init__(two_band, after=after)
+        self._count = 0
+
+    def _renew(self, here: BandEvaluation) -> None:
+        if self._count < self.STEPS:
+            self._whiteners = None
+        self._weightings = self._bias = None
+        self._count += 1
+
+
+class ModelErrorWhitening(Whitening):
+    """Whitened once, and again whenever the residual asks for another model error.
+
+    Where the measurement noise cannot explain the residual, a white model error is added to it, and follows
+    the residual from point to point.
+    """
+
+    def point(self, x: Array) -> Point:
+        point = super().point(x)
+        error, chi = self.two_band.noise_model.model_error, point.chi
+        if error.any() or float(chi.mean()) > ESTIMATION.consistent:
+            error = error if error.any() else first_model_error(point.narrow.torque[0])
+            self.two_band = self.two_band.with_model_error(error * np.maximum(chi, 0.5))
+            self._whiteners = None
+        return point
+
+
+class TrackingWhitening(Whitening):
+    """Whitened anew only where the noise's shape or an effect's reversals have changed.
+
+    Args:
+        two_band: the data and the model.
+        near: whiteners of a point nearby, with the noise shape that they were made for.
+        with_bias: the points' score is needed.
+    """
+
+    def __init__(
+        self,
+        two_band: TwoBandData,
+        near: tuple[list[Whitener], Array] | None = None,
+        with_bias: bool = True,
+    ) -> None:
+        super().__init__(two_band)
+        self._with_bias, self._effects_at = with_bias, np.zeros(0)
+        self.noise_at = np.zeros(0)
+        if near is not None:
+            self._whiteners, self.noise_at = near
+
+    def _renew(self, here: BandEvaluation) -> None:
+        noise = self.two_band.noise_shape(here.x, here.narrow.link)
+        if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > ESTIMATION.noise_moved:
+            self._whiteners, self.noise_at = None, noise
+        effects = here.x[self.two_band.layout.effect_start :]
+        if self._weightings is not None and effects.size:
+            scale = np.abs(effects) + np.abs(self._effects_at) + 1e-300
+            if np.max(np.abs(effects - self._effects_at) / scale) > 0.5 * ESTIMATION.effect_moved:
+                self._weightings = None
+        if self._whiteners is None or self._weightings is None:
+            self._effects_at = effects.copy()
+
+    def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
+        return super()._instrument_bias(x, here) if self._with_bias else []
+
+
+def first_model_error(torque: Array) -> Array:
+    """First guess of a model error's variance, shape (n,) [Nm²], from torques (N, n)."""
+    return ESTIMATION.first_model_error**2 * np.mean(torque**2, axis=0)
