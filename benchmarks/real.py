@@ -34,7 +34,6 @@ def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
     layout = layout_of(measurements, [e.text for e in model.effects])
     equation = Equation(measurements.robot, signals, layout)
     x = layout.vector(model)
-    equation.prepare(x)
     residual = equation.evaluate(x).residual
     moving = np.abs(signals.theta[1]) > MOVING
     raw = np.concatenate([s.tau for g in groups for s in g.segments])
@@ -67,7 +66,6 @@ def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, 
             continue
         signals = build_signals(measurements, [group], ButterworthZeroPhase(2 * np.pi * HERTZ))
         equation = Equation(measurements.robot, signals, layout)
-        equation.prepare(x)
         identified = signals.theta[0] - equation.evaluate(x).q[0]
         segment = group.segments[0]
         for j, joint in enumerate(measurements.joints):

@@ -48,7 +48,7 @@ def rigid_held_out(measurements: MeasurementSet, flexible: Identification) -> tu
         equation = Equation(measurements.robot, signals, layout)
         rigid = np.zeros(layout.size)
         rigid[layout.compliance] = 1e-12
-        for _, term in equation.terms(rigid):
+        for _, term in equation.at(rigid).terms(rigid):
             block_columns = np.zeros((signals.count, n, len(term.slopes)))
             block_columns[:, list(term.joints)] = term.slopes[:, 0].transpose(1, 2, 0)
             columns.append(block_columns)

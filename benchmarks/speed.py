@@ -36,7 +36,6 @@ def prepared(measurements: MeasurementSet, hertz: float = 6.0) -> tuple[Equation
     signals = build_signals(measurements, groups, make_observer("butterworth-zero-phase", 2 * np.pi * hertz))
     equation = Equation(measurements.robot, signals, Layout(measurements.joints))
     start = start_values(measurements, equation)
-    equation.prepare(start.x)
     return equation, start
 
 
@@ -102,14 +101,15 @@ def gauss_newton_fixed(
     from flexviz.estimation import least_squares as solver
 
     x = start.x
-    now = equation.evaluate(x)
-    cost = solver._cost(now, weights, start.prior, x)
+    point = equation.at(x)
+    now = point.evaluate(x)
+    cost = solver.weighted_cost(now, weights, start.prior, x)
     try:
         for _ in range(60):
             watch(x, cost)
             gradient, hessian = solver.normal_equations(now, weights, start.prior, x)
             step, _ = solver.bounded_step(gradient, hessian, x, start.bounds)
-            accepted = solver._line_search(equation, weights, start.prior, start.bounds, x, step, cost)
+            accepted = solver.line_search(point, weights, start.prior, start.bounds, x, step, cost)
             if accepted is None:
                 return
             x, now, cost = accepted

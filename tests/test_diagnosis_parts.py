@@ -90,8 +90,7 @@ def test_pulses_and_steps_are_what_filtering_makes_of_them(demo: Any) -> None:
     signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 8))
     equation = Equation(demo.robot, signals, Layout(demo.joints))
     x = equation.layout.vector(identify(demo, groups=[demo.groups[0].name]).model)
-    equation.prepare(x)
-    context = equation.context
+    context = equation.at(x).context
     motion = context.motions(0)[0]
     at = np.array([len(motion.time) // 3, len(motion.time) // 2])
     part = np.zeros((2, len(motion.time)))
@@ -118,8 +117,8 @@ def test_residual_alone_is_the_residual(demo: Any) -> None:
         x = np.zeros(layout.size)
         x[: layout.effect_start] = Layout(demo.joints).vector(identify(demo).model)
         x[layout.effect_start :] = 2.0
-        equation.prepare(x)
-        np.testing.assert_allclose(equation.residual(x), equation.evaluate(x).residual, atol=1e-9)
+        seen = equation.at(x)
+        np.testing.assert_allclose(seen.residual(x), seen.evaluate(x).residual, atol=1e-9)
 
 
 def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tuple[FitContext, Fit]) -> None:

@@ -96,10 +96,10 @@ def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(
         return plain(seen, values)
 
     monkeypatch.setattr(coulomb, "law", spied)
-    wide.prepare(layout.vector(plan.model))
+    seen = wide.at(layout.vector(plan.model))
     rms = np.sqrt(np.mean(wide.signals.tau[0, :, 1] ** 2))
     assert scales and all(0.5 * rms < s < 2 * rms for s in scales)  # laws may divide by it
-    for made, block in zip(wide.context.motions(1), refinement.blocks, strict=True):
+    for made, block in zip(seen.context.motions(1), refinement.blocks, strict=True):
         run = runs[wide.signals.groups[block.group].name]
         exact = np.interp(made.time, run.time, run.tau_joint[:, 1])
         time = wide.signals.time[block.rows]

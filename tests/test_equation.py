@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
-from flexviz.equation import Equation, Layout, build_signals
+from flexviz.equation import Equation, Layout, OperatingPoint, build_signals
 from flexviz.errors import InputError
 from flexviz.estimation.noise_paths import noise_paths, signal_sensitivity
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
@@ -131,17 +131,17 @@ def test_jacobian_against_finite_differences(name, effects):
     x = point(layout, robot)
     for effect, where in layout.effect_slices():
         x[where] = some_values(effect.effect)
-    equation.prepare(x)
-    jacobian = equation.evaluate(x).jacobian
+    seen = equation.at(x)
+    jacobian = seen.evaluate(x).jacobian
     size = np.abs(jacobian).max(axis=(0, 1))
     for k in range(layout.size):
         h = 1e-5 * max(abs(x[k]), 1e-3 if k < layout.compliance.start else 1e-8)
         up, down = x.copy(), x.copy()
         up[k] += h
         down[k] -= h
-        slope = (equation.evaluate(up).residual - equation.evaluate(down).residual) / (up[k] - down[k])
+        slope = (seen.evaluate(up).residual - seen.evaluate(down).residual) / (up[k] - down[k])
         error = np.abs(slope - jacobian[:, :, k]).max()
-        rounding = 1e-13 * np.abs(equation.evaluate(x).residual).max() / h
+        rounding = 1e-13 * np.abs(seen.evaluate(x).residual).max() / h
         assert error <= 1e-6 * max(size[k], 1e-9) + 50 * rounding, layout.names()[k]
 
 
@@ -152,7 +152,7 @@ def test_sensitivity_to_signals_against_finite_differences():
     signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.1)
     x = point(layout, robot)
     equation = Equation(robot, signals, layout)
-    theta, tau = signal_sensitivity(layout, x, equation.link_terms(x))
+    theta, tau = signal_sensitivity(layout, x, equation.at(x).link_terms(x))
     for matrices, field in ((theta, "theta"), (tau, "tau")):
         for k in range(len(matrices)):
             for j in range(robot.n):
@@ -178,13 +178,11 @@ def test_noise_on_its_ways_against_noise(damped: bool):
     observer, noise = FlatZeroPhase(2 * np.pi * 14), (np.array([4e-5, 2e-5]), np.array([4e-3, 2e-3]))
     rng = np.random.default_rng(3)
 
-    def prepared(measurements: MeasurementSet) -> Equation:
+    def prepared(measurements: MeasurementSet) -> OperatingPoint:
         signals = build_signals(
             measurements, measurements.groups, observer, sample_step=0.02, exact_step=True, drop=(0.4, 0.4)
         )
-        equation = Equation(robot, signals, layout)
-        equation.prepare(x)
-        return equation
+        return Equation(robot, signals, layout).at(x)
 
     def drawn() -> MeasurementSet:
         group = quiet.groups[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.evidence import standard_errors
+from flexviz.diagnosis.evidence import fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
@@ -35,9 +35,9 @@ def test_values_are_the_truth_within_smaller_intervals(made: MeasurementSet) -> 
     context, fit = fitted(made, ("coulomb_friction:joint2", "stribeck_friction:joint2"))
     closer = final_refit(made, fit, lambda: None)
     assert closer is not None
-    std = np.sqrt(np.diag(closer.covariance))
-    wide = standard_errors(context, fit)
-    known = closer.prior_share < 0.01  # by the data
+    std = closer.covariance.standard_errors
+    wide = fit_covariance(context, fit).standard_errors
+    known = closer.covariance.prior_share < 0.01  # by the data
     assert known.sum() >= 10
     assert np.exp(np.mean(np.log(std[known] / wide[known]))) < 0.95
     true = fit.layout.vector(PLAN.model)

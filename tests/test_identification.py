@@ -9,9 +9,9 @@ import pytest
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation.base_parameters import base_parameters
-from flexviz.estimation.covariance import covariance, score_covariance
-from flexviz.estimation.instrumental_variables import settled
+from flexviz.estimation.covariance import sandwich, score_covariance
 from flexviz.estimation.least_squares import Bounds, bounded_step
+from flexviz.estimation.weighted_point import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
 from flexviz.measurements import MeasurementSet, read_set
@@ -126,6 +126,13 @@ def test_unknown_names(demo):
         identify(demo, effects=["coulomb"])
     with pytest.raises(InputError, match="at least one"):
         identify(demo, groups=[])
+
+
+def test_a_validation_group_is_never_fitted(demo):
+    held_out, usable = demo.validation_groups[0].name, demo.fit_groups[0].name
+    for names in ([held_out], [usable, held_out]):
+        with pytest.raises(InputError, match=f'"{held_out}" is for validation.*{usable}'):
+            identify(demo, groups=names)
 
 
 def test_panda_within_five_percent_where_identifiable(tmp_path):
@@ -252,7 +259,7 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
         estimates.append(np.linalg.solve(information, np.einsum("tip,ti->p", jacobian, noise)))
         if len(predicted) < 60:
             colour = score_covariance(noise, jacobian, [slice(0, count)])
-            predicted.append(np.diag(covariance(information, colour, np.zeros((3, 3)))[0]))
+            predicted.append(np.diag(sandwich(information, colour, np.zeros((3, 3))).matrix))
     ratio = np.sqrt(np.mean(predicted, axis=0)) / np.std(estimates, axis=0)
     assert np.all((ratio > 0.7) & (ratio < 1.2)), ratio
 
@@ -260,9 +267,9 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
 def test_transients_at_the_ends_are_found():
     rng = np.random.default_rng(0)
     r = rng.standard_normal((800, 2))
-    assert settled(r).all()
+    assert outside_transients(r).all()
     r[:35] += 30 * np.exp(-np.arange(35) / 10)[:, None]
-    used = settled(r)
+    used = outside_transients(r)
     assert not used[:20].any() and used[60:].all()
 
 

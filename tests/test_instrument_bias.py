@@ -16,9 +16,10 @@ from flexviz.equation import Layout, layout_of
 from flexviz.equation.link import LinkTerms
 from flexviz.estimation import instrument_bias
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.instrumental_variables import compensated_score, refine, whitened_point
+from flexviz.estimation.instrumental_variables import refine
 from flexviz.estimation.noise_paths import THETA, NoisePath, instrument_paths, noise_paths
 from flexviz.estimation.two_band import TwoBandData
+from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
@@ -116,6 +117,13 @@ def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float
     assert seen == {(p, s) for p in (*stiff, damped.size - 1) for s in (THETA, 1)}
 
 
+def noise_deviation(point: Point) -> Array:
+    """Standard deviation of the score from the noise model alone, shape (P,)."""
+    two_band = point.two_band
+    matrix = two_band.noise_score_covariance(point.x, point.narrow.link, point.z, point.weightings)
+    return np.sqrt(np.diag(matrix))
+
+
 @pytest.mark.parametrize("damping", [None, 6.0])
 def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, damping: float | None) -> None:
     """A torque sensor that is so bad that the joint's deflection drowns in its noise."""
@@ -131,15 +139,15 @@ def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, dam
         layout = layout_of(measured, [e.text for e in plan.model.effects])
         two_band = FitContext(measured, layout).two_band.with_layout(layout)
         x = layout.vector(plan.model)
-        point = whitened_point(two_band, x)
-        deviation = np.sqrt(np.diag(two_band.noise_score_covariance(x, point.z, point.weightings)))
+        point = Whitening(two_band).point(x)
+        deviation = noise_deviation(point)
         kept = [
             *range(layout.compliance.start, layout.compliance.stop),
             *range(layout.effect_start, layout.size),
         ]
         plain = point.z.reshape(-1, layout.size).T @ point.r.ravel()
         raw.append(plain[kept] / deviation[kept])
-        clean.append(compensated_score(two_band, point)[kept] / deviation[kept])
+        clean.append(point.score()[kept] / deviation[kept])
     error = 1 / np.sqrt(len(raw))  # of the means
     assert np.abs(np.mean(raw, axis=0)).max() > 5 * error
     assert np.abs(np.mean(clean, axis=0)).max() < 3.5 * error
@@ -156,11 +164,11 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     start = layout.vector(plan.model)
 
     def check(two_band: TwoBandData, x: Array, window: NDArray[np.bool_] | None = None) -> None:
-        point = whitened_point(two_band, x)
-        deviation = np.sqrt(np.diag(two_band.noise_score_covariance(x, point.z, point.weightings)))
-        score = prior.gradient_and_hessian(x)[0] + compensated_score(two_band, point, window)
-        r = point.r if window is None else point.r * window[:, None]
-        plain = prior.gradient_and_hessian(x)[0] + point.z.reshape(-1, layout.size).T @ r.ravel()
+        point = Whitening(two_band).point(x)
+        deviation = noise_deviation(point)
+        point = point if window is None else point.within(window)
+        score = prior.gradient_and_hessian(x)[0] + point.score()
+        plain = prior.gradient_and_hessian(x)[0] + point.z.reshape(-1, layout.size).T @ point.r.ravel()
         free = layout.compliance
         assert np.abs(score[free] / deviation[free]).max() < 0.4
         assert np.abs(plain[free] / deviation[free]).max() > 0.9
@@ -179,4 +187,7 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     seconds[: band.signals.count // 8] = -1  # a window
     fitted = fit_refined(band, prior, bounds, replace(unfitted(layout, start), x=start), seconds, True)
     check(alone, fitted.x, seconds >= 0)
-    assert np.abs(fitted.influence.sum(axis=0) / np.sqrt(np.diag(fitted.cov)))[layout.compliance].max() < 0.2
+    assert (
+        np.abs(fitted.influence.sum(axis=0) / fitted.covariance.standard_errors)[layout.compliance].max()
+        < 0.2
+    )

@@ -157,7 +157,6 @@ def errors(measurements: MeasurementSet, model: FlexibleModel) -> tuple[float, .
     x = layout.vector(model)
     signals = build_signals(measurements, groups, FlatZeroPhase(2 * np.pi * ERROR_HERTZ))
     equation = Equation(measurements.robot, signals, layout)
-    equation.prepare(x)
     residual = equation.evaluate(x).residual
     return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
 

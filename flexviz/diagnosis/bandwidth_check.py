@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,12 +148,13 @@ def _curves(
     inertial = layout.inertial.stop
     rows, differences = [], []
     for f in fitted:
-        single = parameter_estimates(layout, f.x, f.x, f.cov, f.share, f.at_bound, prior)
-        rows.append((*single[inertial:], *combinations(base, layout, f.x, f.cov, prior)))
+        single = parameter_estimates(layout, f.x, f.x, f.covariance, f.at_bound, prior)
+        rows.append((*single[inertial:], *combinations(base, layout, f.x, f.covariance.matrix, prior)))
         # the two fits share their data: the standard error of their difference is not that of either
         apart = f.influence - fitted[in_use].influence
         cov = apart.T @ apart
-        single = parameter_estimates(layout, f.x, f.x, cov, f.share, f.at_bound, prior)
+        between = replace(f.covariance, matrix=cov)
+        single = parameter_estimates(layout, f.x, f.x, between, f.at_bound, prior)
         both = (*single[inertial:], *combinations(base, layout, f.x, cov, prior))
         differences.append([p.std for p in both])
     out = []

@@ -9,26 +9,23 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING
-from flexviz.diagnosis.residuals import noise_density
 from flexviz.equation import Equation, Layout, Signals, build_signals, equation_stride
 from flexviz.errors import InputError
 from flexviz.estimation import (
-    CONSISTENT,
-    TOLERANCE,
     Bounds,
+    Covariance,
+    ModelErrorWhitening,
     Prior,
     Transfer,
     TwoBandData,
-    bounded_step,
-    compensated_score,
-    covariance,
-    evaluated,
-    feasible_step,
+    Whitening,
     gauss_newton,
+    noise_density,
     noise_paths,
+    sandwich,
+    scaled_inverse,
     score_covariance,
-    shared_part,
-    weighted_point,
+    solve,
 )
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
@@ -64,8 +61,7 @@ class BandwidthData:
     def residual(self, x: Array) -> Array:
         """The residual at x, shape (N, n)."""
         equation = self.equation if self.two_band is None else self.two_band.wide
-        equation.prepare(x)
-        return equation.residual(x) - self.own_error
+        return equation.at(x).residual(x) - self.own_error
 
 
 @dataclass(frozen=True)
@@ -74,17 +70,16 @@ class BandwidthFit:
 
     Attributes:
         x: shape (P,).
-        cov, share: covariance, shape (P, P), and the prior's share of each variance, shape (P,).
+        covariance: of the parameters.
         at_bound: shape (P,).
-        tolerance: shape (n,), model error allowed for beside the noise [Nm²].
+        model_error: shape (n,), variance of the model error beside the noise [Nm²].
         influence: shape (D, P), what each second of the residual does to x; their sum is nearly zero.
     """
 
     x: Array
-    cov: Array
-    share: Array
+    covariance: Covariance
     at_bound: Bools
-    tolerance: Array
+    model_error: Array
     influence: Array
 
 
@@ -97,7 +92,7 @@ def refined_bands(
     found: dict[float, BandwidthData] = {}  # in coarse records some factors give the same wide band
     for factor in factors:
         weighing = replace(SEARCH_WEIGHTING, hertz=SEARCH_WEIGHTING.hertz * factor, ridge=0.0)
-        two_band = weighing.two_band(measurements, groups, layout)
+        two_band = TwoBandData(measurements, groups, layout, weighing)
         signals = two_band.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
         found.setdefault(bandwidth, BandwidthData(bandwidth, signals, two_band.narrow, two_band))
@@ -196,54 +191,17 @@ def fit_refined(
     Unless it is the last fit, it also finds the model error that has to be allowed for where the noise cannot
     be the reason of the residual. With that the last fits are made, at every bandwidth with the same.
     """
-    window = seconds >= 0
-    two_band = band.two_band
-    assert two_band is not None
-    layout, blocks = two_band.layout, two_band.blocks
-    x = bounds.clip(begin.x)
-    two_band.tolerance = begin.tolerance
-    weightings, shared = None, []
-    iteration = 0
-    while True:
-        residual, narrow = evaluated(two_band, x)
-        residual = residual - band.own_error
-        if weightings is None:
-            whiteners = two_band.whiteners(x, narrow.link)
-            weightings = two_band.weightings(x, narrow, whiteners)
-            shared = two_band.instrument_bias(x, narrow.link, whiteners)
-        point = weighted_point(two_band, residual, narrow, weightings, shared)
-        r, z = point.r * window[:, None], point.z * window[:, None, None]
-        chi = np.sum(r**2, axis=0) / max(np.count_nonzero(point.used & window), 1)
-        if not last and (two_band.tolerance.any() or float(chi.mean()) > CONSISTENT):
-            if not two_band.tolerance.any():
-                two_band.tolerance = TOLERANCE**2 * np.mean(point.narrow.torque[0] ** 2, axis=0)
-            two_band.tolerance = two_band.tolerance * np.maximum(chi, 0.5)
-            weightings = None
-        gradient, prior_hessian = prior.gradient_and_hessian(x)
-        flat = z.reshape(-1, layout.size)
-        information = flat.T @ flat
-        hessian = information + prior_hessian
-        step, at_bound = bounded_step(
-            gradient + compensated_score(two_band, point, window), hessian, x, bounds
-        )
-        length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-        if length < NEGLIGIBLE or iteration == STEPS[last]:
-            break
-        x = feasible_step(prior, bounds, x, step)
-        iteration += 1
+    assert band.two_band is not None
+    kind = Whitening if last else ModelErrorWhitening
+    two_band = band.two_band.with_model_error(begin.model_error)
+    whitening = kind(two_band, own_error=band.own_error, window=seconds >= 0)
+    solved = solve(whitening, prior, bounds, begin.x, iterations=STEPS[last], negligible=NEGLIGIBLE)
+    point, model_error = solved.point, whitening.two_band.noise_model.model_error
     if not last:
-        return replace(begin, x=x, tolerance=two_band.tolerance)
-    if two_band.tolerance.any():
-        colour = score_covariance(r, z, [b.rows for b in blocks])
-    else:
-        colour = two_band.noise_score_covariance(x, z, point.weightings) * max(float(chi.mean()), 1.0)
-    cov = _covariance(information, colour, prior_hessian, ~at_bound)
-    each = np.einsum("tjp,tj->tp", z, r)
-    counted = point.used & window
-    for block, mean in zip(blocks, shared_part(two_band, point, counted), strict=True):
-        each[block.rows] -= counted[block.rows, None] * mean
-    influence = _influence(each, hessian, ~at_bound, seconds)
-    return BandwidthFit(x, *cov, at_bound, two_band.tolerance, influence)
+        return replace(begin, x=point.x, model_error=model_error)
+    covariance = solved.covariance(from_noise=not model_error.any())
+    influence = _influence(point.sample_scores(), solved.normal.hessian, ~solved.at_bound, seconds)
+    return BandwidthFit(point.x, covariance, solved.at_bound, model_error, influence)
 
 
 def fit_plain(
@@ -269,10 +227,10 @@ def fit_plain(
     r, free = solution.evaluation.residual * solution.weights, ~solution.at_bound
     information = flat.T @ flat
     prior_hessian = prior.gradient_and_hessian(solution.x)[1]
-    cov = _covariance(information, score_covariance(r, z, rows), prior_hessian, free)
+    covariance = sandwich(information, score_covariance(r, z, rows), prior_hessian, solution.at_bound)
     each = np.einsum("tjp,tj->tp", z, r)
     influence = _influence(each, information + prior_hessian, free, seconds)
-    return BandwidthFit(solution.x, *cov, solution.at_bound, begin.tolerance, influence)
+    return BandwidthFit(solution.x, covariance, solution.at_bound, begin.model_error, influence)
 
 
 def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
@@ -281,11 +239,7 @@ def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array
     used = seconds >= 0
     np.add.at(score, seconds[used], each[used])
     out = np.zeros_like(score)
-    scale = 1 / np.sqrt(np.maximum(np.diag(hessian)[free], 1e-300))
-    scaled = hessian[np.ix_(free, free)] * scale[:, None] * scale
-    out[:, free] = (
-        -(np.linalg.pinv(scaled, rcond=1e-14, hermitian=True) @ (score[:, free] * scale).T).T * scale
-    )
+    out[:, free] = -score[:, free] @ scaled_inverse(hessian[np.ix_(free, free)])
     return out
 
 
@@ -294,19 +248,11 @@ def unfitted(layout: Layout, x: Array) -> BandwidthFit:
     size = layout.size
     return BandwidthFit(
         x,
-        np.zeros((size, size)),
-        np.ones(size),
+        Covariance(np.zeros((size, size)), np.ones(size)),
         np.zeros(size, bool),
         np.zeros(layout.n),
         np.zeros((0, size)),
     )
-
-
-def _covariance(information: Array, colour: Array, prior: Array, free: Bools) -> tuple[Array, Array]:
-    cov, share = np.zeros_like(information), np.ones(len(information))
-    index = np.ix_(free, free)
-    cov[index], share[free] = covariance(information[index], colour[index], prior[index])
-    return cov, share
 
 
 # -- comparisons --------------------------------------------------------------------------------------
@@ -347,7 +293,7 @@ def difference(one: BandwidthData, other: BandwidthData) -> Transfer:
 
 def slow_noise(band: BandwidthData, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
     """Standard deviation that white measurement noise leaves in the slow residual, shape (n,) [Nm]."""
-    paths = noise_paths(band.equation.layout, x, band.equation.link_terms(x))
+    paths = noise_paths(band.equation.layout, x, band.equation.at(x).link_terms(x))
     noise = segments_noise([b.segment for b in band.signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)
     total = 0.0

@@ -25,6 +25,7 @@ from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import Scores, Search, Tried
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import layout_of
+from flexviz.estimation import Covariance
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
@@ -228,10 +229,10 @@ class _Diagnosing:
         else:
             last = verdict(final, self.reference)
         if last == "nothing-missing" and (closer := self.final_refit(final)) is not None:
-            final, cov, share = closer
+            final, covariance = closer
             fits[-1], errors[-1] = final, self.band.errors(final)
         else:
-            cov, share = fit_covariance(self.context, final)
+            covariance = fit_covariance(self.context, final)
         added = [None, *found] if apply else [None]
         steps = [
             self.step(finding, fit, error, "missing" if k + 1 < len(fits) else last)
@@ -239,7 +240,7 @@ class _Diagnosing:
         ]
         prior, _ = self.context.prior_and_bounds(final.layout)
         estimates = parameter_estimates(
-            final.layout, final.x, prior.centre, cov, share, np.zeros(final.layout.size, bool), prior
+            final.layout, final.x, prior.centre, covariance, np.zeros(final.layout.size, bool), prior
         )
         where, maps = where_it_fails(self.context, final)
         reached = last != "unknown"
@@ -255,7 +256,7 @@ class _Diagnosing:
             tuple(self.ranked(base, found)),
             where,
             tuple(steps),
-            self.effects(final, np.sqrt(np.maximum(np.diag(cov), 0.0))),
+            self.effects(final, covariance.standard_errors),
             estimates,
             time.perf_counter() - began,
             self.stopped,
@@ -266,8 +267,8 @@ class _Diagnosing:
             watch,
         )
 
-    def final_refit(self, final: Fit) -> tuple[Fit, Array, Array] | None:
-        """The last model with its best values, their covariance and the prior's share of it."""
+    def final_refit(self, final: Fit) -> tuple[Fit, Covariance] | None:
+        """The last model with its best values, and their covariance."""
         try:
             self.say("sharpening the values")
             closer = final_refit(self.measurements, final, self.search.check)
@@ -276,7 +277,7 @@ class _Diagnosing:
         if closer is None:
             return None
         fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
-        return fit, closer.covariance, closer.prior_share
+        return fit, closer.covariance
 
     def step(self, added: Finding | None, fit: Fit, errors: PredictionErrors, verdict_now: str) -> Step:
         return Step(

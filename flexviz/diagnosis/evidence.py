@@ -15,7 +15,7 @@ from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
 from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Scored, covariance, score_covariance
+from flexviz.estimation import Covariance, Scored, sandwich
 
 Array = NDArray[np.float64]
 
@@ -27,18 +27,11 @@ MOVED_SHARE = 0.01  # and this share of its value
 MENTIONED = 6  # parameters
 
 
-def fit_covariance(context: FitContext, fit: Fit) -> tuple[Array, Array]:
-    """Covariance (P, P) of a fit and the prior's share of each variance (P,)."""
+def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
+    """Covariance of a fit, from the residual's own spectra."""
     prior, _ = context.prior_and_bounds(fit.layout)
-    flat = fit.point.z.reshape(-1, fit.layout.size)
-    rows = [b.rows for b in context.two_band.blocks]
-    colour = score_covariance(fit.point.r, fit.point.z, rows)
-    return covariance(flat.T @ flat, colour, prior.gradient_and_hessian(fit.x)[1])
-
-
-def standard_errors(context: FitContext, fit: Fit) -> Array:
-    """Of every parameter, shape (P,)."""
-    return np.sqrt(np.maximum(np.diag(fit_covariance(context, fit)[0]), 0.0))
+    normal = fit.point.normal_equations(prior)
+    return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
 
 def explain(
@@ -62,7 +55,7 @@ def explain(
         errors: the band of errors and the errors before and after; None for one that is only mentioned.
     """
     effect, fit = best.effect, best.fit
-    std = standard_errors(context, fit)
+    std = fit_covariance(context, fit).standard_errors
     where = dict(fit.layout.effect_slices())[effect]
     specs = EFFECTS[effect.effect].parameters
     tied = () if scores is None else ties(context, before, best, objectives, scores)

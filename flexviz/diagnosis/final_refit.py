@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.evidence import fit_covariance
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
+from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
@@ -31,13 +32,11 @@ class FinalRefit:
 
     Attributes:
         x: shape (P,).
-        covariance: shape (P, P).
-        prior_share: of each variance, shape (P,).
+        covariance: of the parameters.
     """
 
     x: Array
-    covariance: Array
-    prior_share: Array
+    covariance: Covariance
 
 
 def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:
@@ -56,4 +55,4 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
     closer = context.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
     if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
         return None
-    return FinalRefit(closer.x, *fit_covariance(context, closer))
+    return FinalRefit(closer.x, fit_covariance(context, closer))

@@ -70,16 +70,15 @@ def free_curve(
     fit_context: FitContext, fit: Fit, joint: int, weigh: Weigh, projection: Projection
 ) -> FreeCurveGain:
     """The best free curve of a torque on the motor of a joint, beside what the model can do."""
-    equation = fit_context.two_band.with_layout(fit.layout).narrow
-    equation.prepare(fit.x)
-    motions = equation.context.motions(joint)
+    point = fit_context.two_band.with_layout(fit.layout).narrow.at(fit.x)
+    motions = point.context.motions(joint)
     chain = fit_context.chain(fit)
     best = FreeCurveGain("", 0.0)
     for variable in VARIABLES:
         parts = _columns(motions, variable)
         weighed = []
-        for k, (block, part) in enumerate(zip(equation.signals.blocks, parts, strict=True)):
-            filtered = equation.context.filtered_block(k, part, joint, 3)
+        for k, (block, part) in enumerate(zip(point.signals.blocks, parts, strict=True)):
+            filtered = point.context.filtered_block(k, part, joint, 3)
             here = chain.rows(block.rows)
             columns = [here.column("torque", (joint,), one[:, :, None]) for one in filtered]
             weighed.append(weigh(np.stack(columns, axis=2), k))

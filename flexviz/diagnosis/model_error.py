@@ -77,13 +77,13 @@ class ModelErrorSearch:
         soft joint for friction); from there the way back may be closed.
         """
         check = self.search.check
-        context = self.search.context.with_tolerance(self.tolerance)
+        context = self.search.context.with_model_error(self.tolerance)
         rough = context.plain_fit(layout, x, check)
         starts = [context.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
         x = min(starts, key=lambda f: f.objective).x
         fit = None
         for _ in range(ROUNDS):
-            self.context = self.search.context.with_tolerance(self.tolerance)
+            self.context = self.search.context.with_model_error(self.tolerance)
             fit = self.context.fit(layout, x, iterations=ITERATIONS, check=self.search.check)
             x = fit.x
             if np.all(np.abs(np.log(fit.chi)) < 0.25):

@@ -58,7 +58,6 @@ class PredictionErrorBand:
     def errors(self, fit: Fit) -> PredictionErrors:
         """Residuals of a model."""
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
-        equation.prepare(fit.x)
         evaluation = equation.evaluate(fit.x)
         residual = evaluation.residual
         held_out = {g.name: g.validation for g in self.signals.groups}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,16 +11,14 @@ from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import Chain, pulses
 from flexviz.estimation import (
-    CONSISTENT,
+    ESTIMATION,
     NoisePath,
     Point,
-    Transfer,
     TwoBandData,
     Whitener,
     bounded_step,
-    noise_kernel,
+    noise_density,
     noise_paths,
-    whitener,
 )
 from flexviz.observers import FlatZeroPhase
 
@@ -78,12 +75,12 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
         if source is None or point is None:
             continue
         two_band = source.with_layout(fit.layout)
-        two_band.wide.prepare(fit.x)
-        residual = two_band.wide.residual(fit.x)
+        wide = two_band.wide.at(fit.x)
+        residual = wide.residual(fit.x)
         paths = noise_paths(fit.layout, fit.x, point.narrow.link)
-        whiteners = joint_whiteners(two_band, paths)
+        whiteners = two_band.joint_whiteners(paths)
         chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.narrow.link)
-        unknown = {p.block: p.columns for p in pulses(two_band.wide, fit.x, chain)}
+        unknown = {p.block: p.columns for p in pulses(wide, fit.x, chain)}
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
         shown = np.zeros(len(residual), bool)
         for index, block in enumerate(two_band.blocks):
@@ -131,76 +128,6 @@ def settled_reversals(
     # where more is wrong than the noise, pulses must not be bent to please it
     chi = max(1.0, float(np.sum(white**2)) / max(int(used.sum()), 1))
     return residual - pulses @ (turn @ (along / (chi + squares))), white
-
-
-def joint_whiteners(two_band: TwoBandData, paths: list[NoisePath]) -> list[list[Whitener]]:
-    """For every block one whitener a joint, of that joint's residual alone.
-
-    The fit's weighting also predicts one joint's noise from the others', which is right for estimating; but
-    with it a torque that is missing on one joint shows on every joint that comes after it. A model error that
-    the fit allowed for is no part of it: what it stands for is what is looked for.
-    """
-    kernels: dict[tuple[float, float], list[Array]] = {}
-    out: list[list[Whitener]] = []
-    for block in two_band.blocks:
-        raw = block.segment.step
-        key = (raw * block.stride, raw)
-        if key not in kernels:
-            observer = two_band.wide.signals.observer
-            kernels[key] = [noise_kernel(observer, *key, path, two_band.order) for path in paths]
-        parts = [
-            _own_covariance(path.matrices[:, block.rows], kernel, path.variance(two_band.noise))
-            for path, kernel in zip(paths, kernels[key], strict=True)
-        ]
-        cov = np.sum(parts, axis=0)
-        cov[0] *= 1 + 1e-9
-        joints = range(two_band.layout.n)
-        out.append([whitener(cov[:, :, j, None, None], two_band.every) for j in joints])
-    return out
-
-
-def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
-    """Cov(r_jt, r_j,t−k) of every joint with itself from one noise source, shape (p + 1, N, n)."""
-    count = sensitivity.shape[1]
-    out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
-    weighted = sensitivity * variance
-    for k, rho in enumerate(kernel[:count]):
-        earlier = np.tensordot(rho, sensitivity[:, : count - k], axes=(1, 0))
-        out[k, k:] = np.einsum("dtim,dtim->ti", weighted[:, k:], earlier)
-    return out
-
-
-def noise_density(
-    paths: Sequence[NoisePath],
-    noise: tuple[Array, Array],
-    transfer: Transfer,
-    step: float,
-    hertz: Array,
-) -> Array:
-    """One-sided spectral density that white measurement noise leaves in the residual.
-
-    The noise's way through the equation is known in closed form, so the floor is computed, not drawn from one
-    more noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
-    that their mean products weigh each frequency.
-
-    Args:
-        paths: of the noise into the residual.
-        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
-        transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
-        step: of the raw samples [s].
-        hertz: shape (F,).
-
-    Returns:
-        shape (F, n) [Nm²/Hz].
-    """
-    omega: Array = 2 * np.pi * hertz
-    total = np.zeros((len(hertz), len(noise[0])))
-    for path in paths:
-        products = np.einsum("jtim,ktim,m->jki", path.matrices, path.matrices, path.variance(noise))
-        products /= path.matrices.shape[1]
-        gain = np.array(path.gains(transfer, omega))
-        total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
-    return 2 * step * total
 
 
 @dataclass(frozen=True)
@@ -299,7 +226,7 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
     jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]
     step = np.zeros(fit.layout.size)
     chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
-    rounds = 3 if float(chi.mean()) > CONSISTENT else 0
+    rounds = 3 if float(chi.mean()) > ESTIMATION.consistent else 0
     for done in range(rounds + 1):
         size = np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0))
         weight: Array = 1 / np.maximum(size, 1e-12 + 1e-9 * float(size.max()))

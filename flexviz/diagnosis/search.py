@@ -86,8 +86,7 @@ class Search:
     def scores(self, fit: Fit, episodes: bool = True) -> Scores:
         """Every candidate's score at a fit."""
         layout, point = fit.layout, fit.point
-        narrow = self.context.two_band.with_layout(layout).narrow
-        narrow.prepare(fit.x)
+        narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
         prior, _ = self.context.prior_and_bounds(layout)
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]

@@ -63,9 +63,7 @@ class EffectContext:
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals for laws that see other parameters."""
-        return EffectContext(
-            self._link, self._signals, self._layout, self._shared, x, q, s, fine=self._fine
-        )
+        return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, fine=self._fine)
 
     # -- the protocol ------------------------------------------------------------------------------------
 

@@ -145,7 +145,7 @@ class OperatingPoint:
         return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) >= MOVED)
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> OperatingPoint:
-        """The point at which effects see x, q (3, N, n) and s (N, n); what does not depend on them is kept."""
+        """The point at which effects see x, q (3, N, n) and s (N, n)."""
         kept = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
         return OperatingPoint(self.equation, x, self.context.seeing(x, q, s), kept)
 

@@ -1,35 +1,31 @@
 """Estimation core: noise model, two-band data, instrumental variables, covariance, prior and start values."""
 
 from flexviz.estimation.base_parameters import BaseParameters, base_parameters
-from flexviz.estimation.covariance import covariance, score_covariance
-from flexviz.estimation.instrumental_variables import (
-    CONSISTENT,
-    TOLERANCE,
-    Point,
-    Refined,
-    compensated_score,
-    evaluated,
-    feasible_step,
-    refine,
-    shared_part,
-    weighted_point,
-)
+from flexviz.estimation.bounds import Bounds, bounded_step
+from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
+from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
 from flexviz.estimation.interval import best_intervals
-from flexviz.estimation.least_squares import Bounds, Solution, Stopped, bounded_step, gauss_newton
-from flexviz.estimation.noise_paths import NoisePath, Transfer, noise_paths
+from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton
+from flexviz.estimation.linear_algebra import scaled_inverse
+from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
+from flexviz.estimation.noise_paths import NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
 from flexviz.estimation.projection import Projection, Weigh
 from flexviz.estimation.scoring import Scored, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
-from flexviz.estimation.two_band import WIDE_HERTZ, TwoBandData, residual_noise
-from flexviz.estimation.whitening import Whitener, noise_kernel, whitener
+from flexviz.estimation.thresholds import ESTIMATION
+from flexviz.estimation.two_band import TwoBandData, residual_noise
+from flexviz.estimation.weighted_point import ModelErrorWhitening, Point, TrackingWhitening, Whitening
+from flexviz.estimation.whitening import Whitener
 
 __all__ = [
-    "CONSISTENT",
-    "TOLERANCE",
+    "ESTIMATION",
     "WIDE_HERTZ",
     "BaseParameters",
     "Bounds",
+    "Covariance",
+    "ModelErrorWhitening",
+    "NoiseModel",
     "NoisePath",
     "Point",
     "Prior",
@@ -37,31 +33,31 @@ __all__ = [
     "Refined",
     "Scored",
     "Solution",
+    "Solved",
     "Start",
     "Stopped",
+    "TrackingWhitening",
     "Transfer",
     "TwoBandData",
     "Weigh",
+    "WeightingSettings",
     "Whitener",
+    "Whitening",
     "base_parameters",
     "best_intervals",
     "bounded_step",
-    "compensated_score",
-    "covariance",
-    "evaluated",
     "explained",
-    "feasible_step",
     "gauss_newton",
-    "noise_kernel",
+    "noise_density",
     "noise_paths",
     "other_effects",
     "pseudo_inertia",
     "refine",
     "residual_noise",
+    "sandwich",
+    "scaled_inverse",
     "score",
     "score_covariance",
-    "shared_part",
+    "solve",
     "start_values",
-    "weighted_point",
-    "whitener",
 ]

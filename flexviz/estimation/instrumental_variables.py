@@ -53,6 +53,11 @@ class Solved:
     at_bound: NDArray[np.bool_]
     converged: bool
 
+    @property
+    def end(self) -> Point:
+        """The last point where the solver converged, else the best one."""
+        return self.point if self.converged else self.best
+
     def covariance(self, from_noise: bool) -> Covariance:
         """From the noise model, or from the residual's own spectra."""
         score = self.point.noise_score_covariance() if from_noise else self.point.score_covariance()

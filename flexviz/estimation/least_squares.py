@@ -124,9 +124,7 @@ class _Descent:
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             if length < self.tolerance:
                 return iterations, True
-            accepted = line_search(
-                self.point, self.weights, self.prior, self.bounds, self.x, step, self.cost
-            )
+            accepted = line_search(self.point, self.weights, self.prior, self.bounds, self.x, step, self.cost)
             if accepted is None:
                 # nothing better within a tenth of a standard deviation or so
                 return iterations, length < 1.0

@@ -34,7 +34,7 @@ class NoiseModel:
 
 
 @dataclass(frozen=True)
-class WeightingScheme:
+class WeightingSettings:
     """Band and resolution of the weighting.
 
     A closer weighting comes nearer to the most that the data say; but a small error of a nearly correct law
@@ -60,4 +60,4 @@ class WeightingScheme:
 
 
 WIDE_HERTZ = 14.0
-REFINING = WeightingScheme(WIDE_HERTZ, MappingProxyType({1: 40, 2: 32, 3: 24}), 14)
+REFINING = WeightingSettings(WIDE_HERTZ, MappingProxyType({1: 40, 2: 32, 3: 24}), 14)

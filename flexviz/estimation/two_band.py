@@ -22,7 +22,7 @@ from flexviz.equation import (
     pulses,
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingScheme
+from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_paths import NoisePath, instrument_paths, noise_paths, time_constants
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import (
@@ -80,10 +80,10 @@ class TwoBandData:
         measurements: MeasurementSet,
         groups: Sequence[Group],
         layout: Layout,
-        scheme: WeightingScheme = REFINING,
+        settings: WeightingSettings = REFINING,
     ) -> None:
         raw = max(s.step for g in groups for s in g.segments)
-        wide_hertz = min(scheme.hertz, 0.45 / (FlatZeroPhase.ratio * raw))
+        wide_hertz = min(settings.hertz, 0.45 / (FlatZeroPhase.ratio * raw))
         wide = FlatZeroPhase(2 * np.pi * wide_hertz)
         narrow = FlatZeroPhase(2 * np.pi * min(NARROW_HERTZ, wide_hertz))
         edge = EDGE * WIDE_HERTZ / wide_hertz
@@ -98,7 +98,7 @@ class TwoBandData:
         self.robot = measurements.robot
         self.blocks = wide_signals.blocks
         self.noise = segments_noise([b.segment for b in self.blocks])
-        self.noise_model = scheme.noise_model(layout.n)
+        self.noise_model = settings.noise_model(layout.n)
         self._signals = wide_signals, narrow_signals
         self._shared: dict[object, Any] = {}
         self._set(layout)

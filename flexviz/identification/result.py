@@ -1,4 +1,4 @@
-"""What an identification gives back."""
+"""Result of an identification."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Identification:
     Attributes:
         set_name: the measurement set.
         observer_name, bandwidth: bandwidth in rad/s, float or shape (n,).
-        refined: whether the two_band stage has run.
+        refined: whether the instrumental-variables refinement has run.
         groups, validation_groups: names.
         converged, stopped: how it ended; a stopped one keeps what it had.
         iterations: all steps of the solver.

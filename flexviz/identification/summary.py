@@ -9,29 +9,20 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES, INERTIAL_UNITS, Layout
-from flexviz.estimation import BaseParameters, Prior
+from flexviz.estimation import BaseParameters, Covariance, Prior
 from flexviz.identification.result import Combination, ParameterEstimate
+from flexviz.identification.thresholds import IDENTIFICATION
 
 Array = NDArray[np.float64]
-
-# standard error relative to the parameter's scale: below the first "yes", below the second "weak"
-GRADES = {
-    "inertial": (0.05, 0.3),
-    "stiffness": (0.025, 0.25),
-    "motor_inertia": (0.025, 0.25),
-    "friction": (0.05, 0.3),
-    "effect": (0.1, 0.5),
-}
-TIED = 0.9  # |correlation| from which two parameters count as tied
 
 
 def grade(kind: str, std: float, scale: float, prior_share: float) -> str:
     """ "yes", "weak" or "no"; a parameter that owes its precision to the prior is at most weak."""
     if not np.isfinite(std) or scale <= 0:
         return "no"
-    sure, weak = GRADES[kind]
+    sure, weak = IDENTIFICATION.grades[kind]
     relative = std / scale
-    if relative <= sure and prior_share < 0.5:
+    if relative <= sure and prior_share < IDENTIFICATION.prior_share:
         return "yes"
     return "weak" if relative <= weak else "no"
 
@@ -49,11 +40,15 @@ def natural_scale(prior: Prior) -> Array:
 
 
 def parameter_estimates(
-    layout: Layout, x: Array, start: Array, cov: Array, share: Array, at_bound: NDArray[np.bool_], prior:
-        Prior,
-) -> tuple[ParameterEstimate, ...]:  # fmt: skip
+    layout: Layout,
+    x: Array,
+    start: Array,
+    covariance: Covariance,
+    at_bound: NDArray[np.bool_],
+    prior: Prior,
+) -> tuple[ParameterEstimate, ...]:
     """All parameters in the order of the solver's vector, then the friction sums."""
-    n = layout.n
+    n, cov, share = layout.n, covariance.matrix, covariance.prior_share
     values, begin = x.copy(), start.copy()
     values[layout.compliance] = 1 / x[layout.compliance]
     begin[layout.compliance] = 1 / start[layout.compliance]
@@ -74,7 +69,7 @@ def parameter_estimates(
             row = np.abs(np.nan_to_num(correlation[k]))
             row[k] = 0.0
             strongest = np.argsort(-row)[:4]
-            tied = tuple(labels[i] for i in strongest if row[i] >= TIED)
+            tied = tuple(labels[i] for i in strongest if row[i] >= IDENTIFICATION.tied)
         out.append(
             ParameterEstimate(
                 name,
@@ -115,12 +110,12 @@ def _kinds_and_scales(layout: Layout, x: Array, values: Array, prior: Prior) -> 
     kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
     scales = np.abs(values).copy()
     scales[layout.inertial] = np.maximum(np.abs(x[layout.inertial]), natural_scale(prior))
-    floor = np.maximum(0.05 * (x[layout.link_viscous] + x[layout.motor_viscous]), 1e-12)
+    floor = IDENTIFICATION.viscous_floor * (x[layout.link_viscous] + x[layout.motor_viscous])
     for part in (layout.link_viscous, layout.motor_viscous):
-        scales[part] = np.maximum(x[part], floor)
+        scales[part] = np.maximum(x[part], np.maximum(floor, 1e-12))
     for effect, where in layout.effect_slices():
         kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
-        scales[where] = np.maximum(np.abs(x[where]), 0.007 * prior.spread[where])
+        scales[where] = np.maximum(np.abs(x[where]), IDENTIFICATION.effect_floor * prior.spread[where])
     return kinds, scales
 
 

@@ -1,0 +1,174 @@
+"""Weighted least squares in one band; which band, the data say where the user does not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Equation, Layout, build_signals
+from flexviz.errors import InputError
+from flexviz.estimation import (
+    Covariance,
+    Solution,
+    Start,
+    Stopped,
+    gauss_newton,
+    sandwich,
+    score_covariance,
+    start_values,
+)
+from flexviz.identification.initial_guess import needs_search, searched_start
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.observers import ButterworthZeroPhase, Observer, make_observer
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
+
+Array = NDArray[np.float64]
+
+BAND_HERTZ = (4.0, 5.0, 6.0, 7.0, 8.5, 10.0)  # bands to choose from, rising
+STIFFNESS_FACTORS = (0.1, 10.0)  # further starts when the first fails
+
+
+@dataclass
+class Reporter:
+    """Numbers the solver's steps, keeps them, and stops the solver when asked to.
+
+    Attributes:
+        layout: of the solver's vector.
+        progress: called with each step.
+        should_stop: asked after each step.
+        stage: what the solver is doing.
+        iterations: the steps so far.
+        stopped: the solver was asked to stop.
+    """
+
+    layout: Layout
+    progress: ProgressCallback | None
+    should_stop: StopCallback | None
+    stage: str = ""
+    iterations: list[Iteration] = field(default_factory=list)
+    stopped: bool = False
+
+    def __post_init__(self) -> None:
+        self.names = tuple(self.layout.labels())
+
+    def check(self) -> None:
+        if self.should_stop is not None and self.should_stop():
+            self.stopped = True
+            raise Stopped
+
+    def __call__(self, x: Array, cost: float, step: float) -> None:
+        values = x.copy()
+        values[self.layout.compliance] = 1 / x[self.layout.compliance]
+        iteration = Iteration(len(self.iterations), self.stage, cost, step, values, self.names)
+        self.iterations.append(iteration)
+        if self.progress is not None:
+            self.progress(Progress(self.stage, iteration=iteration))
+        self.check()
+
+
+@dataclass(frozen=True, eq=False)
+class PlainFit:
+    """The fit of one band.
+
+    Attributes:
+        observer: which observer, with its bandwidth.
+        equation: on its signals.
+        start: where the solver began, with prior and bounds.
+        solution: where it ended.
+    """
+
+    observer: Observer
+    equation: Equation
+    start: Start
+    solution: Solution
+
+    @property
+    def size(self) -> float:
+        """Log of the residual's mean square, summed over the joints."""
+        return float(np.log(np.mean(self.solution.evaluation.residual**2, axis=0) + 1e-300).sum())
+
+    def weighted_jacobian(self) -> Array:
+        """Shape (N, n, P)."""
+        return self.solution.evaluation.jacobian * self.solution.weights[:, :, None]
+
+    def covariance(self) -> Covariance:
+        """From the residual's own spectra."""
+        solution, jacobian = self.solution, self.weighted_jacobian()
+        residual = solution.evaluation.residual * solution.weights
+        score = score_covariance(residual, jacobian, [b.rows for b in self.equation.signals.blocks])
+        flat = jacobian.reshape(-1, jacobian.shape[2])
+        prior = self.start.prior.gradient_and_hessian(solution.x)[1]
+        return sandwich(flat.T @ flat, score, prior, solution.at_bound)
+
+
+def plain_fit(
+    measurements: MeasurementSet,
+    groups: tuple[Group, ...],
+    observer: str,
+    bandwidth: float | Sequence[float] | None,
+    report: Reporter,
+    max_iterations: int,
+) -> PlainFit:
+    """The fit with an observer; the zero-phase Butterworth's bandwidth is chosen by the residual."""
+    if observer != ButterworthZeroPhase.name or bandwidth is not None:
+        return _attempt(
+            measurements, groups, make_observer(observer, bandwidth), None, report, max_iterations
+        )
+    best: PlainFit | None = None
+    for hertz in BAND_HERTZ:
+        # the neighbouring band's result is a better start than the rigid fit
+        near = best.solution.x if best is not None and best.solution.converged else None
+        band = ButterworthZeroPhase(2 * np.pi * hertz)
+        try:
+            trial = _attempt(measurements, groups, band, near, report, max_iterations)
+        except InputError:
+            if hertz == BAND_HERTZ[-1] and best is None:
+                raise
+            continue  # the records are too short for so narrow a band
+        if best is not None and trial.size > best.size:
+            break  # above this, noise only grows
+        if best is None or trial.size < best.size:
+            best = trial
+        if report.stopped:
+            break
+    assert best is not None
+    return best
+
+
+def _attempt(
+    measurements: MeasurementSet,
+    groups: tuple[Group, ...],
+    observer: Observer,
+    near: Array | None,
+    report: Reporter,
+    max_iterations: int,
+) -> PlainFit:
+    """From the start values or from `near`; where that fails, from other stiffnesses."""
+    layout = report.layout
+    equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
+    start = start_values(measurements, equation)
+    prior, bounds = start.prior, start.bounds
+    report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
+    if near is None and needs_search(layout):
+        near = bounds.clip(searched_start(measurements, equation))
+    x = start.x if near is None else near
+    solution = last = gauss_newton(
+        equation, prior, bounds, x, after=start.point, report=report, max_iterations=max_iterations
+    )
+    for factor in STIFFNESS_FACTORS:
+        if solution.converged or report.stopped:
+            break
+        x = start.x.copy()
+        if near is not None:
+            x[layout.effect_start :] = near[layout.effect_start :]
+        x[layout.compliance] /= factor
+        report.stage = f"fit from {factor:g} times the stiffness"
+        last = gauss_newton(
+            equation, prior, bounds, x, after=last.point, report=report, max_iterations=max_iterations
+        )
+        if last.converged or last.evaluation.residual.var() < solution.evaluation.residual.var():
+            solution = last
+    return PlainFit(observer, equation, start, solution)

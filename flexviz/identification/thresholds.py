@@ -1,0 +1,46 @@
+"""Thresholds of what an identification reports, in one place with their reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+# relative standard error up to which a parameter is identifiable ("yes"), and up to which weakly
+Grades = Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class IdentificationThresholds:
+    """What decides between "yes", "weak" and "no".
+
+    Attributes:
+        grades: kind of parameter → relative standard errors up to which it is "yes" and "weak".
+        prior_share: share of the prior in a variance from which a parameter is at most "weak".
+        tied: |correlation| from which two parameters count as tied.
+        viscous_floor: a joint's viscous friction on one side is judged on no smaller scale than this share of
+            both sides' sum.
+        effect_floor: an effect's parameter is judged on no smaller scale than this share of its prior spread.
+        lag_dominates: times the noise floor from which a lagging observer's residual caps all grades at
+            "weak".
+    """
+
+    grades: Grades = field(
+        default_factory=lambda: MappingProxyType(
+            {
+                "inertial": (0.05, 0.3),
+                "stiffness": (0.025, 0.25),
+                "motor_inertia": (0.025, 0.25),
+                "friction": (0.05, 0.3),
+                "effect": (0.1, 0.5),
+            }
+        )
+    )
+    prior_share: float = 0.5
+    tied: float = 0.9
+    viscous_floor: float = 0.05
+    effect_floor: float = 0.007
+    lag_dominates: float = 3.0
+
+
+IDENTIFICATION = IdentificationThresholds()
