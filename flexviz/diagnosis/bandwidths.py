@@ -20,10 +20,10 @@ from flexviz.estimation import (
     TwoBandData,
     Whitening,
     gauss_newton,
+    least_norm_solve,
     noise_density,
     noise_paths,
     sandwich,
-    scaled_inverse,
     score_covariance,
     solve,
 )
@@ -239,7 +239,7 @@ def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array
     used = seconds >= 0
     np.add.at(score, seconds[used], each[used])
     out = np.zeros_like(score)
-    out[:, free] = -score[:, free] @ scaled_inverse(hessian[np.ix_(free, free)])
+    out[:, free] = -least_norm_solve(hessian[np.ix_(free, free)], score[:, free].T).T
     return out
 
 

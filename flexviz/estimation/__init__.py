@@ -6,7 +6,7 @@ from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
 from flexviz.estimation.interval import best_intervals
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton
-from flexviz.estimation.linear_algebra import scaled_inverse
+from flexviz.estimation.linear_algebra import least_norm_solve
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_paths import NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
@@ -48,6 +48,7 @@ __all__ = [
     "bounded_step",
     "explained",
     "gauss_newton",
+    "least_norm_solve",
     "noise_density",
     "noise_paths",
     "other_effects",
@@ -55,7 +56,6 @@ __all__ = [
     "refine",
     "residual_noise",
     "sandwich",
-    "scaled_inverse",
     "score",
     "score_covariance",
     "solve",

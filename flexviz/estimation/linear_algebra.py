@@ -25,5 +25,12 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-14) -> Array:
     return inverse * scale[:, None] * scale
 
 
+def least_norm_solve(matrix: Array, right: Array) -> Array:
+    """Solve a symmetric system, its diagonal scaled to one, for several right sides (P, K) by pseudoinverse."""
+    scale = _scale(matrix)
+    inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True)
+    return scale[:, None] * (inverse @ (scale[:, None] * right))
+
+
 def _scale(matrix: Array) -> Array:
     return 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
