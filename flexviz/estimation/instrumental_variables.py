@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 
 MAX_HALVINGS = 4  # of a step in a damped fit
 MAX_MODEL_ERRORS = 8  # fits until the model error explains the residual
-STIFFNESS_STEP = 5.0  # within one step a stiffness changes at most by this factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +124,7 @@ def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
     compliance = prior.layout.compliance
     for _ in range(30):
         trial = bounds.clip(x + length * step)
-        softest, stiffest = STIFFNESS_STEP * x[compliance], x[compliance] / STIFFNESS_STEP
-        trial[compliance] = np.clip(trial[compliance], stiffest, softest)
+        trial[compliance] = np.clip(trial[compliance], 0.2 * x[compliance], 5 * x[compliance])
         if prior.feasible(trial):
             return trial
         length *= 0.5

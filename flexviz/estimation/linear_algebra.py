@@ -26,7 +26,7 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-14) -> Array:
 
 
 def least_norm_solve(matrix: Array, right: Array) -> Array:
-    """Solve a symmetric system, its diagonal scaled to one, for several right sides (P, K) by pseudoinverse."""
+    """Solve a symmetric system for right sides (P, K) by pseudoinverse, its diagonal scaled to one."""
     scale = _scale(matrix)
     inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True)
     return scale[:, None] * (inverse @ (scale[:, None] * right))
