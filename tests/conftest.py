@@ -1,10 +1,19 @@
-"""What is run (studies only where `-m study` asks for them), and that Ctrl+C works in the background."""
+"""What is run (studies only where `-m study` asks for them), Ctrl+C in the background, the demonstration set."""
 
 from __future__ import annotations
 
 import signal
 
 import pytest
+
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.resources import sessions_dir
+
+
+@pytest.fixture(scope="session")
+def demo() -> MeasurementSet:
+    """The bundled set: a soft arm without gravity, rich motion, friction that its model does not name."""
+    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 def pytest_configure() -> None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from flexviz.cli.diagnose import lines, sentence
-from flexviz.diagnosis import diagnose
+from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
-from flexviz.measurements import read_set
+from flexviz.measurements import MeasurementSet, read_set
 from flexviz.resources import sessions_dir
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
@@ -19,14 +19,14 @@ CASES = SHARED / "practice" / "cases"
 
 
 @pytest.fixture(scope="module")
-def demo():
-    return diagnose(read_set(sessions_dir() / "planar-2r-demo"))
+def diagnosed(demo: MeasurementSet) -> Diagnosis:
+    return diagnose(demo)
 
 
-def test_demo_lacks_coulomb_friction(demo):
+def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
     truth = json.loads((sessions_dir() / "planar-2r-demo" / "truth.json").read_text())["effects"][0]
-    assert demo.verdict == "missing"
-    first = demo.findings[0]
+    assert diagnosed.verdict == "missing"
+    first = diagnosed.findings[0]
     assert (first.effect, first.joint) == ("coulomb_friction", "joint2")
     value, std, unit = first.parameters["coulomb"]
     assert unit == "Nm" and value == pytest.approx(
@@ -36,13 +36,13 @@ def test_demo_lacks_coulomb_friction(demo):
         rel=0.01,
     )
     assert std < 0.01 * value
-    assert demo.steps[-1].verdict == "nothing-missing"
-    assert demo.steps[0].rms_validation is not None and demo.steps[-1].rms_validation is not None
-    assert sum(demo.steps[-1].rms_validation) < 0.3 * sum(demo.steps[0].rms_validation)
+    assert diagnosed.steps[-1].verdict == "nothing-missing"
+    assert diagnosed.steps[0].rms_validation is not None and diagnosed.steps[-1].rms_validation is not None
+    assert sum(diagnosed.steps[-1].rms_validation) < 0.3 * sum(diagnosed.steps[0].rms_validation)
 
 
-def test_json_is_the_contract(demo):
-    document = json.loads(json.dumps(demo.to_json()))
+def test_json_is_the_contract(diagnosed: Diagnosis) -> None:
+    document = json.loads(json.dumps(diagnosed.to_json()))
     assert document["format"] == 1 and document["verdict"] == "missing"
     candidate = document["candidates"][0]
     assert set(candidate) == {
@@ -58,9 +58,9 @@ def test_json_is_the_contract(demo):
     assert set(document["where"][0]) == {"joint", "variable", "explained", "range"}
 
 
-def test_words(demo):
-    assert sentence(demo).startswith("Missing: coulomb_friction on joint2")
-    assert any("nothing-missing" in line for line in lines(demo))
+def test_words(diagnosed: Diagnosis) -> None:
+    assert sentence(diagnosed).startswith("Missing: coulomb_friction on joint2")
+    assert any("nothing-missing" in line for line in lines(diagnosed))
 
 
 def test_stopping_keeps_what_there_is():

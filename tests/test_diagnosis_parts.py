@@ -26,14 +26,8 @@ from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whiten
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.observers import FlatZeroPhase
-from flexviz.resources import sessions_dir
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
-
-
-@pytest.fixture(scope="module")
-def demo() -> Any:
-    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 @pytest.fixture(scope="module")

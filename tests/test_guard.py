@@ -16,7 +16,6 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase, FlatZeroPhase, Observer, make_observer
-from flexviz.resources import sessions_dir
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 EVERYTHING = ("coulomb_friction:joint2",)  # what the demonstration's robot has
@@ -29,11 +28,6 @@ def model(
     layout = Layout(measurements.joints, choose_effects(effects, measurements.joints))
     options = {} if observer is None else {"observer": observer.name, "bandwidth": observer.bandwidth}
     return layout, layout.vector(identify(measurements, effects=effects, **options).model)
-
-
-@pytest.fixture(scope="module")
-def demo() -> MeasurementSet:
-    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 @pytest.fixture(scope="module")

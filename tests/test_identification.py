@@ -14,7 +14,7 @@ from flexviz.estimation.least_squares import Bounds, bounded_step
 from flexviz.estimation.weighted_point import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.measurements import read_set
 from flexviz.noise import white_noise
 from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir
@@ -29,11 +29,6 @@ KUKA = SHARED / "real" / "kuka_kr300"
 def truth_of(folder: Path) -> dict[tuple[str, str], float]:
     document = json.loads((folder / "truth.json").read_text())
     return {(p["name"], p["joint"]): p["value"] for p in document["parameters"]}
-
-
-@pytest.fixture(scope="module")
-def demo() -> MeasurementSet:
-    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ DATA = truth(rows=1000)
 # -- the same identification ---------------------------------------------------------------------------
 
 
-def demo(rows: int = 4000) -> list[tuple[GroupTable, SimpleNamespace]]:
+def shortened_groups(rows: int = 4000) -> list[tuple[GroupTable, SimpleNamespace]]:
     """Groups of the bundled set, shortened: as a table, and as what a bag is written from."""
     found = []
     for group in read_set(sessions_dir() / "planar-2r-demo").groups[:3]:
@@ -62,7 +62,7 @@ def test_mcap_leads_to_the_same_identification(tmp_path: Path) -> None:
     source = read_set(sessions_dir() / "planar-2r-demo")
     start = {"torque_hold": source.torque_hold, "initial_stiffness": source.initial_stiffness}
     start["initial_motor_inertia"] = source.initial_motor_inertia
-    groups = demo()
+    groups = shortened_groups()
     direct = write_set(
         tmp_path / "direct",
         robot="robots:planar_2r",

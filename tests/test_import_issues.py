@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +18,6 @@ from flexviz.importing.issues import Issue, with_fixes
 from flexviz.importing.mapping import LogEntry, Mapping, parse
 from flexviz.importing.plausibility import check_groups
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
-from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 
 DEGREE = np.pi / 180
@@ -33,12 +31,6 @@ def arm() -> tuple[Robot, tuple[SimpleNamespace, ...]]:
     with tempfile.TemporaryDirectory() as folder:
         robot = Robot.load(write_robot(Path(folder)), JOINTS)
     return robot, (truth(0, 1500), truth(5, 1500))
-
-
-@cache
-def demo() -> MeasurementSet:
-    """The bundled set: a soft arm without gravity, rich motion, friction that the model does not know."""
-    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 def mapping_of(joints: Any, **keys: Any) -> Mapping:
@@ -66,11 +58,10 @@ def found(groups: list[AssembledGroup], **keys: Any) -> list[Issue]:
     return check_groups(mapping_of(JOINTS, **keys), arm()[0], groups)
 
 
-def test_good_data_raise_none() -> None:
+def test_good_data_raise_none(demo: MeasurementSet) -> None:
     assert found(tables()) == []
-    measurements = demo()
-    groups = [assembled(replace(GroupTable.of(g), payload="none")) for g in measurements.groups]
-    assert check_groups(mapping_of(measurements.joints), measurements.robot, groups) == []
+    groups = [assembled(replace(GroupTable.of(g), payload="none")) for g in demo.groups]
+    assert check_groups(mapping_of(demo.joints), demo.robot, groups) == []
 
 
 one, other = np.array([-1.0, 1.0]), np.array([1.0, -1.0])
@@ -199,13 +190,13 @@ def delayed(measurements: MeasurementSet, samples: int) -> MeasurementSet:
     return replace(measurements, groups=tuple(groups))
 
 
-def test_delay_of_the_torque() -> None:
+def test_delay_of_the_torque(demo: MeasurementSet) -> None:
     """Torque and acceleration that disagree by three samples are pointed out, to 0.05 ms."""
-    good = torque_delay(delayed(demo(), 0), lambda what: None, lambda: False)
-    assert good is not None and abs(good.seconds) < 5e-5 and delay_issues(good, demo()) == []
-    late = torque_delay(delayed(demo(), 3), lambda what: None, lambda: False)
+    good = torque_delay(delayed(demo, 0), lambda what: None, lambda: False)
+    assert good is not None and abs(good.seconds) < 5e-5 and delay_issues(good, demo) == []
+    late = torque_delay(delayed(demo, 3), lambda what: None, lambda: False)
     assert late is not None and late.seconds == pytest.approx(0.003, abs=5e-5) and late.share > 0.99
-    (issue,) = delay_issues(late, demo())
+    (issue,) = delay_issues(late, demo)
     assert issue.kind == "delay" and issue.severity == "odd"
     assert "torque and acceleration disagree in time" in issue.message and "(3 samples)" in issue.message
 
@@ -226,17 +217,16 @@ PRACTICE = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 
 
 def test_a_set_that_never_saw_an_import_is_doubted_all_the_same(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
+    demo: MeasurementSet, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A torque that is turned round is named with its file, joint and remedy; a sound set raises nothing."""
-    sound = read_set(sessions_dir() / "planar-2r-demo")
-    assert with_plausibility_warnings(sound) is sound
+    assert with_plausibility_warnings(demo) is demo
     groups = tuple(
         replace(g, segments=tuple(replace(s, tau=s.tau * [1.0, -1.0]) for s in g.segments))
-        for g in sound.groups
+        for g in demo.groups
     )
     with caplog.at_level("WARNING"):
-        doubted = with_plausibility_warnings(replace(sound, groups=groups, path=tmp_path))
+        doubted = with_plausibility_warnings(replace(demo, groups=groups, path=tmp_path))
     (text,) = doubted.warnings
     assert text == caplog.messages[-1]
     assert text.startswith(f"{tmp_path / 'measurements.toml'}: tau of joint2: with sign = -1")

@@ -12,14 +12,13 @@ import pytest
 from flexviz._pinocchio import pin
 from flexviz.errors import ConvergenceError
 from flexviz.identification import identify
-from flexviz.measurements import GroupTable, read_set, write_set
+from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.recording import record_set
 from flexviz.recording.columns import broken_at_gaps, stride_for
 from flexviz.recording.paths import path
 from flexviz.recording.scene import normals, quaternions
 from flexviz.recording.texts import escaped
-from flexviz.resources import sessions_dir
 from flexviz.scene import measured_motion, with_replay
 from flexviz.simulation import replay
 from tests.recorded import Read, blueprint_of
@@ -30,21 +29,20 @@ pytestmark = pytest.mark.filterwarnings("error::rerun.error_utils.RerunWarning")
 
 
 @pytest.fixture(scope="module")
-def demo() -> Any:
-    whole = read_set(sessions_dir() / "planar-2r-demo")
-    return replace(whole, groups=(whole.group(FIRST), whole.group(HELD_OUT)))
+def pair(demo: MeasurementSet) -> MeasurementSet:
+    return replace(demo, groups=(demo.group(FIRST), demo.group(HELD_OUT)))
 
 
 @pytest.fixture(scope="module")
-def result(demo: Any) -> Any:
-    return identify(demo)
+def result(pair: MeasurementSet) -> Any:
+    return identify(pair)
 
 
 @pytest.fixture(scope="module")
-def recorded(demo: Any, result: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def recorded(pair: MeasurementSet, result: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
     steps: list[tuple[str, float]] = []
     file = tmp_path_factory.mktemp("recorded") / "demo.rrd"
-    written = record_set(demo, result, file, progress=lambda p: steps.append((p.text, p.share or 0.0)))
+    written = record_set(pair, result, file, progress=lambda p: steps.append((p.text, p.share or 0.0)))
     assert written.file == file and written.bytes == file.stat().st_size
     shares = [share for _, share in steps]
     assert np.diff(shares).min() > -1e-9 and shares[0] == 0.0 and shares[-1] == 1.0
@@ -56,29 +54,29 @@ def content(recorded: Any) -> Read:
     return Read(recorded.file)
 
 
-def test_measured_signals(demo: Any, content: Read) -> None:
-    for group in demo.groups:
+def test_measured_signals(pair: MeasurementSet, content: Read) -> None:
+    for group in pair.groups:
         segment = group.segments[0]
         stride = stride_for(group.samples, 10_000)
-        for j, joint in enumerate(demo.joints):
+        for j, joint in enumerate(pair.joints):
             for name in ("theta", "tau"):
                 instants, values = content.line(path("groups", group.name, "measured", name, joint))
                 np.testing.assert_allclose(instants, segment.time[::stride], atol=2e-9)
                 np.testing.assert_array_equal(values, getattr(segment, name)[::stride, j])
 
 
-def test_all_observer_states(demo: Any, result: Any, content: Read) -> None:
+def test_all_observer_states(pair: MeasurementSet, result: Any, content: Read) -> None:
     observer = make_observer(result.observer_name, result.bandwidth)
     names = [("theta", k) for k in range(5)] + [("tau", k) for k in range(3)]
     used = f"butterworth-zero-phase-{result.bandwidth:.6g}"
-    for group in demo.groups:
-        states = observer.states(group.segments[0], demo.torque_hold)
+    for group in pair.groups:
+        states = observer.states(group.segments[0], pair.torque_hold)
         stride = stride_for(group.samples, 10_000)
         for kind, inside in (("states", True), ("transients", False)):
             rows = np.flatnonzero(states.valid == inside)[::stride]
             assert len(rows) > 10
             for name, order in names:
-                for j, joint in enumerate(demo.joints):
+                for j, joint in enumerate(pair.joints):
                     apart = ("transients",) if kind == "transients" else ()
                     entity = path("observers", used, group.name, *apart, f"{name}_{order}", joint)
                     instants, values = content.line(entity)
@@ -91,9 +89,9 @@ def test_all_observer_states(demo: Any, result: Any, content: Read) -> None:
                         assert np.count_nonzero(np.isnan(values)) == 1
 
 
-def test_residual_and_iterations(demo: Any, result: Any, content: Read) -> None:
+def test_residual_and_iterations(pair: MeasurementSet, result: Any, content: Read) -> None:
     for name, series in result.residuals.items():
-        for j, joint in enumerate(demo.joints):
+        for j, joint in enumerate(pair.joints):
             for signal_name in ("residual", "torque", "q"):
                 instants, values = content.line(path("results", "1", "groups", name, signal_name, joint))
                 np.testing.assert_allclose(instants, series.time, atol=2e-9)
@@ -118,10 +116,17 @@ def test_residual_and_iterations(demo: Any, result: Any, content: Read) -> None:
     assert list(stages) == [iteration.stage for iteration in result.iterations]
 
 
-def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
-    group = demo.group(FIRST)
-    run = replay(demo.robot, result.model, group, demo.kp, demo.kd, torque_hold=demo.torque_hold)
-    motion = with_replay(measured_motion(demo, group, result), run)
+def test_both_robots_move(pair: MeasurementSet, result: Any, content: Read) -> None:
+    group = pair.group(FIRST)
+    run = replay(
+        pair.robot,
+        result.model,
+        group,
+        pair.kp,
+        pair.kd,
+        torque_hold=pair.torque_hold,
+    )
+    motion = with_replay(measured_motion(pair, group, result), run)
     assert motion.model_theta is not None
     for name, theta in (("measured", motion.theta), ("identified", motion.model_theta)):
         for link in ("link1", "link2"):
@@ -130,7 +135,7 @@ def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
             turns = content.component(entity, "Transform3D:quaternion")
             assert len(positions) == len(turns) == len(motion.time)
             for row in (0, 137, len(motion.time) - 1):
-                pose = demo.robot.link_poses(theta[row])[link]
+                pose = pair.robot.link_poses(theta[row])[link]
                 np.testing.assert_allclose(positions[row], pose[:3, 3], atol=1e-6)
                 np.testing.assert_allclose(
                     pin.Quaternion(*turns[row][[3, 0, 1, 2]]).matrix(), pose[:3, :3], atol=1e-6
@@ -141,7 +146,7 @@ def test_both_robots_move(demo: Any, result: Any, content: Read) -> None:
     roots = [path("groups", FIRST, "robots", name) for name in ("measured", "identified")]
     offsets = [content.component(root, "Transform3D:translation")[0] for root in roots]
     assert np.linalg.norm(offsets[0] - offsets[1]) > 1.0
-    for j, joint in enumerate(demo.joints):
+    for j, joint in enumerate(pair.joints):
         instants, values = content.line(path("results", "1", "groups", FIRST, "simulated", "theta", joint))
         stride = stride_for(len(run.time), 10_000)
         np.testing.assert_array_equal(values, run.theta[::stride, j])
@@ -161,11 +166,11 @@ def test_simulated_data_are_called_simulated(content: Read) -> None:
     assert label[0] == "measured (simulated data)"
 
 
-def test_words(demo: Any, result: Any, content: Read) -> None:
+def test_words(pair: MeasurementSet, result: Any, content: Read) -> None:
     summary = content.text("/results/1/about")
     assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
     assert "validation, never fitted" in content.text(path("groups", HELD_OUT, "about"))
-    assert "closed loop" in content.text(path("groups", FIRST, "about")) or demo.kp is None
+    assert "closed loop" in content.text(path("groups", FIRST, "about")) or pair.kp is None
     assert escaped("a_b|c*") == "a\\_b\\|c\\*"
 
 
@@ -223,13 +228,13 @@ def test_without_identification_and_with_gaps(tmp_path: Path) -> None:
 
 
 def test_a_model_that_diverges_is_still_recorded(
-    demo: Any, result: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pair: MeasurementSet, result: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def diverges(*arguments: Any, **options: Any) -> None:
         raise ConvergenceError("the simulation diverged at 1 s")
 
     monkeypatch.setattr("flexviz.simulation.replay", diverges)
-    record_set(demo, result, tmp_path / "x.rrd", samples=200)
+    record_set(pair, result, tmp_path / "x.rrd", samples=200)
     content = Read(tmp_path / "x.rrd")
     assert "diverged at 1 s" in content.text(path("groups", FIRST, "about"))
     assert path("groups", FIRST, "robots", "measured", "link1") in content.batches

@@ -24,7 +24,6 @@ from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase
-from flexviz.resources import sessions_dir
 
 CASES = Path(__file__).resolve().parents[2] / "shared" / "practice" / "cases"
 STRETCHES = [slice(440 * k, 440 * (k + 1)) for k in range(4)]
@@ -93,11 +92,6 @@ def contact(time: Array, theta: Array, velocity: Array) -> Array:
 
 def slow_friction(time: Array, theta: Array, velocity: Array) -> Array:
     return 2.0 * np.exp(-((velocity / 0.2) ** 2)) * np.tanh(velocity / 0.005)
-
-
-@pytest.fixture(scope="module")
-def demo() -> MeasurementSet:
-    return read_set(sessions_dir() / "planar-2r-demo")
 
 
 @pytest.fixture(scope="module")
