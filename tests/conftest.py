@@ -1,4 +1,4 @@
-"""What is run (studies only where `-m study` asks for them), Ctrl+C in the background, the demonstration set."""
+"""What is run (studies only with `-m study`), Ctrl+C in the background, the demonstration set."""
 
 from __future__ import annotations
 

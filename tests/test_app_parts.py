@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from flexviz.app.change import Change, ChangeSignal, Turn
 from flexviz.app.clock import PlaybackClock
 from flexviz.app.events import LARGEST_QUEUE, Event, EventQueue
 from flexviz.app.input_checks import InputRule, check
@@ -137,6 +138,38 @@ def test_many_threads() -> None:
     for thread in threads:
         thread.join()
     assert sorted(e.value for e in iter(lambda: queue.take(0.0), None)) == [199] * 8
+
+
+# -- the change signal -----------------------------------------------------------------------------------
+
+
+def test_subscribers_hear_in_turn_and_of_nested_changes_afterwards() -> None:
+    signal, heard = ChangeSignal(), []
+    signal.subscribe(Change.RESULT | Change.MESSAGE, lambda: heard.append("status"), Turn.STATUS)
+
+    def draw_table() -> None:
+        heard.append("table")
+        signal.tell(Change.MESSAGE)
+
+    signal.subscribe(Change.RESULT, draw_table, Turn.CONTROLS)
+    signal.subscribe(Change.RESULT, lambda: heard.append("plot"))
+    signal.subscribe(Change.JOINT, lambda: heard.append("joint"))
+    signal.tell(Change.RESULT)
+    assert heard == ["plot", "table", "status", "status"]
+
+
+def test_a_subscriber_that_fails_does_not_silence_the_signal() -> None:
+    signal, heard = ChangeSignal(), []
+
+    def fail() -> None:
+        raise InputError("no")
+
+    signal.subscribe(Change.RESULT, fail)
+    signal.subscribe(Change.JOINT, lambda: heard.append("joint"))
+    with pytest.raises(InputError):
+        signal.tell(Change.RESULT)
+    signal.tell(Change.JOINT)
+    assert heard == ["joint"]
 
 
 # -- clock -----------------------------------------------------------------------------------------------

@@ -95,7 +95,7 @@ def test_a_viewer_that_goes_away_takes_nothing_with_it(
         def __getattr__(self, name: str) -> Any:
             return lambda *_: self.told.append(name)
 
-    monkeypatch.setattr("flexviz.recording.live.LiveRecording", Recording)
+    monkeypatch.setattr("flexviz.recording.LiveRecording", Recording)
     files_of(app)._address.value = "127.0.0.1:9876"
     use(app, "Live viewer", True)
     until(app, lambda: "Sent to 127.0.0.1:9876" in files_of(app)._note.content)

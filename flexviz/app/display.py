@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import viser
 
+from flexviz.app.change import Change
 from flexviz.app.events import Event, EventQueue
 from flexviz.app.playback import DrawnMotion, Playback
 from flexviz.app.scene import Scene
-from flexviz.app.state import Change
 from flexviz.app.store import Store
 from flexviz.charts import COLOURS, rgb
 from flexviz.scene import scene_labels, scene_layout
@@ -100,9 +100,9 @@ class Display:
         if highlight is None:
             self.scene.mark(None)
             return
-        motion, view = store.motion, store.view
+        motion, view, deflection = store.motion, store.view, store.deflection
         every = motion.time[:: max(len(motion.time) // MARKED_POINTS, 1)]
-        positions = [motion.pose(float(t), store.deflection, view.error, view.link_side)[0] for t in every]
+        positions = [motion.pose(float(t), deflection, view.error, view.link_side)[0] for t in every]
         last = len(highlight.time) - 1
         chosen = (
             highlight.marked[np.clip(np.searchsorted(highlight.time, every), 0, last)] if last >= 0 else []

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.commands import CTRL, SHIFT
 from flexviz.app.page import Page, off
-from flexviz.app.state import Change, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style

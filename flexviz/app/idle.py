@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexviz.app.state import Change, Derived, Turn
+from flexviz.app.change import Change, Turn
+from flexviz.app.state import Derived
 from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, MapResiduals, Replay
 

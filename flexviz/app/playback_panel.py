@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.clock import SPEEDS
 from flexviz.app.page import Page, off
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half, no_label
 from flexviz.scene import LAYOUTS
@@ -92,7 +92,9 @@ class PlaybackPanel:
     def _refresh(self) -> None:
         """The legend of the present result and group, and what may be chosen."""
         store, motion, view = self._store, self._store.motion, self._store.view
-        self._layout.value, self._deflection.value = view.layout, store.deflection
+        self._layout.value = view.layout
+        if view.deflection is None:  # else a person may be moving the slider
+            self._deflection.value = store.deflection
         why = "" if motion.link is not None else "the selected group has no link encoders"
         off(self._side, why, "compares motor angles, or link sides as the encoders measured them")
         if why and view.link_side:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from flexviz.app.change import Change
 from flexviz.app.page import Page
 from flexviz.app.residual_tab import ResidualTab
-from flexviz.app.state import Change
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.view import (

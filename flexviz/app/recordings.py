@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
+from flexviz.app.change import Change
 from flexviz.app.server import is_loopback
-from flexviz.app.state import Change, FitProgress
+from flexviz.app.state import FitProgress
 from flexviz.app.store import Store
 from flexviz.app.workspace import new_recording
 from flexviz.errors import FlexvizError, InputError, one_line
@@ -22,7 +23,7 @@ from flexviz.wording import effect_text_name
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
     from flexviz.identification import Identification
-    from flexviz.recording.live import LiveRecording
+    from flexviz.recording import LiveRecording
 
 Kind = Literal["file", "viewer"]
 KINDS: tuple[Kind, ...] = ("file", "viewer")
@@ -88,7 +89,7 @@ class Recordings:
         self._wanted[kind] = mark
 
         def begin() -> None:
-            from flexviz.recording.live import LiveRecording  # heavy
+            from flexviz.recording import LiveRecording  # heavy
 
             recording = LiveRecording(
                 measurements,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from flexviz.app.change import Change
 from flexviz.app.page import Page
-from flexviz.app.state import Change, Highlight
+from flexviz.app.state import Highlight
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.view import (

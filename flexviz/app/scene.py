@@ -15,10 +15,12 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.scene import ARROW_RADIUS, FIELD_OF_VIEW, RobotShape, SceneLayout, torque_arrow, torque_axes
 
 GHOST_OPACITY = 0.45
-LOOKED_AROUND = 0.02  # of the stage: a camera moved by less was not moved by a person
-HIDDEN = 0.27  # share of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
+MOVED_CAMERA = 0.02  # of the stage's width: a person moves the camera farther
+HIDDEN_SHARE = (
+    0.27  # share of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
+)
 SAME_ASPECT = 0.02  # a slow browser draws fewer pixels: their number says nothing, only width ÷ height does
-ASK = 2.0  # [s] between two questions how large a canvas is: docks appear late, windows change
+ASK_INTERVAL = 2.0  # [s] between two questions how large a canvas is: docks appear late, windows change
 
 
 class RobotNodes:
@@ -101,15 +103,7 @@ class RobotNodes:
         for index, (axis, share) in enumerate(there):
             points = torque_arrow(axis, share, radius)
             if index == len(self._arrows):
-                self._arrows.append(
-                    self._server.scene.add_line_segments(
-                        f"/{self.name}/torque{index}",
-                        points,
-                        colors=rgb(COLOURS.torque),
-                        thickness=3.0,
-                        thickness_units="screen",
-                    )
-                )
+                self._arrows.append(self._lines(f"torque{index}", points, rgb(COLOURS.torque), 3.0))
             else:
                 self._arrows[index].points = points
             self._arrows[index].wxyz = tf.SO3.from_matrix(poses[axis.link][:3, :3]).wxyz
@@ -127,24 +121,22 @@ class RobotNodes:
             self._marked.remove()
             self._marked = None
         if pieces is not None and len(pieces):
-            self._marked = self._server.scene.add_line_segments(
-                f"/{self.name}/marked",
-                pieces,
-                colors=rgb(COLOURS.playhead),
-                thickness=5.0,
-                thickness_units="screen",
-            )
+            self._marked = self._lines("marked", pieces, rgb(COLOURS.playhead), 5.0)
 
     def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
         """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
         path = self.path(positions)
         segments = np.stack([path[:-1], path[1:]], axis=1)
         if self._trail is None:
-            self._trail = self._server.scene.add_line_segments(
-                f"/{self.name}/trail", segments, colors=colour, thickness=1.5, thickness_units="screen"
-            )
+            self._trail = self._lines("trail", segments, colour, 1.5)
         else:
             self._trail.points = segments
+
+    def _lines(self, name: str, points: np.ndarray, colour: tuple[int, int, int], thickness: float) -> Any:
+        """Line segments (K, 2, 3) [m], of this thickness [pixels]."""
+        return self._server.scene.add_line_segments(
+            f"/{self.name}/{name}", points, colors=colour, thickness=thickness, thickness_units="screen"
+        )
 
     def remove(self) -> None:
         """Take the robot out of the scene."""
@@ -162,7 +154,7 @@ class Scene:
         self._aimed: dict[int, float] = {}  # width ÷ height of the canvas each browser was aimed for
         self._views: dict[int, np.ndarray] = {}  # and where its camera was put
         self._begin = np.zeros(3)  # where every page's camera begins
-        self._nudged = 1e-4  # share by which a camera is moved to make its browser speak
+        self._nudged = 1e-4  # share by which a camera is moved to make its browser answer
         self._asked = 0.0  # when browsers were asked for their size [s, monotonic]
         self.measured: RobotNodes | None = None
         self.identified: RobotNodes | None = None
@@ -200,11 +192,11 @@ class Scene:
             self.aim(client)
 
     def aim(self, client: viser.ClientHandle) -> None:
-        """Let one browser look at both robots, as large as its window allows."""
+        """Point one browser's camera at both robots, as close as its window allows."""
         if self.measured is None:
             return
         self._aimed[client.client_id] = aspect = _aspect(client)
-        camera, look = self._stage.camera(self._layout, aspect, HIDDEN)
+        camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE)
         self._views[client.client_id] = camera
         with client.atomic():
             client.camera.position = camera
@@ -231,11 +223,11 @@ class Scene:
         # a browser may take the camera that every page begins with only after it was aimed
         ours = (aimed, self._begin)
         away = min(float(np.linalg.norm(client.camera.position - place)) for place in ours)
-        return away < LOOKED_AROUND * self._stage.width
+        return away < MOVED_CAMERA * self._stage.width
 
     def tick(self) -> None:
-        """Let every browser say how large its canvas is now: it does so only when its camera moves."""
-        if time.monotonic() - self._asked < ASK:
+        """Ask every browser how large its canvas is: it answers only when its camera moves."""
+        if time.monotonic() - self._asked < ASK_INTERVAL:
             return
         self._asked = time.monotonic()
         for number, client in self._server.get_clients().items():
@@ -303,6 +295,3 @@ def _on_click(mesh: Any, joint: int, on_click: Callable[[int], None]) -> None:
     @mesh.on_click
     async def _(_: Any) -> None:
         on_click(joint)
-
-
-__all__ = ["RobotNodes", "Scene"]

@@ -1,9 +1,8 @@
-"""The records that the store holds, and the names of what can change in it."""
+"""The records that the store holds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Flag, IntEnum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,46 +20,6 @@ if TYPE_CHECKING:
     from flexviz.simulation import Run
 
 Tone = Literal["", "busy", "bad"]
-
-
-class Change(Flag):
-    """What has changed in the store."""
-
-    OPENED = auto()  # another measurement set or session
-    ANALYSIS = auto()  # anything in the analysis; what exactly, the next three say
-    OBSERVER = auto()  # the observer or its bandwidth
-    RESULT = auto()  # the identification
-    DIAGNOSIS = auto()  # the diagnosis, or the models on the way to the present one
-    NEW_STATE = auto()  # the session has gone on to a new state
-    HISTORY = auto()  # the session has gone back or forward, by undo or redo
-    DERIVED = auto()  # the simulated motion, or the residual maps, of a result
-    FIT = auto()  # iterations of a running fit
-    CHECK = auto()  # the sentence of the last check
-    JOINT = auto()  # the selected joint
-    GROUP = auto()  # the selected group
-    STEP = auto()  # the step whose controls are shown
-    VIEW = auto()  # how the robots are drawn
-    HIGHLIGHT = auto()  # the instants that are marked
-    ACTIVITY = auto()  # what the user waits for has begun or ended
-    PROGRESS = auto()  # how much of it is done
-    MESSAGE = auto()  # the status line
-    SAVED = auto()  # the session
-    FOLDER = auto()  # where the session is saved
-    TICK = auto()  # a moment has passed
-    CLOSED = auto()  # the application ends
-
-
-class Turn(IntEnum):
-    """The order in which subscribers are told of a change.
-
-    Whoever reads a new error in the status line, or sees Stop go out, finds the plots and tables that belong
-    to it.
-    """
-
-    PLOTS = auto()
-    CONTROLS = auto()
-    STATUS = auto()
-    WORK = auto()
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,22 +7,21 @@ it tells them so. Only the loop's thread calls it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from flexviz.app.change import Change, ChangeSignal
 from flexviz.app.clock import PlaybackClock
 from flexviz.app.runner import TaskRunner
 from flexviz.app.state import (
     Activity,
-    Change,
     Derived,
     FitProgress,
     Highlight,
     Message,
     Opened,
     Tone,
-    Turn,
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, OpenSet, SetTask
@@ -41,14 +40,7 @@ Result = TypeVar("Result")
 KEPT_RESULTS = 8  # whose simulated motions and maps are kept, so that undo shows them at once
 
 
-@dataclass(frozen=True)
-class _Subscriber:
-    stage: Turn
-    changes: Change
-    act: Callable[[], None]
-
-
-class Store:
+class Store(ChangeSignal):
     """The state of the application.
 
     Attributes:
@@ -64,6 +56,7 @@ class Store:
 
     def __init__(self, tasks: TaskRunner, alert: Callable[[str], None], step: str = "") -> None:
         """`alert` shows a failure to the user; `step` is the first step."""
+        super().__init__()
         self.tasks, self._alert = tasks, alert
         self.clock = PlaybackClock()
         self.step = step
@@ -72,31 +65,6 @@ class Store:
         self.activity: Activity | None = None
         self.saved: Session | None = None
         self.last_action = ""
-        self._subscribers: list[_Subscriber] = []
-        self._untold = Change(0)
-        self._telling = False
-
-    # -- the signal ----------------------------------------------------------------------------------
-
-    def subscribe(self, changes: Change, act: Callable[[], None], stage: Turn = Turn.PLOTS) -> None:
-        """Call `act` after any of these changes, stage by stage and then in the order of subscription."""
-        self._subscribers.append(_Subscriber(stage, changes, act))
-        self._subscribers.sort(key=lambda subscriber: subscriber.stage)
-
-    def tell(self, change: Change) -> None:
-        """Tell the subscribers; what one of them changes is told once all have heard of this."""
-        self._untold |= change
-        if self._telling:
-            return
-        self._telling = True
-        try:
-            while change := self._untold:
-                self._untold = Change(0)
-                for subscriber in self._subscribers:
-                    if subscriber.changes & change:
-                        subscriber.act()
-        finally:
-            self._telling, self._untold = False, Change(0)
 
     # -- what is open --------------------------------------------------------------------------------
 

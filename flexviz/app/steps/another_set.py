@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.change import Change
 from flexviz.app.page import Page, dim, warning
-from flexviz.app.state import Change
 from flexviz.app.store import Store
 from flexviz.app.uploads import UploadFolder
 from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir

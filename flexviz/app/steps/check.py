@@ -6,8 +6,8 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page, dim, off, warning
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import CheckParameters
 from flexviz.session import Settings

@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import warning
-from flexviz.app.state import Change, Turn
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
 from flexviz.app.steps.step import WorkflowStep

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.commands import SHIFT
 from flexviz.app.page import dim, off
-from flexviz.app.state import Change, Turn
 from flexviz.app.steps.findings import HEIGHT, FindingList
 from flexviz.app.steps.model_list import ModelList
 from flexviz.app.steps.step import WorkflowStep

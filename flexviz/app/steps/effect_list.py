@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page, dim
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import wide_label
 from flexviz.effects import EFFECTS

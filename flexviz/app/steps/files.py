@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page, dim, off
 from flexviz.app.recordings import KINDS, Kind, RecordingEvent, Recordings
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half
 from flexviz.app.workspace import FileContent, SaveSession, WriteReport, ZipSession, short

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.commands import CTRL
 from flexviz.app.page import dim, off
-from flexviz.app.state import Change, Turn
 from flexviz.app.steps.check import ParameterCheck
 from flexviz.app.steps.effect_list import EffectList
 from flexviz.app.steps.step import WorkflowStep

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import dim
-from flexviz.app.state import Change, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.steps.sweep import BandwidthSweep
 from flexviz.app.style import no_number_box

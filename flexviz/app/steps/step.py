@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page, dim, off, warning
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import Sweep
 from flexviz.app.uplot import ChartColumn

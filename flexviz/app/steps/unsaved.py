@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from flexviz.app.change import Change, Turn
 from flexviz.app.page import Page, warning
-from flexviz.app.state import Change, Turn
 from flexviz.app.store import Store
 from flexviz.app.workspace import unsaved_dir
 from flexviz.errors import InputError
