@@ -240,7 +240,7 @@ CHANGES = {
     "replaces": (COLUMNS, f'    replaces = "x"\n\n{COLUMNS}', 'line 16: class Mine: replaces "x"'),
     "example": (COLUMNS, f"    example = (-1.0,)\n\n{COLUMNS}", "line 16: .* out of its bounds"),
     "scope": (COLUMNS, f'    scope = "episode"\n\n{COLUMNS}', 'line 16: .* scope "episode"'),
-    "shape": ("[np.newaxis]", "", r"line 16: .* shape \(3001,\), \(1, 3001\)"),
+    "shape": ("[np.newaxis]", "", r"line 16: .* shape \(3001,\), expected \(1, 3001\)"),
     "raises": ("motion.velocity[", "motion.speed[", "line 17: .* AttributeError"),
     "not finite": ("motion.velocity[", "np.log(motion.velocity)[", "line 16: .* not finite"),
     "state": ("motion.velocity[", "motion.torque[", "line 16: .* state = True is missing"),
@@ -278,7 +278,7 @@ LAW = GOOD.replace("LinearEffect", "LawEffect").replace(
     [
         ("motion.velocity[np.newaxis]", "", None),
         ("1.01 * motion.velocity[np.newaxis]", "", "line 16: .*∂u/∂size differs from .* by 0.99 %"),
-        ("motion.velocity", "", "line 16: .* shapes"),
+        ("motion.velocity", "", "line 16: .*slopes has shape"),
         ("motion.velocity[np.newaxis]", "-", "line 20: .* simulation and u differ"),
     ],
 )
@@ -297,7 +297,7 @@ def test_derivatives_and_simulation_are_checked(
 def test_files_that_are_none(tmp_path: Path) -> None:
     for path, message in (
         (tmp_path / "none.py", "does not exist"),
-        (tmp_path, "is no file"),
+        (tmp_path, "is not a file"),
         (file_with(tmp_path, "x = 1\n"), "defines no effect"),
     ):
         with pytest.raises(InputError, match=message):

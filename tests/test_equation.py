@@ -271,8 +271,8 @@ def test_effects_as_text_and_back(text, effect):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("external_contact", 'joint and group must be named, as in "external_contact:a@g1"'),
-        ("external_contact:a", 'group must be named, as in "external_contact:a@g1"'),
+        ("external_contact", 'name the joint and group, as in "external_contact:a@g1"'),
+        ("external_contact:a", 'name the group, as in "external_contact:a@g1"'),
         ("external_contact:c@g1", 'joint "c" is not in the set; valid: a, b'),
         ("external_contact:a@g3", 'group "g3" is not in the set'),
         ("payload_error:p1", 'payload "p1" is not carried'),

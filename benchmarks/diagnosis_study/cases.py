@@ -47,14 +47,13 @@ TWINS = {frozenset((name, twin)) for name, effect in EFFECTS.items() for twin in
 class Case:
     """One simulated set.
 
-    Attributes
-    ----------
-    kind: "single", "limit" (size around the detection limit), "pair", "clean" or "unknown".
-    effects: the library's effects that are hidden.
-    own: the hidden law that the library does not have; "" for none.
-    base: effects that the set's model knows of.
-    noise: scale of the sensors' noise.
-    seed: of the study.
+    Attributes:
+        kind: "single", "limit" (size around the detection limit), "pair", "clean" or "unknown".
+        effects: the library's effects that are hidden.
+        own: the hidden law that the library does not have; "" for none.
+        base: effects that the set's model knows of.
+        noise: scale of the sensors' noise.
+        seed: of the study.
     """
 
     name: str

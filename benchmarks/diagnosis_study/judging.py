@@ -43,25 +43,24 @@ class Estimate:
 class Judged:
     """One case, and what was said of it.
 
-    Attributes
-    ----------
-    case, kind, robot, noise: of the case.
-    truth: the hidden effects as the truth file has them.
-    chi: largest mean square of the whitened residual of a fit that knows the truth, over joints.
-    gain, gains: of a fit that knows the truth, in all and for each effect, in χ².
-    verdict: for the model the set starts with; "error" when there was no answer.
-    named: the first named effect and its joint; NOTHING or UNKNOWN when none was named.
-    first_right: the first named effect is a hidden one.
-    all_found, extra: every hidden effect was added; names of what was added besides.
-    right: right in every respect.
-    parameter_errors: "effect.parameter" → |found / true − 1| in the final model.
-    knowing_errors: the same of the fit that knows the truth.
-    deviations: "effect.parameter" → |found − true| in the standard errors that are stated with it.
-    base: stiffnesses and motor inertias, where nothing is missing in the end.
-    held_out: final held-out error over that of the fit that knows the truth, minus one; None without either.
-    stated: findings with their confidence: the first named, then what was added later.
-    wall, cpu: seconds of the diagnosis.
-    answer: in words.
+    Attributes:
+        case, kind, robot, noise: of the case.
+        truth: the hidden effects as the truth file has them.
+        chi: largest mean square of the whitened residual of a fit that knows the truth, over joints.
+        gain, gains: of a fit that knows the truth, in all and for each effect, in χ².
+        verdict: for the model the set starts with; "error" when there was no answer.
+        named: the first named effect and its joint; NOTHING or UNKNOWN when none was named.
+        first_right: the first named effect is a hidden one.
+        all_found, extra: every hidden effect was added; names of what was added besides.
+        right: right in every respect.
+        parameter_errors: "effect.parameter" → |found / true − 1| in the final model.
+        knowing_errors: the same of the fit that knows the truth.
+        deviations: "effect.parameter" → |found − true| in the standard errors that are stated with it.
+        base: stiffnesses and motor inertias, where nothing is missing in the end.
+        held_out: final held-out error over that of the fit that knows the truth, minus one, or None.
+        stated: findings with their confidence: the first named, then what was added later.
+        wall, cpu: seconds of the diagnosis.
+        answer: in words.
     """
 
     case: str

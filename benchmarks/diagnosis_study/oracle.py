@@ -31,17 +31,16 @@ ERROR_HERTZ = 5.0  # band of the errors that are compared
 class Knowing:
     """What can be known of a case.
 
-    Attributes
-    ----------
-    gain: fall of χ² (and the weighting's determinant) from the best base model to the fit that knows the
-        truth; of a law that the library does not have, to the base model's fit of the twin, which is the same
-        set without that law; of a clean set, to the noise floor itself.
-    gains: the same for each hidden effect when the fit knows all others.
-    objective_gain: the same fall in the diagnosis' own objective.
-    chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
-    chi_held_out: (n,) of the validation group, with what is hidden.
-    model: the fit that knows the truth.
-    converged: both fits.
+    Attributes:
+        gain: fall of χ² (and the weighting's determinant) from the best base model to the fit that knows the
+            truth; of a law that the library does not have, to the base model's fit of the twin, which is the
+            same set without that law; of a clean set, to the noise floor itself.
+        gains: the same for each hidden effect when the fit knows all others.
+        objective_gain: the same fall in the diagnosis' own objective.
+        chi, chi_base: (n,) mean square of the whitened residual, fit groups, with and without what is hidden.
+        chi_held_out: (n,) of the validation group, with what is hidden.
+        model: the fit that knows the truth.
+        converged: both fits.
     """
 
     gain: float

@@ -41,11 +41,10 @@ class Share:
 class Smallest:
     """From which size on an effect is found, at one noise.
 
-    Attributes
-    ----------
-    size: smallest size with nine in ten found at it and above [the parameter's unit]; None: not found so.
-    relative: that in natural units or, for torques, in rms torques of the joint.
-    count: cases looked at.
+    Attributes:
+        size: smallest size with nine in ten found at it and above [the parameter's unit]; None: not found so.
+        relative: that in natural units or, for torques, in rms torques of the joint.
+        count: cases looked at.
     """
 
     size: float | None

@@ -228,7 +228,7 @@ def describe(true: Json) -> str:
     place = true.get("joint") or true.get("payload") or "all"
     if true["effect"] == "unknown":
         return f"{true['kind']} on {place}"
-    parameter = SIZES[true["effect"]][0]
+    parameter = SIZES[true["effect"]].parameter
     unit = EFFECTS[true["effect"]].units[parameter].replace("-", "").strip()
     return f"{true['effect']} on {place}, {true['size']:.3g} {unit}".rstrip()
 

@@ -10,11 +10,11 @@ from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
-# a torque below these shares of its largest within a while and of its rms may be that of a joint in its gap:
-# the observer lets a torque that has just fallen to zero ring
-RINGING, WHILE, FAINT = 0.06, 0.08, 0.01  # [], [s], []
+# A joint may be in its gap while its torque is below these shares of its largest value nearby, since the
+# observer lets a torque that has just fallen to zero ring, and of its rms.
+RINGING_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.08, 0.01  # [], [s], []
 START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: where a search for a gap starts
-BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
+LOADED_BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
 
 
 class Backlash(LawEffect):
@@ -45,7 +45,7 @@ class Backlash(LawEffect):
     def only_an_offset(self, evidence: EffectEvidence) -> bool:
         """True in a joint that is always loaded the same way: it never crosses the gap."""
         torque = evidence.torque
-        return min(float((torque > 0).mean()), float((torque < 0).mean())) < BOTH_WAYS
+        return min(float((torque > 0).mean()), float((torque < 0).mean())) < LOADED_BOTH_WAYS
 
     def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
         """Several gaps b, each with b E|s| / E s² less compliance; the last ends at the rough one."""
@@ -63,17 +63,17 @@ class Backlash(LawEffect):
 
 
 def _load(motion: JointMotion) -> Array:
-    """The torque in units of what may be none at all, shape (N,): in the gap it is within ±1."""
-    reach = 2 * round(WHILE / motion.step) + 1
+    """The torque relative to the largest that may still be zero, shape (N,): within ±1 in the gap."""
+    reach = 2 * round(RINGING_TIME / motion.step) + 1
     around = maximum_filter1d(np.abs(motion.torque), reach)
-    return motion.torque / np.maximum(RINGING * around + FAINT * motion.torque_scale, 1e-9)
+    return motion.torque / np.maximum(RINGING_SHARE * around + FAINT_SHARE * motion.torque_scale, 1e-9)
 
 
 def _flank(time: Array, load: Array) -> Array:
     """Which flank of the gap transmits the torque, −1 … 1, shape (N,).
 
-    Within the gap the torque is zero and the law has no answer: from the instant at which the joint is
-    unloaded to that at which it is loaded again, it is taken to cross the gap evenly.
+    Within the gap the torque is zero and the law undefined: from the instant at which the joint is unloaded
+    to that at which it is loaded again, it is assumed to cross the gap at constant speed.
     """
     loaded = np.abs(load) > 1
     if not loaded.any():

@@ -18,8 +18,8 @@ class BaseTilt(Effect):
     where = "load"
     explanation = "The robot does not stand level, so gravity comes from a slightly different direction."
     equation = "g = Rᵀ(0, 0, −9.81),  R = Ry(tilt_y) Rx(tilt_x)"
-    signature = "A gravity-like residual, a quarter turn out of step with gravity itself."
-    confirm = "A level; or poses of the first axis all round."
+    signature = "A residual like gravity, but shifted by a quarter turn."
+    confirm = "A spirit level, or motion of the first axis over a full turn."
     simulated = "Gravity points along Rᵀ(0, 0, −1)."
     reference = (
         "Featherstone: Rigid Body Dynamics Algorithms (gravity as the base's acceleration), Springer, 2008"

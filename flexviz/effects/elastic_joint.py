@@ -1,7 +1,7 @@
 """The elastic joint's law solved for its deflection: τ_j = K x + k₃ x³ + D ẋ.
 
 Without damping it is local in time and has a closed form, x = h(τ_j). Damping is a low-pass filter with time
-constant D/K: with w = K x + k₃ x³ the law is w + D d/dt h(w) = τ_j, and h(w) = w/K̄ but for a small rest.
+constant D/K: with w = K x + k₃ x³ the law is w + D d/dt h(w) = τ_j, and h(w) = w/K̄ up to a small remainder.
 
 Hardening and damping do not simply add up: what they do together beyond the sum of what each does alone is
 given half to each, at the current values of both.
@@ -23,7 +23,7 @@ class DampedSpring:
     """The deflection of a hardening, damped spring over time.
 
     Args:
-        torque: shape (N,), what the joint carries [Nm]; taken as mirrored at its ends.
+        torque: shape (N,), joint torque [Nm]; mirrored at its ends.
         step: between samples [s].
         stiffness, cubic, damping: K [Nm/rad], k₃ [Nm/rad³] ≥ 0, D [Nm s/rad] ≥ 0.
     """

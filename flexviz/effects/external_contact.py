@@ -1,4 +1,4 @@
-"""Somebody or something pushed the arm for a while."""
+"""A push on the arm during part of one run."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec, Terms
 
-SMALLEST = 3e-5  # of the joint's rms torque: a contact that small is the trace of something else
+SMALLEST_CONTACT = 3e-5  # of the joint's rms torque: a contact that small is the trace of something else
 
 
 class ExternalContact(LawEffect):
-    """Somebody or something pushed the arm for a while.
+    """A push on the arm during part of one run.
 
     Each edge is spread over one sample to either side, as smoothly as its slope needs: u is then as exact as
     its integral, and ∂u/∂start and ∂u/∂end are its true derivatives.
@@ -24,7 +24,7 @@ class ExternalContact(LawEffect):
     explanation = "Something touched or pushed the arm during part of one run."
     equation = "τ_ext = T for t₁ ≤ t ≤ t₂, in one group"
     signature = "A box in time, in one group only."
-    confirm = "Repeat the run: a contact does not come back."
+    confirm = "Repeat the run: a contact does not recur."
     simulated = "T is added to the link's torque between t₁ and t₂ of that run."
     reference = "Haddadin, De Luca, Albu-Schäffer: Robot collisions: a survey, IEEE T-RO 33(6), 2017"
     parameters = (
@@ -58,11 +58,11 @@ class ExternalContact(LawEffect):
         return -torque * box, np.stack((-box, torque * begins, -torque * ends))
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
-        return []  # searched in closed form over all intervals
+        return []  # its interval is found in closed form
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         rms = float((evidence.torque**2).mean()) ** 0.5
-        return super().credible(values, evidence) and abs(values[0]) > SMALLEST * rms
+        return super().credible(values, evidence) and abs(values[0]) > SMALLEST_CONTACT * rms
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.5 * scale.torque, 0.4 * scale.duration, 0.55 * scale.duration)

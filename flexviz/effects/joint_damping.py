@@ -1,4 +1,4 @@
-"""Damping of the transmission, beside its spring."""
+"""Damping of the transmission, parallel to its spring."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
 
 class JointDamping(LawEffect):
-    """Damping of the transmission, beside its spring.
+    """Damping of the transmission, parallel to its spring.
 
-    K x + D ẋ = s is solved for the deflection x; u = s/K − x is what q gains against the spring alone.
+    K x + D ẋ = s is solved for the deflection x; u = s/K − x is what q gains over the spring alone.
     """
 
     name = "joint_damping"
@@ -19,7 +19,7 @@ class JointDamping(LawEffect):
     where = "joint"
     explanation = "The gear's elasticity is damped: part of its torque follows the speed of the deflection."
     equation = "τ_j = K δ + D δ̇"
-    signature = "Position error in proportion to the transmitted torque's rate of change."
+    signature = "A position error proportional to the transmitted torque's rate of change."
     confirm = "Fast motions that excite the joint's resonance."
     reference = "De Luca, Farina, Lucibello: On the control of robots with visco-elastic joints, ICRA 2005"
     parameters = (ParameterSpec("damping", "Nm s/rad", 0.0, explanation="of the deflection", symbol="D"),)

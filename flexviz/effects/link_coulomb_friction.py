@@ -18,7 +18,7 @@ class LinkCoulombFriction(LinearEffect):
     where = "link"
     explanation = "Dry friction in the link's bearing or seals, on the far side of the elastic gear."
     equation = "u = f_c sign(q̇)"
-    signature = "A step at every reversal of the link; near reversals the link and the motor part company."
+    signature = "A step at every reversal of the link; near reversals link and motor move differently."
     confirm = "Reversals under load with a soft joint, where link and motor reverse at different instants."
     reference = ARMSTRONG
     parameters = (SLIDING,)

@@ -1,4 +1,4 @@
-"""Gear friction in proportion to the torque it transmits."""
+"""Gear friction proportional to the transmitted torque."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 
 class LoadDependentFriction(LinearEffect):
-    """Gear friction in proportion to the torque it transmits."""
+    """Gear friction proportional to the transmitted torque."""
 
     name = "load_dependent_friction"
     title = "Load-dependent friction"

@@ -18,7 +18,7 @@ class MotorCoupling(Effect):
         "The neighbouring motor's rotor accelerates this joint too: their axes share a gear or a housing."
     )
     equation = "u_i = B_ij θ̈_j"
-    signature = "A residual in proportion to the neighbouring motor's acceleration."
+    signature = "A residual proportional to the neighbouring motor's acceleration."
     confirm = "Move the neighbouring joint alone."
     simulated = "B_ij θ̈_j opposes the motor i: its equation gets the neighbour's acceleration."
     reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"

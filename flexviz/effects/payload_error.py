@@ -1,4 +1,4 @@
-"""The payload is heavier or lighter than it was said to be."""
+"""The payload is heavier or lighter than stated."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class PayloadError(Effect):
-    """The payload is heavier or lighter than it was said to be."""
+    """The payload is heavier or lighter than stated."""
 
     name = "payload_error"
     title = "Payload error"
     where = "load"
     explanation = "The named payload's mass and inertia are wrong by a common factor."
     equation = "Γ_payload → (1 + e) Γ_payload"
-    signature = "A residual like that payload's own weight, in the groups that carry it."
+    signature = "A residual like the payload's own weight, in the groups that carry it."
     confirm = "Weigh the payload, or run the same motion without it."
     simulated = "The payload's mass and inertia are multiplied by 1 + e in the runs that carry it."
     reference = (
@@ -22,7 +22,7 @@ class PayloadError(Effect):
         "manipulators, ICRA 2007"
     )
     parameters = (
-        ParameterSpec("relative_mass_error", "-", -0.95, 10.0, "true mass over the given one, less one", "e"),
+        ParameterSpec("relative_mass_error", "-", -0.95, 10.0, "true over stated mass, minus one", "e"),
     )
     scope = "payload"
     state = True

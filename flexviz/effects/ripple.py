@@ -7,7 +7,7 @@ import numpy as np
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
-ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles a joint turn", "n", lower_occurs=True)
+ORDER = ParameterSpec("order", "-", 1.0, 400.0, "cycles per joint turn", "n", lower_occurs=True)
 PHASE = ParameterSpec("phase", "rad", explanation="at θ = 0", symbol="φ")
 
 

@@ -1,4 +1,4 @@
-"""Which effects a model has, and where: from what a user or a measurement set names, and back to text.
+"""The effects of a model and where they sit: from the text that names them, and back.
 
 In text an effect is its name and where it sits: `coulomb_friction:joint1`, `payload_error:p2` (a payload),
 `base_tilt` (the whole set), `external_contact:joint1@g2` (a joint, during part of one group).
@@ -37,17 +37,17 @@ class ChosenEffect:
         return EffectTarget(self.joint, self.group, self.payload)
 
     def value(self, joints: Sequence[str], parameters: dict[str, float] | None = None) -> EffectValue:
-        """The same with the joint by name and, where given, with values."""
+        """The same with the joint's name, and with parameters if given."""
         joint = None if self.joint is None else joints[self.joint]
         return EffectValue(self.effect, joint, dict(parameters or {}), self.group, self.payload)
 
     def text(self, joints: Sequence[str]) -> str:
-        """What `choose_effects` reads as this effect and no other."""
+        """The text that `choose_effects` reads as this effect."""
         return self.value(joints).text
 
     @staticmethod
     def of(value: EffectValue, joints: Sequence[str]) -> ChosenEffect:
-        """Which effect a model's value belongs to.
+        """The effect that a model's value belongs to.
 
         Raises:
             InputError: for a joint that does not exist.
@@ -67,7 +67,7 @@ def choose_effects(
 ) -> tuple[ChosenEffect, ...]:
     """Resolve `name` (everywhere), `name:joint`, `name:payload` and `name:joint@group`.
 
-    Repeated ones count once; one that is replaced on its joint by another is left out.
+    Duplicates count once; an effect that another one replaces on its joint is left out.
 
     Args:
         wanted: what was asked for.
@@ -84,7 +84,7 @@ def choose_effects(
         if name not in EFFECTS:
             raise InputError(
                 f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}; '
-                "give the file of one of your own with --effects-from"
+                "load a user-defined effect with --effects-from"
             )
         chosen |= dict.fromkeys(_places(text, EFFECTS[name], where, joints, payloads, groups))
     replaced = {(EFFECTS[c.effect].replaces, c.joint) for c in chosen}
@@ -99,7 +99,7 @@ def _places(
     payloads: Sequence[str],
     groups: Sequence[str],
 ) -> list[ChosenEffect]:
-    """Everywhere that one name stands for."""
+    """Everywhere that one name refers to."""
     name = effect.name
     if len(joints) < effect.fewest_joints:
         raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')
@@ -120,7 +120,7 @@ def _places(
 
 
 def _episode(text: str, name: str, where: str, joints: Sequence[str], groups: Sequence[str]) -> ChosenEffect:
-    """`joint@group`; names may hold an @ themselves, so every way to split it is tried."""
+    """`joint@group`; names may contain an @ themselves, so every split is tried."""
     parts = where.split("@")
     for k in range(1, len(parts)):
         joint, group = "@".join(parts[:k]), "@".join(parts[k:])
@@ -134,6 +134,5 @@ def _episode(text: str, name: str, where: str, joints: Sequence[str], groups: Se
         raise InputError(f'effect "{text}": group "{group}" is not in the set; {choose_from(group, groups)}')
     missing = "group" if joint else "joint and group"
     raise InputError(
-        f'effect "{text}" happens in one group: {missing} must be named, as in {example}; '
-        '"flexviz diagnose" finds out where'
+        f'effect "{text}" acts in one group: name the {missing}, as in {example}; "flexviz diagnose" finds it'
     )

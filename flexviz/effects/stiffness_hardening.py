@@ -11,7 +11,7 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 class StiffnessHardening(LawEffect):
     """A gear that grows stiffer as it is wound up.
 
-    K x + k₃ x³ = s is solved for the deflection x; u = s/K − x is what q gains against the linear spring.
+    K x + k₃ x³ = s is solved for the deflection x; u = s/K − x is what q gains over the linear spring.
     """
 
     name = "stiffness_hardening"
@@ -19,7 +19,7 @@ class StiffnessHardening(LawEffect):
     where = "joint"
     explanation = "The gear grows stiffer as it is wound up, as harmonic drives do."
     equation = "τ_j = K δ + k₃ δ³"
-    signature = "Position error against load that bends at high torque."
+    signature = "A position error whose slope against load falls at high torque."
     confirm = "High loads in both directions."
     reference = (
         "Tuttle, Seering: A nonlinear model of a harmonic drive gear transmission, IEEE T-RA 12(3), 1996"

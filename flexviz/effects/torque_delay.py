@@ -7,8 +7,8 @@ import numpy as np
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
-FINEST = 0.02  # of the recording's step: time stamps are not known better
-FINEST_BESIDE_TWIN = 0.1  # the same beside a damped joint: how torques are held between samples looks like it
+FINEST_DELAY = 0.02  # of the recording's step: time stamps are not known better
+FINEST_DELAY_BESIDE_TWIN = 0.1  # the same beside a damped joint: how torques are held looks like it
 
 
 class TorqueDelay(Effect):
@@ -21,7 +21,7 @@ class TorqueDelay(Effect):
         "Torque and position are not recorded at the same instant: the torque acts later than its stamp."
     )
     equation = "τ_applied(t) = τ_recorded(t − d)"
-    signature = "A residual in proportion to the torque's rate of change."
+    signature = "A residual proportional to the torque's rate of change."
     confirm = "Fast motions; a step of the reference."
     simulated = "The motor gets the torque d later than it is recorded."
     reference = "Björklund, Ljung: A review of time-delay estimation techniques, CDC 2003"
@@ -39,9 +39,9 @@ class TorqueDelay(Effect):
         return Terms("torque", joints, now - late[:3], late[1:4][None])
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Time stamps, and how a damped joint's torque is held between samples, set the finest delay."""
+        """Whether it is longer than what time stamps, or the hold of a damped joint's torque, look like."""
         beside_twin = any(twin in evidence.effects for twin in self.twins)
-        finest = FINEST_BESIDE_TWIN if beside_twin else FINEST
+        finest = FINEST_DELAY_BESIDE_TWIN if beside_twin else FINEST_DELAY
         return super().credible(values, evidence) and abs(values[0]) > finest * evidence.record_step
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:

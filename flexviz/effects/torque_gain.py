@@ -1,23 +1,23 @@
-"""The applied torque is not quite the recorded one."""
+"""The applied torque differs from the recorded one by a factor."""
 
 from __future__ import annotations
 
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
-LARGEST = 0.4  # a drive whose torque is further off would have been noticed
+LARGEST_GAIN_ERROR = 0.4  # a drive whose torque is further off would have been noticed
 
 
 class TorqueGain(Effect):
-    """The applied torque is not quite the recorded one."""
+    """The applied torque differs from the recorded one by a factor."""
 
     name = "torque_gain"
     title = "Torque gain error"
     where = "sensing"
     explanation = "The recorded torque is wrong by a factor: the torque constant or the gear ratio is off."
     equation = "τ_applied = (1 + g) τ_recorded"
-    signature = "A residual in proportion to the recorded torque."
-    confirm = "A known payload: its weight is the yardstick."
+    signature = "A residual proportional to the recorded torque."
+    confirm = "A payload of known weight."
     simulated = "The motor gets 1 + g times the torque that is recorded."
     reference = (
         "Gautier, Briot: Global identification of joint drive gains and dynamic parameters of robots, "
@@ -33,7 +33,7 @@ class TorqueGain(Effect):
         return Terms("torque", (place.own_joint,), values[0] * column, column[None])
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        return super().credible(values, evidence) and abs(values[0]) < LARGEST
+        return super().credible(values, evidence) and abs(values[0]) < LARGEST_GAIN_ERROR
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.05,)

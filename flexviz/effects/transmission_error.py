@@ -1,4 +1,4 @@
-"""Kinematic error of the gear: the link is not quite where the motor angle says."""
+"""Kinematic error of the gear: the link is not exactly where the motor angle says."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flexviz.effects.terms import ParameterSpec
 
 
 class TransmissionError(Ripple):
-    """Kinematic error of the gear: the link is not quite where the motor angle says."""
+    """Kinematic error of the gear: the link is not exactly where the motor angle says."""
 
     name = "transmission_error"
     title = "Transmission error"

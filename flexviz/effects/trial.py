@@ -1,4 +1,4 @@
-"""A made-up motion in closed form, and the context it offers to effects: for checks and for pictures."""
+"""A synthetic motion in closed form that offers effects their context: for checks and pictures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class TrialSignal:
     """constant + slope·t + Σ a sin(ωt + φ), with exact derivatives.
 
     Attributes:
-        waves: (a, ω [rad/s], φ [rad]) each.
+        waves: (a, ω [rad/s], φ [rad]) of each sine.
     """
 
     waves: tuple[tuple[float, float, float], ...] = ()

@@ -26,13 +26,13 @@ _loaded: dict[Path, tuple[Effect, ...]] = {}
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
     """Run a Python file and add the effect classes in it to the library, in this process and its workers.
 
-    A file that is loaded already is left as it is.
+    A file that is already loaded is not run again.
 
     Args:
-        path: the file. It is trusted: what stands in it is run.
+        path: the file. It is trusted: its code is run.
 
     Raises:
-        InputError: one line with file and line: what is wrong with it or with one of its effects.
+        InputError: with file and line: what is wrong with it or with one of its effects.
     """
     file = Path(path)
     key = file.resolve()
@@ -44,7 +44,7 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
         effects = [check(c, source, EFFECTS) for c in effect_classes(module)]
         if not effects:
             raise InputError(
-                "defines no effect; a class derived from flexviz.effects.LinearEffect would be one", file=file
+                "defines no effect, expected a class derived from flexviz.effects.LinearEffect", file=file
             )
         names = [e.name for e in effects]
         for effect in effects:
@@ -80,7 +80,7 @@ def _run(file: Path, key: Path) -> ModuleType:
     name = f"flexviz_user_effects_{hashlib.sha256(str(key).encode()).hexdigest()[:12]}"
     spec = importlib.util.spec_from_file_location(name, key)
     if spec is None or spec.loader is None:
-        raise InputError("is no Python file; its name has to end in .py", file=file)
+        raise InputError("is not a Python file; its name has to end in .py", file=file)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up there
     try:

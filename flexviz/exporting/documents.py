@@ -206,7 +206,7 @@ def _check_effect(value: EffectValue, file: str | Path) -> None:
     if known is None:
         raise InputError(
             f'effect "{value.effect}" does not exist; {choose_from(value.effect, EFFECTS, len(EFFECTS))}; '
-            "give the file of one of your own with --effects-from",
+            "load a user-defined effect with --effects-from",
             file=file,
         )
     names = [p.name for p in known.parameters]

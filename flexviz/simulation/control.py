@@ -16,13 +16,12 @@ from flexviz.simulation.plant import Array
 class PDController:
     """τ = k_p (θ_d − θ) + k_d (θ̇_d − θ̇), computed once a cycle and held over it.
 
-    Attributes
-    ----------
-    kp: (n,) [Nm/rad].
-    kd: (n,) [Nm s/rad].
-    cycle: [s].
-    torque_filter: bandwidth [rad/s] of a 6th-order ESO that the torque passes before the motor, or None.
-        The smoothed torque is the one that is applied and recorded.
+    Attributes:
+        kp: (n,) [Nm/rad].
+        kd: (n,) [Nm s/rad].
+        cycle: [s].
+        torque_filter: bandwidth [rad/s] of a 6th-order ESO that the torque passes before the motor, or None.
+            The smoothed torque is the one that is applied and recorded.
     """
 
     kp: Array

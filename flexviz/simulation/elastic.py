@@ -16,13 +16,12 @@ from math import cos, sin
 class ElasticJoint:
     """One joint's elastic law; zero switches an effect off.
 
-    Attributes
-    ----------
-    stiffness: K [Nm/rad].
-    cubic: k₃ [Nm/rad³].
-    half_width: backlash b [rad].
-    damping: D [Nm s/rad].
-    errors: transmission errors (amplitude [rad], order [-], phase [rad]).
+    Attributes:
+        stiffness: K [Nm/rad].
+        cubic: k₃ [Nm/rad³].
+        half_width: backlash b [rad].
+        damping: D [Nm s/rad].
+        errors: transmission errors (amplitude [rad], order [-], phase [rad]).
     """
 
     stiffness: float

@@ -11,7 +11,7 @@ from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_files import mesh_names, resolve_mesh
 from flexviz.simulation.control import PDController
-from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.plan import Plan, four_groups
 from flexviz.simulation.plant import Array
 from flexviz.simulation.presets import rough
 from flexviz.simulation.references import Fourier, random_fourier
@@ -24,8 +24,7 @@ WIDE = 20.0  # limits farther apart than this are none
 CYCLE = 0.00025  # [s] of the controller
 QUIET = 2e-5  # [rad] standard deviation of the encoders' noise
 PAYLOAD_SHARES = (0.05, 0.1)  # of the arm's mass
-MOTIONS = (("t1", 31), ("t2", 32), ("t3", 33), ("t4", 34))  # trajectories and their seeds
-PAIRS = (("t1", "p1"), ("t2", "p2"), ("t3", "p3"), ("t4", "p2"))
+SEEDS = (31, 32, 33, 34)  # of the trajectories
 
 
 def plan_from_urdf(urdf: str | Path) -> Plan:
@@ -34,18 +33,17 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
     Stiffness, motor inertia, friction and controller are values in proportion to the robot's inertia: those
     of no real robot, but of its size. The URDF and the meshes in its folder become files of the set.
 
-    Raises
-    ------
-    InputError: the URDF cannot be used, has no inertia, or a joint has no room to move.
+    Raises:
+        InputError: the URDF cannot be used, has no inertia, or a joint has no room to move.
     """
     path = Path(urdf)
     robot = Robot.load(path)
     middle, reach = room(robot)
-    motions = {
-        name: random_fourier(robot, seed, centre=middle, reach=reach, duration=DURATION, harmonics=6)
-        for name, seed in MOTIONS
-    }
-    inertia = inertia_along(robot, [sampled(motion) for motion in motions.values()])
+    motions = [
+        random_fourier(robot, seed, centre=middle, reach=reach, duration=DURATION, harmonics=6)
+        for seed in SEEDS
+    ]
+    inertia = inertia_along(robot, [sampled(motion) for motion in motions])
     mass = float(robot.cad_parameters[:, 0].sum())
     if mass <= 0 or not np.all(np.isfinite(inertia)) or inertia.max() <= 0:
         raise InputError("the URDF gives no inertia: <inertial> in every moving link is needed", file=path)
@@ -59,9 +57,7 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
         source=path.name,
         model=FlexibleModel(robot.joints, stiffness, motor_inertia, friction, friction, robot.cad_parameters),
         payloads=payloads(robot, mass),
-        groups=tuple(
-            PlannedGroup(t + p, t, p, motions[t], DURATION, 0.001, validation=t == "t4") for t, p in PAIRS
-        ),
+        groups=four_groups(motions, DURATION, validation_payload="p2"),
         controller=PDController(kp, kd, CYCLE),
         sensors=Sensors(np.full(robot.n, QUIET), 0.02 * torque),
         initial_stiffness=rough(stiffness, 0.3, rng),

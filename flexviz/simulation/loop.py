@@ -24,13 +24,12 @@ LARGEST = 1e12  # [Nm] a torque beyond is a simulation that has diverged
 class Loop:
     """A plant under τ = target(t) − k_p θ − k_d θ̇, held for a cycle (n joints, Pinocchio's order).
 
-    Attributes
-    ----------
-    target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
-    cycle: [s].
-    smooth: filter that the torque passes before it is applied and recorded, or None.
-    feedback: what the controller sees instead of the true motion, or None.
-    step: largest integration step [s]; None: from the fastest motion.
+    Attributes:
+        target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
+        cycle: [s].
+        smooth: filter that the torque passes before it is applied and recorded, or None.
+        feedback: what the controller sees instead of the true motion, or None.
+        step: largest integration step [s]; None: from the fastest motion.
     """
 
     plant: Plant

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,10 +21,9 @@ from flexviz.simulation.sensors import Sensors
 class PlannedGroup:
     """One trajectory with one payload.
 
-    Attributes
-    ----------
-    duration: [s].
-    record_step: the recording's step [s]; None: every controller cycle.
+    Attributes:
+        duration: [s].
+        record_step: the recording's step [s]; None: every controller cycle.
     """
 
     name: str
@@ -36,21 +35,31 @@ class PlannedGroup:
     validation: bool = False
 
 
+def four_groups(
+    motions: Sequence[Reference], duration: float, validation_payload: str
+) -> tuple[PlannedGroup, ...]:
+    """Groups t1p1, t2p2, t3p3 to fit, and t4 with one of the payloads for validation; recorded at 1 kHz."""
+    payloads = ("p1", "p2", "p3", validation_payload)
+    return tuple(
+        PlannedGroup(f"t{k}{payload}", f"t{k}", payload, motion, duration, 0.001, validation=k == 4)
+        for k, (motion, payload) in enumerate(zip(motions, payloads, strict=True), 1)
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Plan:
     """A whole measurement set before it is simulated.
 
-    Attributes
-    ----------
-    robot: the robot as the set will give it (CAD inertias).
-    source: the robot as written in the set.
-    model: the true parameters and effects.
-    initial_stiffness, initial_motor_inertia: (n,) rough values that the set gives.
-    single: write the signals as float32.
-    extra: also write link positions and joint torques.
-    note: where the true values come from, for truth.json.
-    files: further files of the set: name -> text, or the path of a file to copy.
-    laws: (joint, law) of what the library does not have; truth.json does not tell of them.
+    Attributes:
+        robot: the robot as the set will give it (CAD inertias).
+        source: the robot as written in the set.
+        model: the true parameters and effects.
+        initial_stiffness, initial_motor_inertia: (n,) rough values that the set gives.
+        single: write the signals as float32.
+        extra: also write link positions and joint torques.
+        note: where the true values come from, for truth.json.
+        files: further files of the set: name -> text, or the path of a file to copy.
+        laws: (joint, law) of what the library does not have; truth.json does not tell of them.
     """
 
     name: str

@@ -23,16 +23,15 @@ Array = np.ndarray
 class Plant:
     """A robot with its parameters and effects, ready to be integrated (n joints, Pinocchio's order).
 
-    Attributes
-    ----------
-    model: Pinocchio model with the link-side inertias, payload and gravity.
-    stiffness, link_viscous, motor_viscous: (n,).
-    motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
-    motor_laws, link_laws: (joint index, law).
-    presliding: (joint index, Dahl).
-    elastic: joint index -> law, for joints that are not a plain spring.
-    contacts: (joint index, torque [Nm], start [s], end [s]).
-    extra: (joint index, law) beside the library's.
+    Attributes:
+        model: Pinocchio model with the link-side inertias, payload and gravity.
+        stiffness, link_viscous, motor_viscous: (n,).
+        motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
+        motor_laws, link_laws: (joint index, law).
+        presliding: (joint index, Dahl).
+        elastic: joint index -> law, for joints that are not a plain spring.
+        contacts: (joint index, torque [Nm], start [s], end [s]).
+        extra: (joint index, law) beside the library's.
     """
 
     model: Any

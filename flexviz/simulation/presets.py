@@ -12,7 +12,7 @@ from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.robot_settings import RobotSettings, load_settings
 from flexviz.simulation.control import PDController
-from flexviz.simulation.plan import Plan, PlannedGroup
+from flexviz.simulation.plan import Plan, PlannedGroup, four_groups
 from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Sinusoid, random_fourier
 from flexviz.simulation.sensors import Sensors
@@ -34,7 +34,10 @@ PAPER_TRAJECTORIES = {"t1": (1.0, 0.5 * np.pi), "t2": (0.7, 0.3 * np.pi), "t3": 
 # about joint 1: Izz1 + l1² m2, mx1 + l1 m2, with l1 = 1 m.
 PLANAR_TRUTH = {"izz1": 2.50, "mx1": 1.05, "my1": 0.02, "izz2": 1.42, "mx2": 0.40, "my2": 0.05}
 PLANAR_NOTE = "the paper's true values are lost; these were chosen near its start values"
+PLANAR_STIFFNESS, PLANAR_MOTOR_INERTIA = np.array([900.0, 1000.0]), np.array([2.56, 1.49])  # rough
 PLANAR_MASS = (0.60, 0.75)  # [kg] of the two links; the motion does not show how the values above are split
+
+DURATION = 12.0  # [s] of a group of the demonstrations
 
 
 def planar_inertial() -> Array:
@@ -85,18 +88,15 @@ def paper(letter: str) -> Plan:
         )
         for name in names
     )
-    return Plan(
-        name=f"paper-{letter}",
-        robot=robot,
-        source=settings.robot,
-        model=_model(settings, planar_inertial()),
-        payloads=paper_payloads(),
-        groups=groups,
-        controller=PDController(settings.kp, settings.kd, settings.cycle),
-        sensors=Sensors(settings.theta_noise, settings.torque_noise),
-        initial_stiffness=np.array([900.0, 1000.0]),
-        initial_motor_inertia=np.array([2.56, 1.49]),
-        note=PLANAR_NOTE,
+    return _plan(
+        f"paper-{letter}",
+        settings,
+        robot,
+        planar_inertial(),
+        paper_payloads(),
+        groups,
+        (PLANAR_STIFFNESS, PLANAR_MOTOR_INERTIA),
+        PLANAR_NOTE,
     )
 
 
@@ -110,36 +110,22 @@ def planar_2r() -> Plan:
         "p2": (PayloadBody("link2", 0.8, [0.8, 0.0, 0.0], sphere),),
         "p3": (PayloadBody("link2", 1.6, [0.6, 0.05, 0.0], sphere),),
     }
-    duration = 12.0
-    motions = {
-        f"t{k}": random_fourier(
+    motions = [
+        random_fourier(
             robot,
             seed,
             centre=[0.4, -0.6],
             reach=[1.1, 1.4],
-            duration=duration,
-            frequency=2 * np.pi / duration,
+            duration=DURATION,
+            frequency=2 * np.pi / DURATION,
             harmonics=6,
         )
-        for k, seed in ((1, 11), (2, 14), (3, 26), (4, 22))
-    }
-    pairs = (("t1", "p1"), ("t2", "p2"), ("t3", "p3"), ("t4", "p2"))
-    return Plan(
-        name="planar-2r",
-        robot=robot,
-        source=settings.robot,
-        model=_model(settings, planar_inertial()),
-        payloads=payloads,
-        groups=tuple(
-            PlannedGroup(t + p, t, p, motions[t], duration, 0.001, validation=t == "t4") for t, p in pairs
-        ),
-        controller=PDController(settings.kp, settings.kd, settings.cycle),
-        sensors=Sensors(settings.theta_noise, settings.torque_noise),
-        initial_stiffness=np.array([900.0, 1000.0]),
-        initial_motor_inertia=np.array([2.56, 1.49]),
-        note=PLANAR_NOTE,
-        single=True,
-    )
+        for seed in (11, 14, 26, 22)
+    ]
+    groups = four_groups(motions, DURATION, validation_payload="p2")
+    initial = (PLANAR_STIFFNESS, PLANAR_MOTOR_INERTIA)
+    plan = _plan("planar-2r", settings, robot, planar_inertial(), payloads, groups, initial, PLANAR_NOTE)
+    return replace(plan, single=True)
 
 
 def panda() -> Plan:
@@ -151,36 +137,23 @@ def panda() -> Plan:
         "p2": (PayloadBody("panda_hand", 1.2, [0.02, 0.0, 0.10], [0.003, 0.003, 0.003, 0.0, 0.0, 0.0]),),
         "p3": (PayloadBody("panda_hand", 2.4, [0.05, 0.02, 0.12], [0.008, 0.008, 0.008, 0.0, 0.0, 0.0]),),
     }
-    duration = 12.0
-    motions = {
-        f"t{k}": random_fourier(
+    motions = [
+        random_fourier(
             robot,
             seed,
             centre=[0.0, -0.3, 0.0, -1.9, 0.0, 1.8, 0.6],
             reach=[0.9, 0.7, 0.9, 0.7, 1.0, 0.9, 1.2],
-            duration=duration,
+            duration=DURATION,
             harmonics=6,
         )
-        for k, seed in ((1, 21), (2, 22), (3, 23), (4, 24))
-    }
-    pairs = (("t1", "p1"), ("t2", "p2"), ("t3", "p3"), ("t4", "p3"))
+        for seed in (21, 22, 23, 24)
+    ]
+    groups = four_groups(motions, DURATION, validation_payload="p3")
     rng = np.random.default_rng(2024)
-    return Plan(
-        name="panda",
-        robot=robot,
-        source=settings.robot,
-        model=_model(settings, perturbed(robot.cad_parameters, 0.15, rng)),
-        payloads=payloads,
-        groups=tuple(
-            PlannedGroup(t + p, t, p, motions[t], duration, 0.001, validation=t == "t4") for t, p in pairs
-        ),
-        controller=PDController(settings.kp, settings.kd, settings.cycle),
-        sensors=Sensors(settings.theta_noise, settings.torque_noise),
-        initial_stiffness=rough(settings.stiffness, 0.3, rng),
-        initial_motor_inertia=rough(settings.motor_inertia, 0.3, rng),
-        note="chosen for demonstration; masses, centres and inertias are 15 % away from the URDF's",
-        single=True,
-    )
+    inertial = perturbed(robot.cad_parameters, 0.15, rng)
+    initial = (rough(settings.stiffness, 0.3, rng), rough(settings.motor_inertia, 0.3, rng))
+    note = "chosen for demonstration; masses, centres and inertias are 15 % away from the URDF's"
+    return replace(_plan("panda", settings, robot, inertial, payloads, groups, initial, note), single=True)
 
 
 def perturbed(inertial: Array, share: float, rng: np.random.Generator) -> Array:
@@ -222,14 +195,36 @@ def make_preset(name: str, start: str = "rest") -> Plan:
     return replace(PRESETS[name](), start=start)
 
 
-def _model(settings: RobotSettings, inertial: Array) -> FlexibleModel:
-    return FlexibleModel(
-        settings.joints,
-        settings.stiffness,
-        settings.motor_inertia,
-        settings.link_viscous_friction,
-        settings.motor_viscous_friction,
-        inertial,
+def _plan(
+    name: str,
+    settings: RobotSettings,
+    robot: Robot,
+    inertial: Array,
+    payloads: dict[str, tuple[PayloadBody, ...]],
+    groups: tuple[PlannedGroup, ...],
+    initial: tuple[Array, Array],
+    note: str,
+) -> Plan:
+    """The plan of a robot with its usual settings; `initial` are rough stiffness and motor inertia."""
+    return Plan(
+        name=name,
+        robot=robot,
+        source=settings.robot,
+        model=FlexibleModel(
+            settings.joints,
+            settings.stiffness,
+            settings.motor_inertia,
+            settings.link_viscous_friction,
+            settings.motor_viscous_friction,
+            inertial,
+        ),
+        payloads=payloads,
+        groups=groups,
+        controller=PDController(settings.kp, settings.kd, settings.cycle),
+        sensors=Sensors(settings.theta_noise, settings.torque_noise),
+        initial_stiffness=initial[0],
+        initial_motor_inertia=initial[1],
+        note=note,
     )
 
 

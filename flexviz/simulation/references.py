@@ -25,11 +25,10 @@ class Reference(ABC):
 class Sinusoid(Reference):
     """The paper's θ_d = k1 − k1 sin(k2 t): its velocity jumps when it starts at rest.
 
-    Attributes
-    ----------
-    amplitude: k1 [rad].
-    frequency: k2 [rad/s].
-    n: number of joints, which all move alike.
+    Attributes:
+        amplitude: k1 [rad].
+        frequency: k2 [rad/s].
+        n: number of joints, which all move alike.
     """
 
     amplitude: float
@@ -47,12 +46,11 @@ class Sinusoid(Reference):
 class Fourier(Reference):
     """θ_d = centre + s(t) Σ_k [a_k sin(kωt) + b_k cos(kωt)], s rising smoothly from 0 to 1 during `ramp`.
 
-    Attributes
-    ----------
-    centre: (n,) [rad].
-    sine, cosine: (n, H) coefficients a_k, b_k [rad].
-    frequency: ω [rad/s].
-    ramp: [s].
+    Attributes:
+        centre: (n,) [rad].
+        sine, cosine: (n, H) coefficients a_k, b_k [rad].
+        frequency: ω [rad/s].
+        ramp: [s].
     """
 
     centre: Array

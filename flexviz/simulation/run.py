@@ -27,16 +27,15 @@ STARTS = ("rest", "moving")
 class Run:
     """A simulated motion, N samples of n joints in the set's order.
 
-    Attributes
-    ----------
-    time: (N,) [s].
-    theta, theta_velocity: (N, n) motor side [rad], [rad/s]; theta as the sensors give it.
-    q, q_velocity: (N, n) link side, exact.
-    tau: (N, n) motor torque as recorded, sampled at the start of its hold [Nm].
-    tau_joint: (N, n) torque in the joints, exact [Nm].
-    theta_ref: (N, n) reference [rad].
-    torque_hold: how long each torque is held [s].
-    note: what a reader should know about how it was simulated.
+    Attributes:
+        time: (N,) [s].
+        theta, theta_velocity: (N, n) motor side [rad], [rad/s]; theta as the sensors give it.
+        q, q_velocity: (N, n) link side, exact.
+        tau: (N, n) motor torque as recorded, sampled at the start of its hold [Nm].
+        tau_joint: (N, n) torque in the joints, exact [Nm].
+        theta_ref: (N, n) reference [rad].
+        torque_hold: how long each torque is held [s].
+        note: what a reader should know about how it was simulated.
     """
 
     time: Array

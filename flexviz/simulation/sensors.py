@@ -15,13 +15,12 @@ from flexviz.simulation.plant import Array
 class Sensors:
     """Noise and resolution, one number or one a joint.
 
-    Attributes
-    ----------
-    theta_noise: standard deviation of the motor position's noise [rad].
-    torque_noise: standard deviation of the torque's noise [Nm].
-    resolution: smallest step of the motor encoder at the joint side [rad]; 0: none.
-    feedback: False: noise and resolution are in the record only; True: the controller sees them too.
-    velocity_filter: with `feedback`, bandwidth of the low-pass on the differenced position [rad/s].
+    Attributes:
+        theta_noise: standard deviation of the motor position's noise [rad].
+        torque_noise: standard deviation of the torque's noise [Nm].
+        resolution: smallest step of the motor encoder at the joint side [rad]; 0: none.
+        feedback: False: noise and resolution are in the record only; True: the controller sees them too.
+        velocity_filter: with `feedback`, bandwidth of the low-pass on the differenced position [rad/s].
     """
 
     theta_noise: ArrayLike = 0.0
