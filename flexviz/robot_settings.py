@@ -5,8 +5,7 @@ One TOML file per robot in `robots/`; lists have one value per joint, in the ord
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -51,19 +50,7 @@ def load_settings(name: str) -> RobotSettings:
     """The settings called "planar_2r", "panda" or "ur5"."""
     if name not in SETTINGS:
         raise InputError(f'settings "{name}" do not exist; {choose_from(name, SETTINGS)}')
-    path = robots_dir() / f"{name}.toml"
-    table = toml.read(path)
-    known = [f.name for f in fields(RobotSettings) if f.name != "name"]
-    values: dict[str, Any] = {}
-    for key in known:
-        if key not in table:
-            raise InputError(f'key "{key}" is missing', file=path)
-        value = table[key]
-        if key == "joints":
-            value = tuple(value)
-        elif isinstance(value, list):
-            value = np.array(value, dtype=float)
-            if value.shape != (len(table["joints"]),):
-                raise InputError(f"{len(value)} values, expected one per joint", file=path, place=key)
-        values[key] = value
-    return RobotSettings(name=name, **values)
+    table = toml.read(robots_dir() / f"{name}.toml")
+    joints = tuple(table.pop("joints"))
+    values = {key: np.array(x) if isinstance(x, list) else x for key, x in table.items()}
+    return RobotSettings(name=name, joints=joints, **values)

@@ -142,19 +142,13 @@ def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[N
 
 @dataclass(frozen=True)
 class TimeGuess:
-    """The likely time of the signals.
+    """The likely time of the signals."""
 
-    Attributes:
-        keys: of [time] in a mapping; {} where the format itself knows the time.
-        reason: for these keys; what is missing where they could not be found.
-        own: column -> its own time column, where that is another one.
-        found: False where no column looks like a time.
-    """
-
-    keys: dict[str, Any]
-    reason: str
+    keys: dict[str, Any]  # of [time] in a mapping; {} where the format itself knows the time
+    reason: str  # for these keys; what is missing where they could not be found
+    # column -> its own time column, where that is another one
     own: dict[str, str] = field(default_factory=dict)
-    found: bool = True
+    found: bool = True  # False where no column looks like a time
 
 
 def guess_time(log: Log, used: Sequence[str]) -> TimeGuess:

@@ -74,21 +74,13 @@ VAGUE: dict[str, Quantity] = {
 
 @dataclass(frozen=True)
 class Meaning:
-    """The meaning of a column's name.
+    """The meaning of a column's name."""
 
-    Attributes:
-        quantity: what was measured.
-        reference: commanded, not measured.
-        side: of the gear and the spring; None where the name does not tell.
-        sensor: measured by a sensor at the joint.
-        unit: the unit that the name or the file states.
-    """
-
-    quantity: Quantity
-    reference: bool = False
-    side: Side | None = None
-    sensor: bool = False
-    unit: str | None = None
+    quantity: Quantity  # what was measured
+    reference: bool = False  # commanded, not measured
+    side: Side | None = None  # of the gear and the spring; None where the name does not tell
+    sensor: bool = False  # measured by a sensor at the joint
+    unit: str | None = None  # the unit that the name or the file states
 
 
 def words(name: str) -> list[str]:

@@ -21,19 +21,13 @@ _COMMON = frozenset(("joint", "joints", "link", "axis", "motor", "arm", "left", 
 
 @dataclass(frozen=True)
 class ColumnFamily:
-    """The same signal of several joints.
+    """The same signal of several joints."""
 
-    Attributes:
-        name: the columns' common name, with # for the joint.
-        columns: joint -> column.
-        meaning: of the name.
-        found_by: joints were matched by "name", by "number", or by the "order" in which as many unknown names
-            as the robot has joints appear in the log.
-    """
-
-    name: str
-    columns: Mapping[str, str]
-    meaning: Meaning
+    name: str  # the columns' common name, with # for the joint
+    columns: Mapping[str, str]  # joint -> column
+    meaning: Meaning  # of the name
+    # joints were matched by "name", by "number", or by the "order" in which as many unknown names as the
+    # robot has joints appear in the log
     found_by: FoundBy
 
 

@@ -22,21 +22,14 @@ DEGREE = np.pi / 180  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class JointPart:
-    """One joint's columns of one group, means subtracted, all (N,).
+    """One joint's columns of one group, means subtracted, all (N,)."""
 
-    Attributes:
-        theta, other, tau: θ, the column compared with it, τ.
-        offset: mean of θ minus mean of the column [rad].
-        span: of the column [rad].
-        step: [s].
-    """
-
-    theta: Array
+    theta: Array  # θ, the column compared with it, τ
     other: Array
     tau: Array
-    offset: float
-    span: float
-    step: float
+    offset: float  # mean of θ minus mean of the column [rad]
+    span: float  # of the column [rad]
+    step: float  # [s]
 
 
 def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPart]:
@@ -55,7 +48,7 @@ def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPa
 
 
 @dataclass(frozen=True)
-class Change:
+class ColumnChange:
     """Fixes of one joint's signal, and the factor by which they change its values."""
 
     fixes: tuple[Fix, ...] = ()
@@ -65,22 +58,22 @@ class Change:
         values = ((f.key, f'"{f.value}"' if isinstance(f.value, str) else f.value) for f in self.fixes)
         return ", ".join(f"{key} = {value}" for key, value in values)
 
-    def __add__(self, other: Change) -> Change:
-        return Change(self.fixes + other.fixes, self.factor * other.factor)
+    def __add__(self, other: ColumnChange) -> ColumnChange:
+        return ColumnChange(self.fixes + other.fixes, self.factor * other.factor)
 
 
 def unit_changes(
     mapping: Mapping, joint: str, name: str, units: dict[str, float], now: float
-) -> list[Change]:
+) -> list[ColumnChange]:
     """A signal in other units; `now` is the size of its unit in SI."""
     return [
-        Change((Fix(joint, name, "unit", unit),), size / now)
+        ColumnChange((Fix(joint, name, "unit", unit),), size / now)
         for unit, size in units.items()
         if not np.isclose(size, now, rtol=1e-5, atol=0.0)
     ]
 
 
-def side_changes(mapping: Mapping, joint: str, name: str) -> list[Change]:
+def side_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
     """A signal on the other side of the gear."""
     entry = mapping.joints[joint]
     signal = getattr(entry, name)
@@ -88,14 +81,14 @@ def side_changes(mapping: Mapping, joint: str, name: str) -> list[Change]:
         return []
     other = "joint" if signal.side == "motor" else "motor"
     factor = entry.gear if isinstance(signal, AngleColumn) == (signal.side == "motor") else 1.0 / entry.gear
-    return [Change((Fix(joint, name, "side", other),), factor)]
+    return [ColumnChange((Fix(joint, name, "side", other),), factor)]
 
 
-def angle_changes(mapping: Mapping, joint: str, name: str) -> list[Change]:
+def angle_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
     """An angle in other units or on the other side of the gear."""
     units = {unit: ANGLE[unit] for unit in ("rad", "deg", "rev")}
     now = size_of(getattr(mapping.joints[joint], name).unit, ANGLE)
-    return unit_changes(mapping, joint, name, units, now) + side_changes(mapping, joint, name)
+    return unit_changes(joint, name, units, now) + side_changes(mapping, joint, name)
 
 
 # -- checks --------------------------------------------------------------------------------------------
@@ -147,8 +140,8 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
 def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
     """The issue of a column that follows θ by a factor other than 1."""
     sign = -getattr(mapping.joints[joint], name).sign
-    changes = [Change(), *angle_changes(mapping, joint, name)]
-    signs = [Change(), Change((Fix(joint, name, "sign", sign),), -1.0)]
+    changes = [ColumnChange(), *angle_changes(mapping, joint, name)]
+    signs = [ColumnChange(), ColumnChange((Fix(joint, name, "sign", sign),), -1.0)]
     combined = [change + turn for turn, change in product(signs, changes)]
     correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
     message = f"it is {slope:.4g} times theta"

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
 
+from flexviz import identification
 from flexviz.errors import FlexvizError
-from flexviz.identification import identify
 from flexviz.importing.assembling import Trace, Traces
 from flexviz.importing.formats.base import SHORTEST
 from flexviz.importing.issues import Issue
@@ -31,20 +31,13 @@ DELAY_GROUPS, DELAY_SECONDS = 4, 20.0  # groups, and [s] of each, enough for a d
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """Delay between two clocks, from the data.
+    """Delay between two clocks, from the data."""
 
-    Attributes:
-        group: which group.
-        clock, base: names of the clocks of the link positions and of θ.
-        delay: [s] how much later than θ the link positions are stamped.
-        std: [s] its standard error, from the joints' disagreement too.
-    """
-
-    group: str
-    clock: str
+    group: str  # which group
+    clock: str  # names of the clocks of the link positions and of θ
     base: str
-    delay: float
-    std: float
+    delay: float  # [s] how much later than θ the link positions are stamped
+    std: float  # [s] its standard error, from the joints' disagreement too
 
 
 class JointTraces(NamedTuple):
@@ -155,17 +148,11 @@ def low_pass(values: Array, step: float) -> Array:
 
 @dataclass(frozen=True)
 class DelayEstimate:
-    """Delay between recorded torque and motion.
+    """Delay between recorded torque and motion."""
 
-    Attributes:
-        seconds: the recorded torque acts so much later than it is stamped [s].
-        std: standard error [s].
-        share: of the torques' variance that the flexible model explains.
-    """
-
-    seconds: float
-    std: float
-    share: float
+    seconds: float  # the recorded torque acts so much later than it is stamped [s]
+    std: float  # standard error [s]
+    share: float  # of the torques' variance that the flexible model explains
 
 
 def torque_delay(
@@ -178,7 +165,9 @@ def torque_delay(
     own = [name for name in ("coulomb_friction", "torque_delay") if name not in measurements.effects]
     progress(Progress("comparing torque and motion", 0.0))
     try:
-        result = identify(replace(measurements, groups=groups), effects=own, should_stop=should_stop)
+        result = identification.identify(
+            replace(measurements, groups=groups), effects=own, should_stop=should_stop
+        )
     except (FlexvizError, np.linalg.LinAlgError):
         return None
     found = [p for p in result.parameters if p.name == "torque_delay.delay" and p.identifiable != "no"]

@@ -22,17 +22,12 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 
 @dataclass
 class DraftJoint:
-    """One joint's entry.
+    """One joint's entry."""
 
-    Attributes:
-        signals: "theta" … -> the keys of its table.
-        gear, torque_constant: where known.
-        comments: "theta" …, "gear" -> observations and reasons, one sentence each.
-    """
-
-    signals: dict[str, dict[str, Any]] = field(default_factory=dict)
-    gear: float = 1.0
+    signals: dict[str, dict[str, Any]] = field(default_factory=dict)  # "theta" … -> the keys of its table
+    gear: float = 1.0  # where known
     torque_constant: float | None = None
+    # "theta" …, "gear" -> observations and reasons, one sentence each
     comments: dict[str, list[str]] = field(default_factory=dict)
 
     def comment(self, key: str, why: str) -> None:
@@ -59,26 +54,17 @@ class DraftJoint:
 
 @dataclass
 class Draft:
-    """A whole mapping.
+    """A whole mapping."""
 
-    Attributes:
-        robot: as in a measurement set; a URDF's path as it was given.
-        sources: the logs, with the names of their groups and whether each is for validation.
-        time: the keys of [time].
-        joints: name -> entry.
-        seen: lines about the logs.
-        missing: what must still be filled in, one sentence each.
-    """
-
-    robot: str
-    sources: list[LogSource]
+    robot: str  # as in a measurement set; a URDF's path as it was given
+    sources: list[LogSource]  # the logs, with the names of their groups and whether each is for validation
     groups: list[str]
     validation: set[str] = field(default_factory=set)
-    time: dict[str, Any] = field(default_factory=dict)
+    time: dict[str, Any] = field(default_factory=dict)  # the keys of [time]
     time_comment: str = ""
-    joints: dict[str, DraftJoint] = field(default_factory=dict)
-    seen: list[str] = field(default_factory=list)
-    missing: list[str] = field(default_factory=list)
+    joints: dict[str, DraftJoint] = field(default_factory=dict)  # name -> entry
+    seen: list[str] = field(default_factory=list)  # lines about the logs
+    missing: list[str] = field(default_factory=list)  # what must still be filled in, one sentence each
 
     def mapping(self) -> Mapping:
         """The mapping, checked; paths are as they were given. InputError where something is missing."""

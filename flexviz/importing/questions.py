@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
+from typing import Protocol
 
-T = TypeVar("T")
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
 
 
@@ -46,58 +45,47 @@ class Person:
         self.ask, self.tell = ask, tell
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
-        self._list([question, *options])
+        self._show(question, options)
         self.tell("  0  none of these")
-
-        def parse(text: str) -> int | None:
-            return int(text) if text.isdigit() and int(text) <= len(options) else None
-
-        expected = f"is none of 0 … {len(options)}"
-        answer = self._until_valid("number", str(0 if default is None else default + 1), parse, expected)
-        return answer - 1 if answer else None
+        valid = range(len(options) + 1)
+        preset = str(0 if default is None else default + 1)
+        wrong = f"is none of 0 … {len(options)}"
+        (answer,) = self._ask("number", preset, lambda x: len(x) == 1 and x[0] in valid, wrong)
+        return int(answer) - 1 if answer else None
 
     def numbers(self, question: str, count: int, default: float | None) -> list[float] | None:
         wanted = "one number" + (f", or {count} with commas" if count > 1 else "")
         unknown = "" if default is not None else "; only Enter where it is not known"
-
-        def parse(text: str) -> list[float] | None:
-            try:
-                values = [float(part) for part in parts_of(text)]
-            except ValueError:
-                return None
-            if len(values) not in (0, 1, count) or not all(0.0 < value < 1e9 for value in values):
-                return None
-            return values * count if len(values) == 1 else values
-
-        shown = "" if default is None else f"{default:g}"
-        expected = f"is not {wanted} above 0"
-        return self._until_valid(f"{question} ({wanted}{unknown})", shown, parse, expected) or None
+        values = self._ask(
+            f"{question} ({wanted}{unknown})",
+            "" if default is None else f"{default:g}",
+            lambda x: len(x) in (0, 1, count) and all(0.0 < value < 1e9 for value in x),
+            f"is not {wanted} above 0",
+        )
+        return (values * count if len(values) == 1 else values) or None
 
     def several(self, question: str, options: Sequence[str]) -> list[int]:
-        self._list([question, *options])
+        self._show(question, options)
+        valid = range(1, len(options) + 1)
+        wrong = f"holds something that is none of 1 … {len(options)}"
+        prompt = "numbers with commas, only Enter for none"
+        found = self._ask(prompt, "", lambda x: all(number in valid for number in x), wrong)
+        return sorted({int(number) - 1 for number in found})
 
-        def parse(text: str) -> list[int] | None:
-            parts = parts_of(text)
-            valid = all(part.isdigit() and 1 <= int(part) <= len(options) for part in parts)
-            return sorted({int(part) - 1 for part in parts}) if valid else None
+    def _show(self, question: str, options: Sequence[str]) -> None:
+        for line in (question, *(f"  {i + 1}  {option}" for i, option in enumerate(options))):
+            self.tell(line)
 
-        expected = f"holds something that is none of 1 … {len(options)}"
-        return self._until_valid("numbers with commas, only Enter for none", "", parse, expected)
-
-    def _list(self, lines: Sequence[str]) -> None:
-        self.tell(lines[0])
-        for i, option in enumerate(lines[1:]):
-            self.tell(f"  {i + 1}  {option}")
-
-    def _until_valid(self, question: str, default: str, parse: Callable[[str], T | None], wrong: str) -> T:
+    def _ask(
+        self, prompt: str, default: str, valid: Callable[[list[float]], bool], wrong: str
+    ) -> list[float]:
+        """Numbers separated by commas or spaces, asked for until they are valid."""
         while True:
-            text = self.ask(question, default).strip()
-            answer = parse(text)
-            if answer is not None:
-                return answer
+            text = self.ask(prompt, default).strip()
+            try:
+                numbers = [float(word) for word in re.findall(r"[^,\s]+", text)]
+                if valid(numbers):
+                    return numbers
+            except ValueError:
+                pass
             self.tell(f'"{text}" {wrong}')
-
-
-def parts_of(text: str) -> list[str]:
-    """The words of an answer, separated by commas or spaces."""
-    return re.findall(r"[^,\s]+", text)

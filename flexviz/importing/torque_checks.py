@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexviz.importing.column_names import CURRENT, TORQUE, size_of
-from flexviz.importing.cross_checks import Change, angle_changes, side_changes, unit_changes
+from flexviz.importing.cross_checks import ColumnChange, angle_changes, side_changes, unit_changes
 from flexviz.importing.issues import Fix, Issue
 from flexviz.importing.mapping import Mapping
 from flexviz.importing.thresholds import LIMITS
@@ -137,7 +137,7 @@ def sign_text(fixes: Sequence[Fix]) -> str:
     return f"sign = {values.pop()}" if len(values) == 1 else "the opposite sign"
 
 
-def rescaled(now: Reading, changes: dict[int, Change], reason: str) -> Hypothesis:
+def rescaled(now: Reading, changes: dict[int, ColumnChange], reason: str) -> Hypothesis:
     """θ in another unit on some joints."""
     factor = now.factor.copy()
     for j, change in changes.items():
@@ -165,7 +165,7 @@ def issue_of(best: Hypothesis, before: Array, after: Array, mapping: Mapping) ->
 # -- unit of θ -----------------------------------------------------------------------------------------
 
 
-def theta_changes(mapping: Mapping, model: TorqueModel, j: int, already: float) -> dict[str, Change]:
+def theta_changes(mapping: Mapping, model: TorqueModel, j: int, already: float) -> dict[str, ColumnChange]:
     """Changes that bring a motion too large for joint j into its range, or a very small one up.
 
     `already` is the factor assumed so far. Where q is recorded it decides, not the torques.
@@ -256,15 +256,15 @@ def scale_hint(mapping: Mapping, slopes: dict[str, float]) -> str:
     return f'a current (unit = "A", torque_constant), or before a gear (of about {about}; gear, side)'
 
 
-def torque_change(mapping: Mapping, joint: str, slope: float) -> Change | None:
+def torque_change(mapping: Mapping, joint: str, slope: float) -> ColumnChange | None:
     """The unit or side of τ, or both, with which its slope is near 1; as few changes as possible."""
     entry = mapping.joints[joint]
     constant = entry.torque_constant or 1.0
     currents = {unit: size * constant for unit, size in CURRENT.items()} if entry.torque_constant else {}
     units = {unit: TORQUE[unit] for unit in LOGGED_UNITS} | currents
     now = size_of(entry.tau.unit, TORQUE | CURRENT) * (constant if entry.tau.unit in CURRENT else 1.0)
-    same_unit = [Change(), *unit_changes(mapping, joint, "tau", units, now)]
-    same_side = [Change(), *side_changes(mapping, joint, "tau")]
+    same_unit = [ColumnChange(), *unit_changes(joint, "tau", units, now)]
+    same_side = [ColumnChange(), *side_changes(mapping, joint, "tau")]
     combined = [unit + side for unit in same_unit for side in same_side]
     low, high = LIMITS.slopes
     correct = [change for change in combined if low < slope * change.factor < high]

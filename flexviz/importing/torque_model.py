@@ -28,17 +28,11 @@ Samples = Sequence[tuple[tuple[PayloadBody, ...], SampledMotion]]
 
 @dataclass(frozen=True)
 class TorqueFit:
-    """How the torque of one joint is explained.
+    """How the torque of one joint is explained."""
 
-    Attributes:
-        share: of its variance, at most 1; negative where the fit is worse than a constant.
-        slope: s.
-        by_masses: part of `share` that friction and an offset alone do not explain.
-    """
-
-    share: float
-    slope: float
-    by_masses: float = 0.0
+    share: float  # of its variance, at most 1; negative where the fit is worse than a constant
+    slope: float  # s
+    by_masses: float = 0.0  # part of `share` that friction and an offset alone do not explain
 
 
 @dataclass(frozen=True, eq=False)

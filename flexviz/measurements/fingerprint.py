@@ -16,17 +16,11 @@ from flexviz.robot import Robot, is_library_robot
 
 @dataclass(frozen=True)
 class FileHash:
-    """One file of a set.
+    """One file of a set."""
 
-    Attributes:
-        name: relative to the set's folder; for a robot from a collection its name there.
-        sha256: of the content, hexadecimal.
-        bytes: its size.
-    """
-
-    name: str
-    sha256: str
-    bytes: int
+    name: str  # relative to the set's folder; for a robot from a collection its name there
+    sha256: str  # of the content, hexadecimal
+    bytes: int  # its size
 
 
 @dataclass(frozen=True)

@@ -199,20 +199,13 @@ def read_group(
 
 @dataclass(frozen=True, eq=False)
 class SignalTable:
-    """The columns of a group's table.
+    """The columns of a group's table."""
 
-    Attributes:
-        time: (N,) [s].
-        signals: (N, 2n) θ of every joint, then τ of every joint, called `names`.
-        optional: column -> (kind, joint's index, (N,) values).
-        unused: columns that are not read.
-    """
-
-    time: Array
-    signals: Array
+    time: Array  # (N,) [s]
+    signals: Array  # (N, 2n) θ of every joint, then τ of every joint, called `names`
     names: list[str]
-    optional: dict[str, tuple[str, int, Array]]
-    unused: list[str]
+    optional: dict[str, tuple[str, int, Array]]  # column -> (kind, joint's index, (N,) values)
+    unused: list[str]  # columns that are not read
 
 
 def read_signals(file: Path, joints: Sequence[str]) -> SignalTable:

@@ -33,44 +33,28 @@ class UnitThresholds:
     """When data look odd and when they are refused; `pytest tests/test_bad_measurements.py` supports them.
 
     All sets of the practice cases, the presets and the real recordings pass without a warning.
-
-    Attributes:
-        slowest_step: [s] slower sampling cannot show a flexible joint, so time is not in seconds.
-        slow_step, resting_speed: [s], [rad/s] slower sampling of a robot that hardly moves is refused, too.
-        fast_step: [s] faster sampling is uncommon.
-        widest, fastest: [rad], [rad/s] assumed limits where the robot description has none.
-        excess_checked, excess_odd, excess_refused: span or speed, in units of the joint's limits, at which
-            degrees are tried, a warning is given, and θ that no dynamics explain is refused.
-        explained: share of τ that the rigid model must explain before its slope is believed.
-        explained_alone: the same for a single joint.
-        odd_slope: τ beyond this factor of the rigid model (or its inverse) is odd.
-        milli_slope, milli_slope_alone: slopes of mNm (1000), for all joints and for a single one.
-        kilo_slope: slopes of kNm (1/1000) or of torques before a gear.
-        effort: times the joint's effort limit above which τ is odd.
-        deflection_odd, deflection_refused: [rad] deflection by `initial.stiffness` that is odd, and that
-            refuses τ above the effort limits.
-        optional_follows, optional_slope: squared correlation and factor (or its inverse) from which an
-            optional column is its measured one in another unit.
     """
 
-    slowest_step: float = 0.2
-    slow_step: float = 0.05
-    resting_speed: float = 5e-3
-    fast_step: float = 2e-5
-    widest: float = 8 * np.pi
-    fastest: float = 40.0
+    slowest_step: float = 0.2  # [s] slower sampling cannot show a flexible joint: time is not in seconds
+    slow_step: float = 0.05  # [s] slower sampling is odd, and
+    resting_speed: float = 5e-3  # [rad/s] refused for a robot that hardly moves
+    fast_step: float = 2e-5  # [s] faster sampling is uncommon
+    widest: float = 8 * np.pi  # [rad] limits assumed where the robot description has none
+    fastest: float = 40.0  # [rad/s]
+    # span or speed in units of the joint's limits: degrees are tried, odd, refused unless dynamics explain it
     excess_checked: float = 2.0
     excess_odd: float = 3.0
     excess_refused: float = 20.0
-    explained: float = 0.2
-    explained_alone: float = 0.5
-    odd_slope: float = 20.0
-    milli_slope: float = 100.0
-    milli_slope_alone: float = 200.0
-    kilo_slope: float = 1 / 200
-    effort: float = 20.0
-    deflection_odd: float = 1.0
-    deflection_refused: float = 0.3
+    explained: float = 0.2  # share of τ that the rigid model must explain before its slope is believed
+    explained_alone: float = 0.5  # the same for a single joint
+    odd_slope: float = 20.0  # τ beyond this factor of the rigid model (or its inverse) is odd
+    milli_slope: float = 100.0  # slopes of mNm are 1000
+    milli_slope_alone: float = 200.0  # the same for a single joint
+    kilo_slope: float = 1 / 200  # slopes of kNm are 1/1000; torques before a gear
+    effort: float = 20.0  # times the joint's effort limit above which τ is odd
+    deflection_odd: float = 1.0  # [rad] deflection by `initial.stiffness` that is odd, and the one that
+    deflection_refused: float = 0.3  # [rad] refuses τ above the effort limits
+    # squared correlation and factor (or its inverse) of an optional column that is in another unit
     optional_follows: float = 0.7
     optional_slope: float = 20.0
 

@@ -106,23 +106,21 @@ def write_set(
     check_free(folder, overwrite)
     if table_format not in SUFFIXES:
         raise InputError(f'table format "{table_format}" is not known, expected csv or parquet')
-    initial = numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia)
-    controller = numbers(kp=kp, kd=kd)
+    optional = {
+        "initial": numbers(stiffness=initial_stiffness, motor_inertia=initial_motor_inertia),
+        "controller": numbers(kp=kp, kd=kd),
+    }
     document = {
         "format": FORMAT,
         "robot": robot,
         "joints": list(joints),
         "torque_hold": float(torque_hold),
-        **({"initial": initial} if initial else {}),
-        **({"controller": controller} if controller else {}),
+        **{name: lists for name, lists in optional.items() if lists},
         "model": {"effects": list(effects)},
         "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
         "groups": [group_entry(group, SUFFIXES[table_format]) for group in groups],
     }
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
-    names = [*(files or {}), *(group["file"] for group in document["groups"])]
-    if twice := first_repeated(os.path.normpath(name) for name in names):
-        raise InputError(f'two files of the set are called "{twice}"', file=folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
@@ -144,6 +142,9 @@ def fill_folder(
     single: bool,
 ) -> None:
     """Write `measurements.toml`, the tables and further files into the folder `new`."""
+    names = [*files, *(entry["file"] for entry in document["groups"])]
+    if twice := first_repeated(os.path.normpath(name) for name in names):
+        raise InputError(f'two files of the set are called "{twice}"')
     new.mkdir()
     for name, content in files.items():
         write_file(within(new, name), content)

@@ -43,23 +43,15 @@ class LogTable:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """One recording.
+    """One recording."""
 
-    Attributes:
-        file: where it was read from.
-        kind: "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3".
-        tables: its tables; a column's name occurs once in all of them.
-        unusable: name -> why it is not a signal (text, too short, …).
-        unread: columns that were not asked for.
-        notes: observations while reading, one sentence each.
-    """
-
-    file: Path
-    kind: str
-    tables: tuple[LogTable, ...]
+    file: Path  # where it was read from
+    kind: str  # "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3"
+    tables: tuple[LogTable, ...]  # its tables; a column's name occurs once in all of them
+    # name -> why it is not a signal (text, too short, …)
     unusable: Mapping[str, str] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-    unread: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # observations while reading, one sentence each
+    unread: tuple[str, ...] = ()  # columns that were not asked for
 
     @property
     def columns(self) -> dict[str, LogTable]:
@@ -81,17 +73,11 @@ class Log:
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """How a log is to be read.
+    """How a log is to be read."""
 
-    Attributes:
-        wanted: columns that are needed; None: all. A reader may give more.
-        episode: which one, in a dataset of episodes.
-        progress, should_stop: see flexviz.progress.
-    """
-
-    wanted: Collection[str] | None = None
-    episode: int | None = None
-    progress: ProgressCallback = ignore
+    wanted: Collection[str] | None = None  # columns that are needed; None: all. A reader may give more
+    episode: int | None = None  # which one, in a dataset of episodes
+    progress: ProgressCallback = ignore  # see flexviz.progress
     should_stop: StopCallback = never
 
     def wants(self, column: str) -> bool:
@@ -107,22 +93,15 @@ class ReadOptions:
 
 @dataclass(frozen=True)
 class LogFormat:
-    """One format of logs.
+    """One format of logs."""
 
-    Attributes:
-        title: its name in messages.
-        read: a path and options -> its log; InputError where it cannot be read.
-        suffixes: of its files.
-        folder, mark: a folder of this format, and the file by which it is recognised.
-        episodes: the numbers of the logs in a dataset of many.
-    """
-
-    title: str
+    title: str  # its name in messages
+    # a path and options -> its log; InputError where it cannot be read
     read: Callable[[Path, ReadOptions], Log]
-    suffixes: tuple[str, ...] = ()
-    folder: str = ""
+    suffixes: tuple[str, ...] = ()  # of its files
+    folder: str = ""  # a folder of this format, and the file by which it is recognised
     mark: str = ""
-    episodes: Callable[[Path], list[int]] | None = None
+    episodes: Callable[[Path], list[int]] | None = None  # the numbers of the logs in a dataset of many
 
     def recognises(self, path: Path) -> bool:
         """Whether a file or folder is of this format, judged by its name."""
