@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from flexviz.importing.column_names import ANGLE, size_of
-from flexviz.importing.delays import BAND, low_pass
+from flexviz.importing.delays import fit_filtered, low_pass
 from flexviz.importing.draft import Draft, DraftJoint
 from flexviz.importing.issues import Fix, Issue
 from flexviz.importing.mapping import AngleColumn, Mapping
@@ -62,9 +62,7 @@ class ColumnChange:
         return ColumnChange(self.fixes + other.fixes, self.factor * other.factor)
 
 
-def unit_changes(
-    mapping: Mapping, joint: str, name: str, units: dict[str, float], now: float
-) -> list[ColumnChange]:
+def unit_changes(joint: str, name: str, units: dict[str, float], now: float) -> list[ColumnChange]:
     """A signal in other units; `now` is the size of its unit in SI."""
     return [
         ColumnChange((Fix(joint, name, "unit", unit),), size / now)
@@ -218,12 +216,7 @@ def gear_ratio(parts: Sequence[JointPart]) -> tuple[float, float]:
         rows.append(np.stack([x - np.mean(x) for x in columns], axis=1)[edge:-edge])
         targets.append((theta - np.mean(theta))[edge:-edge])
         seconds += part.step * len(targets[-1])
-    matrix, target = np.concatenate(rows), np.concatenate(targets)
-    scale = np.linalg.norm(matrix, axis=0)
-    scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(matrix / scale, rcond=1e-9)
-    solution = inverse @ target
-    residual = matrix / scale @ solution - target
-    samples = max(8.0, 2 * BAND * seconds)  # that are independent after the filter
-    variance = float(residual @ residual) / samples * float(inverse[0] @ inverse[0])
-    return float(solution[0] / scale[0]), float(np.sqrt(variance * len(target))) / float(scale[0])
+    target = np.concatenate(targets)
+    fit = fit_filtered(np.concatenate(rows), target, seconds)
+    # cautious by √N: the residual is the model's error, not noise
+    return float(fit.slopes[0]), float(fit.std[0]) * np.sqrt(len(target))

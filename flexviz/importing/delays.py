@@ -109,7 +109,8 @@ def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
 
 def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) -> tuple[float, float] | None:
     """Delay and standard error [s] of one joint, from a start that is right to a step or two."""
-    for round_ in range(DELAY_ROUNDS):
+    std = np.inf
+    for _ in range(DELAY_ROUNDS):
         start = max(theta.time[0], tau.time[0], q.time[0] - delay)
         end = min(theta.time[-1], tau.time[-1], q.time[-1] - delay)
         count = int((end - start) / step)
@@ -122,21 +123,35 @@ def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) ->
         edge = min(count // 4, int(1.0 / BAND / step) + 2)
         matrix = np.stack(columns, axis=1)[edge:-edge]
         target = low_pass(q.at(grid + delay)[0], step)[edge:-edge]
-        scale = np.linalg.norm(matrix, axis=0)
-        if not (scale > 0.0).all():
+        fit = fit_filtered(matrix, target, len(target) * step)
+        if not fit.unique or fit.slopes[1] == 0.0:
             return None
-        solution, _, rank, _ = np.linalg.lstsq(matrix / scale, target, rcond=1e-9)
-        if rank < matrix.shape[1] or solution[1] == 0.0:
-            return None
-        residual = matrix / scale @ solution - target
-        correction = -float(solution[4] / scale[4] / (solution[1] / scale[1]))
-        delay += correction
-        if round_ == DELAY_ROUNDS - 1:
-            samples = max(8.0, len(target) * step * 2 * BAND)  # that are independent after the filter
-            inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
-            variance = float(residual @ residual) / len(target) * inverse[4, 4] * len(target) / samples
-            return delay, float(np.sqrt(variance)) / scale[4] / abs(solution[1] / scale[1])
-    return None
+        delay -= float(fit.slopes[4] / fit.slopes[1])
+        std = float(fit.std[4] / abs(fit.slopes[1]))
+    return delay, std
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredFit:
+    """Least squares of low-passed signals: slopes (k,), standard errors (k,), whether they are unique."""
+
+    slopes: Array
+    std: Array
+    unique: bool
+
+
+def fit_filtered(matrix: Array, target: Array, seconds: float) -> FilteredFit:
+    """Fit `target` (N,) by the columns of `matrix` (N, k), all low-passed to `BAND` and `seconds` long."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    q, r = np.linalg.qr(matrix / scale)
+    inverse = np.linalg.pinv(r, rcond=1e-9)
+    solution = inverse @ (q.T @ target)
+    residual = matrix / scale @ solution - target
+    samples = max(8.0, 2 * BAND * seconds)  # that are independent after the filter
+    std = np.sqrt(float(residual @ residual) / samples * np.sum(inverse**2, axis=1))
+    unique = bool(np.linalg.matrix_rank(r, rtol=1e-9) == len(scale))
+    return FilteredFit(solution / scale, std / scale, unique)
 
 
 def low_pass(values: Array, step: float) -> Array:

@@ -1,8 +1,7 @@
 """LeRobot datasets (v2.x and v3.x): Parquet tables beside meta/info.json, one log per episode.
 
-v2 has one file per episode, named by `data_path` in info.json; v3 puts many episodes into one file, and
-meta/episodes says which. A recording's frames are equally spaced by 1/fps, and `timestamp` is stored as
-float32: the time is frame_index / fps, checked against it.
+v2 has one file per episode, v3 puts many episodes into one file. Frames are equally spaced by 1/fps, and
+`timestamp` is stored as float32: the time is frame_index / fps, checked against it.
 """
 
 from __future__ import annotations
@@ -64,23 +63,20 @@ def read_episode(folder: Path, options: ReadOptions) -> Log:
     if episode is None:
         last = episodes_of(folder)[-1]
         raise InputError(f"which episode? expected episode = 0 … {last}", file=folder)
-    parts = []
-    for file in files_of(folder, info, episode):
-        options.check_stop()
-        options.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
-        parts.append(read_part(file, episode, options))
-    frames = pa.concat_tables(parts, promote_options="permissive")
+    options.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
+    frames = read_frames(folder, episode, options)
+    options.check_stop()
     if frames.num_rows < SHORTEST:
         message = f"{frames.num_rows} frames, expected at least {SHORTEST}"
         raise InputError(message, file=folder, place=f"episode {episode}")
     columns, units, unusable = columns_of(frames, entry_names(info))
     notes = []
     fps = float(info["fps"])
-    number = np.asarray(columns.get("frame_index", np.arange(frames.num_rows)))
+    number = columns.get("frame_index", np.arange(frames.num_rows))
     time = (number - number[0]) / fps
-    stamp = columns.pop("timestamp", None)
-    if stamp is not None:
-        stamp = np.asarray(stamp, dtype=float) - float(stamp[0])
+    if "timestamp" in columns:
+        stamp = np.asarray(columns.pop("timestamp"), dtype=float)
+        stamp -= stamp[0]
         if np.max(np.abs(stamp - time)) > 0.1 / fps:
             notes.append("the frames are not spaced by 1/fps: the column timestamp is used")
             time = stamp
@@ -101,39 +97,18 @@ def entry_names(info: dict[str, Any]) -> dict[str, list[str]]:
     return found
 
 
-def files_of(folder: Path, info: dict[str, Any], episode: int) -> list[Path]:
-    """The tables that may hold frames of an episode."""
-    template = str(info.get("data_path") or "")
-    values = {
-        "episode_index": episode,
-        "episode_chunk": episode // max(1, int(info.get("chunks_size") or 1000)),
-    }
-    for file in sorted((folder / "meta" / "episodes").glob("*/*.parquet")):
-        with readable(file, "Parquet table"):
-            about = papq.read_table(file, filters=[("episode_index", "=", episode)])
-            if about.num_rows and {"data/chunk_index", "data/file_index"} <= set(about.column_names):
-                values |= {key: about[f"data/{key}"][0].as_py() for key in ("chunk_index", "file_index")}
-    try:
-        named = folder / template.format(**values)
-    except (KeyError, ValueError, IndexError):
-        named = folder / "data"
-    if template and named.is_file() and folder.resolve() in named.resolve().parents:
-        return [named]
-    every = sorted((folder / "data").glob("*/*.parquet"))
-    if not every:
+def read_frames(folder: Path, episode: int, options: ReadOptions) -> pa.Table:
+    """The frames of an episode: row groups of other episodes are skipped by their statistics."""
+    files = sorted((folder / "data").glob("*/*.parquet"))
+    if not files:
         raise InputError("no table data/chunk-*/*.parquet (are they only links to a cache?)", file=folder)
-    own = [file for file in every if file.stem == f"episode_{episode:06d}"]
-    return own or every
-
-
-def read_part(file: Path, episode: int, options: ReadOptions) -> pa.Table:
-    """The frames of the episode in one file."""
-    with readable(file, "Parquet table"):
-        schema = papq.read_schema(file)
+    files = [file for file in files if file.stem == f"episode_{episode:06d}"] or files
+    with readable(files[0] if len(files) == 1 else folder / "data", "Parquet table"):
+        schema = papq.read_schema(files[0])
         names = [field.name for field in schema if holds_numbers(field.type) and options.wants(field.name)]
         names += [x for x in ("timestamp", "frame_index", "episode_index") if x in {*schema.names} - {*names}]
         own = [("episode_index", "=", episode)] if "episode_index" in schema.names else None
-        return papq.read_table(file, columns=names, filters=own)
+        return papq.read_table(files, columns=names, filters=own)
 
 
 LEROBOT = LogFormat(
