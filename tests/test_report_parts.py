@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
-from flexviz.charts.svg import log_ticks, stretches, svg, ticks
+from flexviz.charts.svg import draw_svg, log_ticks, stretches, ticks
 from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis
 from flexviz.report.sections.staircase import columns
@@ -52,7 +52,7 @@ def test_ticks_of_a_logarithmic_axis() -> None:
 def test_lines_are_interrupted_where_nothing_is_known() -> None:
     x, y = np.arange(7.0), np.array([np.nan, 1.0, 2.0, np.inf, 1.0, np.nan, 3.0])
     assert [list(rows) for rows in stretches(x, y)] == [[1, 2], [4], [6]]
-    picture = ElementTree.fromstring(svg(chart(ChartSeries("a", "#0072B2", x, y)), "k"))
+    picture = ElementTree.fromstring(draw_svg(chart(ChartSeries("a", "#0072B2", x, y)), "k"))
     lines = [e for e in picture.iter(f"{SVG}polyline") if len(e.attrib["points"].split()) > 0]
     assert len(lines) == 3 + 1  # and its place in the legend
 
@@ -65,17 +65,17 @@ def chart(*series: ChartSeries, logarithmic: bool = False, **more: Any) -> Chart
 def test_a_chart_without_a_finite_value_is_drawn_all_the_same() -> None:
     empty = ChartSeries("nothing", "#0072B2", np.arange(3.0), np.full(3, np.nan))
     for logarithmic in (False, True):
-        ElementTree.fromstring(svg(chart(empty, logarithmic=logarithmic), "k"))
+        ElementTree.fromstring(draw_svg(chart(empty, logarithmic=logarithmic), "k"))
     flat = ChartSeries("flat", "#0072B2", np.zeros(3), np.full(3, 5.0))
     ribbon = Ribbon("ribbon", "#999999", np.zeros(3), np.full(3, 4.0), np.full(3, 6.0))
-    text = svg(chart(flat, ribbons=(ribbon,), highlights=((-1.0, 1.0),)), "k")
+    text = draw_svg(chart(flat, ribbons=(ribbon,), highlights=((-1.0, 1.0),)), "k")
     assert "nan" not in text and "inf" not in text
 
 
 def test_a_long_legend_takes_more_rows_and_long_names_are_cut() -> None:
     x = np.arange(3.0)
     curves = [ChartSeries(f"{'long' * 20}{i}", "#0072B2", x, x) for i in range(6)]
-    picture = ElementTree.fromstring(svg(chart(*curves), "k"))
+    picture = ElementTree.fromstring(draw_svg(chart(*curves), "k"))
     places = [
         (float(e.attrib["x"]), float(e.attrib["y"]))
         for e in picture.iter(f"{SVG}text")

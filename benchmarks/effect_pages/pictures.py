@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.charts import COLOURS, DASHES, FILE, Chart, ChartAxis, ChartSeries, svg
+from flexviz.charts import COLOURS, DASHES, FILE, Chart, ChartAxis, ChartSeries, draw_svg
 from flexviz.effects import EFFECTS, Effect, EffectTarget
 from flexviz.effects.trial import Array, TrialMotion, TrialSignal
 
@@ -188,7 +188,7 @@ def draw(name: str) -> str:
         name, title, ChartAxis(shown.against), ChartAxis("u", unit), tuple(series), description=caption(name),
         height=HEIGHT,
     )  # fmt: skip
-    return svg(chart, name, FILE)
+    return draw_svg(chart, name, FILE)
 
 
 def caption(name: str) -> str:

@@ -13,7 +13,7 @@ from flexviz.charts.chart import (
     time_chart,
 )
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb, shares
-from flexviz.charts.svg import FILE, svg
+from flexviz.charts.svg import FILE, draw_svg
 
 __all__ = [
     "COLOURS",
@@ -27,11 +27,11 @@ __all__ = [
     "Ribbon",
     "cividis",
     "css",
+    "draw_svg",
     "gradient",
     "no_chart",
     "rgb",
     "shares",
-    "svg",
     "thin",
     "time_chart",
 ]

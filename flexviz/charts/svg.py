@@ -43,7 +43,7 @@ PAGE = SvgTheme(720, "#222222", standalone=False)
 FILE = SvgTheme(480, COLOURS.reference, standalone=True)
 
 
-def svg(chart: Chart, key: str, theme: SvgTheme = PAGE) -> str:
+def draw_svg(chart: Chart, key: str, theme: SvgTheme = PAGE) -> str:
     """The chart; `key` makes its ids unique on a page."""
     places, rows = _legend_places(chart, theme)
     height = chart.height + LEGEND_ROW * rows

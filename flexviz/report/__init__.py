@@ -1,7 +1,6 @@
 """Reports: what was found about a robot, in one file that needs nothing else."""
 
-from flexviz.report.completing import chosen_set, guarded
-from flexviz.report.gathering import diagnosed_session
+from flexviz.report.content import chosen_set, diagnosed_session, guarded
 from flexviz.report.writing import KINDS, session_report
 
 __all__ = ["KINDS", "chosen_set", "diagnosed_session", "guarded", "session_report"]

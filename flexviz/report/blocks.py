@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -13,27 +14,10 @@ Tone = Literal["", "good", "missing", "unknown", "warn"]
 
 
 @dataclass(frozen=True)
-class Strong:
-    """Words that stand out."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Code:
-    """What is typed: a command, a name of a file."""
-
-    text: str
-
-
-Inline = str | Strong | Code
-
-
-@dataclass(frozen=True)
 class Paragraph:
     """A few sentences; `quiet` ones explain."""
 
-    parts: tuple[Inline, ...]
+    text: str
     quiet: bool = False
 
 
@@ -56,21 +40,14 @@ class Tile:
 
 @dataclass(frozen=True)
 class Tiles:
-    """A row of them."""
+    """A row of tiles."""
 
     tiles: tuple[Tile, ...]
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table.
-
-    Attributes
-    ----------
-    text: what stands in it.
-    shade: 0 … 1, how dark it is on the map of colours; None for none.
-    strong: it stands out.
-    """
+    """One cell of a table; `shade` is 0 … 1 on the map of colours, or None for none."""
 
     text: str
     shade: float | None = None
@@ -78,16 +55,15 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table.
 
-    Attributes
-    ----------
-    head: titles of the columns.
-    rows: cells; as many in each row as there are columns.
-    numbers: columns that hold numbers.
-    caption: what it says.
-    dense: small print, for many columns.
+    Attributes:
+        head: titles of the columns.
+        rows: cells, as many in each row as there are columns.
+        numbers: indices of the columns that hold numbers.
+        caption: what it shows.
+        dense: small print, for many columns.
     """
 
     head: tuple[str, ...]
@@ -98,17 +74,10 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A chart; where it cannot be drawn its description stands for it."""
-
-    chart: Chart
-
-
-@dataclass(frozen=True)
 class Items:
-    """A list."""
+    """A bulleted list."""
 
-    items: tuple[tuple[Inline, ...], ...]
+    items: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -119,12 +88,12 @@ class Listing:
     language: str
 
 
-Block = Paragraph | Callout | Tiles | Table | Figure | Items | Listing
+Block = Paragraph | Callout | Tiles | ReportTable | Chart | Items | Listing
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part with a title; the parts within it follow its blocks."""
+    """A part with a title; its own parts follow its blocks."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -132,25 +101,14 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Document:
-    """A whole report.
-
-    Attributes
-    ----------
-    title, subtitle: at its top.
-    tags: a word or two each ("simulated data").
-    sections: in reading order; the first needs no title.
-    """
+class ReportDocument:
+    """A whole report: title, subtitle, tags ("simulated data"), sections in reading order, footer."""
 
     title: str
     subtitle: str
     tags: tuple[str, ...]
     sections: tuple[Section, ...]
-
-
-def text(*parts: Inline, quiet: bool = False) -> Paragraph:
-    """A paragraph of these parts."""
-    return Paragraph(parts, quiet)
+    footer: str
 
 
 def table(
@@ -159,7 +117,57 @@ def table(
     numbers: Sequence[int] = (),
     caption: str = "",
     dense: bool = False,
-) -> Table:
+) -> ReportTable:
     """A table of texts and cells."""
     cells = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
-    return Table(tuple(head), cells, tuple(numbers), caption, dense)
+    return ReportTable(tuple(head), cells, tuple(numbers), caption, dense)
+
+
+class ReportWriter(ABC):
+    """Walks a document; a subclass says how each kind of block is written."""
+
+    @abstractmethod
+    def document(self, document: ReportDocument) -> str:
+        """The whole text."""
+
+    @abstractmethod
+    def section(self, title: str, level: int, contents: Sequence[str]) -> str:
+        """A section with its written blocks and parts."""
+
+    @abstractmethod
+    def paragraph(self, block: Paragraph) -> str: ...
+    @abstractmethod
+    def callout(self, block: Callout) -> str: ...
+    @abstractmethod
+    def tiles(self, block: Tiles) -> str: ...
+    @abstractmethod
+    def table(self, block: ReportTable) -> str: ...
+    @abstractmethod
+    def chart(self, block: Chart) -> str: ...
+    @abstractmethod
+    def items(self, block: Items) -> str: ...
+    @abstractmethod
+    def listing(self, block: Listing) -> str: ...
+
+    def walk(self, section: Section, level: int = 2) -> str:
+        """A section as text, with everything in it."""
+        blocks = [self._block(block) for block in section.blocks]
+        parts = [self.walk(part, min(level + 1, 6)) for part in section.parts]
+        return self.section(section.title, level, [*blocks, *parts])
+
+    def _block(self, block: Block) -> str:
+        match block:
+            case Paragraph():
+                return self.paragraph(block)
+            case Callout():
+                return self.callout(block)
+            case Tiles():
+                return self.tiles(block)
+            case ReportTable():
+                return self.table(block)
+            case Chart():
+                return self.chart(block)
+            case Items():
+                return self.items(block)
+            case Listing():
+                return self.listing(block)

@@ -5,145 +5,136 @@ Every text is escaped where it is put in; the page's own policy forbids the brow
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import count
+from collections.abc import Sequence
 
-from flexviz.charts import COLOURS, css, rgb, svg
+from flexviz.charts import COLOURS, Chart, css, draw_svg, rgb
 from flexviz.report.blocks import (
-    Block,
     Callout,
     Cell,
-    Code,
-    Document,
-    Figure,
-    Inline,
     Items,
     Listing,
     Paragraph,
-    Section,
-    Strong,
-    Table,
+    ReportDocument,
+    ReportTable,
+    ReportWriter,
     Tiles,
 )
 from flexviz.report.style import CSS
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-DARK = 0.9  # shade from which white ink is read better
-SHORT = 16  # rows of a table that a page break does not cut
-WORD = 18  # characters of a word that a column is at least made for
-GAP = 2  # characters of room beside it
+DARK_SHADE = 0.9  # from which white ink is read better
+SHORT_TABLE = 16  # rows that a page break does not cut
+MAX_WORD = 18  # characters of a word that a column is at least made for
+COLUMN_GAP = 2  # characters between columns
 PAPER, PAPER_DENSE = 84, 104  # characters across A4, in normal and in small print
+LABEL = 30  # characters at most before the colon of a callout's label
 
 
-def html(document: Document, footer: str) -> str:
-    """The whole page."""
-    figures = count(1)
-    tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
-    body = "".join(_section(section, 2, figures) for section in document.sections)
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(document.title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
-        f'<header><h1>{escape(document.title)}</h1><p class="sub">{escape(document.subtitle)}</p>'
-        f"{f'<p>{tags}</p>' if tags else ''}</header>\n"
-        f"{body}<footer>{escape(footer)}</footer>\n</main>\n</body>\n</html>\n"
-    )
+class HtmlWriter(ReportWriter):
+    """Writes one page; figures are numbered in reading order."""
+
+    def __init__(self) -> None:
+        self._figures = 0
+
+    def document(self, document: ReportDocument) -> str:
+        """The whole page."""
+        tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
+        body = "".join(self.walk(section) for section in document.sections)
+        return (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f"<title>{escape(document.title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
+            f'<header><h1>{escape(document.title)}</h1><p class="sub">{escape(document.subtitle)}</p>'
+            f"{f'<p>{tags}</p>' if tags else ''}</header>\n"
+            f"{body}<footer>{escape(document.footer)}</footer>\n</main>\n</body>\n</html>\n"
+        )
+
+    def section(self, title: str, level: int, contents: Sequence[str]) -> str:
+        heading = f"<h{level}>{escape(title)}</h{level}>\n" if title else ""
+        body = "".join(content + "\n" for content in contents)
+        return f"<section>\n{heading}{body}</section>"
+
+    def paragraph(self, block: Paragraph) -> str:
+        kind = ' class="quiet"' if block.quiet else ""
+        return f"<p{kind}>{escape(block.text)}</p>"
+
+    def callout(self, block: Callout) -> str:
+        label, colon, rest = block.text.partition(":")
+        labelled = colon and len(label) < LABEL
+        shown = f"<b>{escape(label)}:</b>{escape(rest)}" if labelled else escape(block.text)
+        role = ' role="note"' if block.tone == "warn" else ""
+        return f'<p class="callout {escape(block.tone)}"{role}>{shown}</p>'
+
+    def tiles(self, block: Tiles) -> str:
+        cells = "".join(
+            f'<div><dt>{escape(t.label)}</dt><dd class="value">{escape(t.value)}</dd>'
+            f'<dd class="note">{escape(t.note)}</dd></div>'
+            for t in block.tiles
+        )
+        return f'<dl class="tiles">{cells}</dl>'
+
+    def chart(self, block: Chart) -> str:
+        self._figures += 1
+        caption = f"<b>Figure {self._figures}. {escape(block.title)}.</b> {escape(block.description)}"
+        picture = draw_svg(block, f"f{self._figures}")
+        return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
+
+    def items(self, block: Items) -> str:
+        return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
+
+    def listing(self, block: Listing) -> str:
+        return f"<pre><code>{escape(block.text)}</code></pre>"
+
+    def table(self, block: ReportTable) -> str:
+        widths, dense = column_widths(block)
+        kinds = [' class="n"' if i in block.numbers else "" for i in range(len(block.head))]
+        head = "".join(
+            f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
+            for kind, width, title in zip(kinds, widths, block.head, strict=True)
+        )
+        rows = "".join(
+            f"<tr>{''.join(_cell(cell, i in block.numbers) for i, cell in enumerate(row))}</tr>"
+            for row in block.rows
+        )
+        caption = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
+        kind = " ".join(["dense"] * dense + ["short"] * (len(block.rows) <= SHORT_TABLE))
+        body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
+        return f'<div class="wide"><table class="{kind}">{caption}{body}</table></div>'
 
 
-def _section(section: Section, level: int, figures: Iterator[int]) -> str:
-    title = f"<h{level}>{escape(section.title)}</h{level}>\n" if section.title else ""
-    blocks = "".join(f"{_block(block, figures)}\n" for block in section.blocks)
-    parts = "".join(_section(part, min(level + 1, 6), figures) for part in section.parts)
-    return f"<section>\n{title}{blocks}{parts}</section>\n"
-
-
-def _block(block: Block, figures: Iterator[int]) -> str:
-    match block:
-        case Paragraph(parts, quiet):
-            kind = ' class="quiet"' if quiet else ""
-            return f"<p{kind}>{_inlines(parts)}</p>"
-        case Callout(words, tone):
-            start, colon, rest = words.partition(":")
-            shown = f"<b>{escape(start)}:</b>{escape(rest)}" if colon and len(start) < 30 else escape(words)
-            role = ' role="note"' if tone == "warn" else ""
-            return f'<p class="callout {escape(tone)}"{role}>{shown}</p>'
-        case Tiles(tiles):
-            cells = "".join(
-                f'<div><dt>{escape(t.label)}</dt><dd class="value">{escape(t.value)}</dd>'
-                f'<dd class="note">{escape(t.note)}</dd></div>'
-                for t in tiles
-            )
-            return f'<dl class="tiles">{cells}</dl>'
-        case Table():
-            return _table(block)
-        case Figure(chart):
-            number = next(figures)
-            caption = f"<b>Figure {number}. {escape(chart.title)}.</b> {escape(chart.description)}"
-            return f"<figure>{svg(chart, f'f{number}')}<figcaption>{caption}</figcaption></figure>"
-        case Items(items):
-            return f"<ul>{''.join(f'<li>{_inlines(item)}</li>' for item in items)}</ul>"
-        case Listing(words, _):
-            return f"<pre><code>{escape(words)}</code></pre>"
-
-
-def _inlines(parts: tuple[Inline, ...]) -> str:
-    return "".join(_inline(part) for part in parts)
-
-
-def _inline(part: Inline) -> str:
-    match part:
-        case Strong(words):
-            return f"<b>{escape(words)}</b>"
-        case Code(words):
-            return f"<code>{escape(words)}</code>"
-        case _:
-            return escape(part)
-
-
-def _table(table: Table) -> str:
-    numbers = set(table.numbers)
-    widths, dense = fitted(table)
-    kinds = [' class="n"' if i in numbers else "" for i in range(len(table.head))]
-    head = "".join(
-        f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
-        for kind, width, title in zip(kinds, widths, table.head, strict=True)
-    )
-    rows = "".join(
-        f"<tr>{''.join(_cell(cell, i in numbers) for i, cell in enumerate(row))}</tr>" for row in table.rows
-    )
-    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-    classes = [*(["dense"] if dense else []), *(["short"] if len(table.rows) <= SHORT else [])]
-    kind = f' class="{" ".join(classes)}"' if classes else ""
-    body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
-    return f'<div class="wide"><table{kind}>{caption}{body}</table></div>'
-
-
-def fitted(table: Table) -> tuple[list[int], bool]:
+def column_widths(table: ReportTable) -> tuple[list[int], bool]:
     """Least width of each column [characters], so that words stay whole where paper has room for them.
 
     A number is never broken; of texts the longest words give way first. The second value: in small print.
     """
-    fixed = set(table.numbers)
-    widths = [_width(table, i, i in fixed) for i in range(len(table.head))]
+    widths = [_width(table, i) for i in range(len(table.head))]
     dense = table.dense or sum(widths) > PAPER
     room = PAPER_DENSE if dense else PAPER
-    while sum(widths) > room:
-        widest = max((i for i in range(len(widths)) if i not in fixed), key=lambda i: widths[i], default=None)
-        if widest is None or widths[widest] <= GAP + 1:
+    texts = [i for i in range(len(widths)) if i not in table.numbers]
+    while sum(widths) > room and texts:
+        widest = max(texts, key=lambda i: widths[i])
+        if widths[widest] <= COLUMN_GAP + 1:
             break
         widths[widest] -= 1
     return widths, dense
 
 
+def _width(table: ReportTable, column: int) -> int:
+    """Characters that a column needs: its longest word, or its longest number, within reason."""
+    words = table.head[column].split()
+    for row in table.rows:
+        words += [row[column].text] if column in table.numbers else row[column].text.split()
+    return min(max(map(len, words), default=1), MAX_WORD) + COLUMN_GAP
+
+
 def _cell(cell: Cell, number: bool) -> str:
     words = f"<b>{escape(cell.text)}</b>" if cell.strong else escape(cell.text)
-    classes = ["n"] if number else []
-    style = ""
+    classes, style = ["n"] if number else [], ""
     if cell.shade is not None:
         classes.append("heat")
-        ink = "#fff" if cell.shade > DARK else "#000"
+        ink = "#fff" if cell.shade > DARK_SHADE else "#000"
         style = f' style="background:{shaded(cell.shade)};color:{ink}"'
     kind = f' class="{" ".join(classes)}"' if classes else ""
     return f"<td{kind}{style}>{words}</td>"
@@ -153,11 +144,3 @@ def shaded(share: float) -> str:
     """White for 0, the colour of measured data for 1: little ink where there is little to see."""
     red, green, blue = (round(255 + share * (value - 255)) for value in rgb(COLOURS.measured))
     return css((red, green, blue))
-
-
-def _width(table: Table, column: int, number: bool) -> int:
-    """Characters that a column needs: its longest word, or its longest number, within reason."""
-    words = table.head[column].split()
-    for row in table.rows:
-        words += [row[column].text] if number else row[column].text.split()
-    return min(max(map(len, words), default=1), WORD) + GAP

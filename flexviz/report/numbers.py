@@ -7,7 +7,7 @@ from typing import Any
 from flexviz import __version__
 from flexviz.diagnosis import BandwidthCheck
 from flexviz.files import as_json
-from flexviz.report.gathering import Subject
+from flexviz.report.content import ReportContent
 from flexviz.report.sections.staircase import group_rows
 from flexviz.report.sections.summary import sentence, warnings
 from flexviz.report.sections.telling_apart import next_experiments
@@ -15,31 +15,31 @@ from flexviz.report.sections.telling_apart import next_experiments
 FORMAT = 1
 
 
-def numbers(subject: Subject, when: str) -> str:
+def numbers(content: ReportContent, when: str) -> str:
     """The JSON text; what is not finite is null."""
-    analysis, measurements = subject.analysis, subject.measurements
-    diagnosis = None if subject.diagnosis is None else subject.diagnosis.to_json()
+    analysis, measurements = content.analysis, content.measurements
+    diagnosis = None if content.diagnosis is None else content.diagnosis.to_json()
     if diagnosis is not None:
         del diagnosis["steps"]  # the present model's alone; the whole staircase follows
-    found = [finding for _, finding in subject.added if finding is not None]
+    found = [finding for _, finding in content.added if finding is not None]
     document = {
         "format": FORMAT,
         "flexviz": __version__,
         "written": when,
-        "summary": sentence(subject),
-        "warnings": warnings(subject),
+        "summary": sentence(content),
+        "warnings": warnings(content),
         "simulated": measurements.simulated,
         "set": {
             "name": measurements.name,
             "path": str(measurements.path),
-            "sha256": subject.fingerprint.sha256,
+            "sha256": content.fingerprint.sha256,
             "files": [
-                {"name": f.name, "sha256": f.sha256, "bytes": f.bytes} for f in subject.fingerprint.files
+                {"name": f.name, "sha256": f.sha256, "bytes": f.bytes} for f in content.fingerprint.files
             ],
         },
-        "session": None if subject.folder is None else str(subject.folder),
+        "session": None if content.folder is None else str(content.folder),
         "settings": {
-            "joints": list(subject.joints),
+            "joints": list(content.joints),
             "roles": dict(analysis.roles),
             "effects": list(analysis.effects),
             "observer": analysis.observer,
@@ -48,29 +48,29 @@ def numbers(subject: Subject, when: str) -> str:
         },
         "staircase": [
             {
-                "added": list(round_.added),
-                "rms": list(round_.stair.step.rms),
-                "rms_validation": _list(round_.stair.step.rms_validation),
-                "noise_floor": list(round_.stair.step.noise_floor),
-                "verdict": round_.stair.step.verdict,
+                "added": list(one.added),
+                "rms": list(one.model.step.rms),
+                "rms_validation": _list(one.model.step.rms_validation),
+                "noise_floor": list(one.model.step.noise_floor),
+                "verdict": one.model.step.verdict,
             }
-            for round_ in subject.rounds
+            for one in content.rounds
         ],
         "groups": [
             {"name": name, "used_to": used, "rms": values}
-            for name, used, values in (group_rows(subject.steps) if subject.steps else ())
+            for name, used, values in (group_rows(content.steps) if content.steps else ())
         ],
         "added": [
             {"effect": name, "finding": None if finding is None else finding.to_json()}
-            for name, finding in subject.added
+            for name, finding in content.added
         ],
         "diagnosis": diagnosis,
-        "identification": None if subject.identification is None else subject.identification.to_json(),
-        "guard": _guard(subject.diagnosis.guard if subject.diagnosis is not None else None),
-        "next_experiments": next_experiments(subject, found),
-        "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in subject.session.steps],
-        "notes": [{"when": note.when, "text": note.text} for note in subject.session.notes],
-        "recordings": [str(file) for file in subject.session.recordings],
+        "identification": None if content.identification is None else content.identification.to_json(),
+        "guard": _guard(content.diagnosis.guard if content.diagnosis is not None else None),
+        "next_experiments": next_experiments(content, found),
+        "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],
+        "notes": [{"when": note.when, "text": note.text} for note in content.session.notes],
+        "recordings": [str(file) for file in content.session.recordings],
     }
     return as_json(document)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from flexviz import __version__
 from flexviz.errors import InputError, choose_from
 from flexviz.measurements import MeasurementSet
-from flexviz.report.blocks import Document, Section
-from flexviz.report.gathering import Subject, gather
-from flexviz.report.html import html
-from flexviz.report.markdown import markdown
+from flexviz.report.blocks import ReportDocument, Section
+from flexviz.report.content import ReportContent, gather, shown_time
+from flexviz.report.html import HtmlWriter
+from flexviz.report.markdown import MarkdownWriter
 from flexviz.report.numbers import numbers
 from flexviz.report.sections.effects import effects
 from flexviz.report.sections.guard import guard
@@ -21,11 +21,10 @@ from flexviz.report.sections.staircase import staircase
 from flexviz.report.sections.summary import summary
 from flexviz.report.sections.telling_apart import telling_apart
 from flexviz.report.sections.where import where
-from flexviz.session import Session
-from flexviz.session.state import now
+from flexviz.session import Session, now
 from flexviz.wording import plural
 
-SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
+SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
     summary, staircase, effects, parameters, where, telling_apart, guard, reproduce,
 )  # fmt: skip
 KINDS = ("html", "md", "json")
@@ -41,39 +40,36 @@ def session_report(
 ) -> str:
     """What a session holds, as text; nothing is computed that it does not hold.
 
-    Parameters
-    ----------
-    session: its present state is reported, with the steps that led there.
-    measurements: its set.
-    kind: "html" (one file that needs nothing else), "md" or "json".
-    folder: where the session is saved, for the command that makes the same report again.
-    changed: files of the set that are not what the results were computed from (`OpenedSession.changed`).
+    Args:
+        session: its present state is reported, with the steps that led there.
+        measurements: its set.
+        kind: "html" (one file that needs nothing else), "md" or "json".
+        folder: where the session is saved, for the command that makes the same report again.
+        changed: files of the set that are not what the results were computed from (`OpenedSession.changed`).
 
-    Raises
-    ------
-    InputError: for another kind, or where a file of the set cannot be read any more.
+    Raises:
+        InputError: for another kind, or where a file of the set cannot be read any more.
     """
     if kind not in KINDS:
         raise InputError(f'a report cannot be written as "{kind}"; {choose_from(kind, KINDS)}')
-    subject = gather(session, measurements, folder, changed)
+    content = gather(session, measurements, folder, changed)
     when = now()
     if kind == "json":
-        return numbers(subject, when)
-    shown = when.replace("T", " ").replace("+00:00", " UTC")
-    document = compose(subject, shown)
-    footer = f"Written by flexviz {__version__} on {shown}."
-    return html(document, footer) if kind == "html" else markdown(document, footer)
+        return numbers(content, when)
+    writer = HtmlWriter() if kind == "html" else MarkdownWriter()
+    return writer.document(compose(content, shown_time(when)))
 
 
-def compose(subject: Subject, when: str) -> Document:
+def compose(content: ReportContent, when: str) -> ReportDocument:
     """The report's parts, in reading order."""
-    measurements = subject.measurements
+    measurements = content.measurements
     tags = ["simulated data"] if measurements.simulated else []
     seconds = sum(group.duration for group in measurements.groups)
-    return Document(
+    return ReportDocument(
         f"What was found about {measurements.name}",
         f"{measurements.robot.name}, {plural(measurements.n, 'joint')}; "
         f"{plural(len(measurements.groups), 'group')}, {seconds:.0f} s recorded; report of {when}",
         tuple(tags),
-        tuple(section for make in SECTIONS if (section := make(subject)) is not None),
+        tuple(section for make in SECTIONS if (section := make(content)) is not None),
+        f"Written by flexviz {__version__} on {when}.",
     )

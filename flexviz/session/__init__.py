@@ -13,6 +13,7 @@ from flexviz.session.state import (
     Session,
     Settings,
     Step,
+    now,
     with_roles,
 )
 
@@ -32,6 +33,7 @@ __all__ = [
     "Unsaved",
     "find_unsaved",
     "is_session",
+    "now",
     "open_session",
     "relocate",
     "save_session",

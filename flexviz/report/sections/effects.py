@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from flexviz.diagnosis import Finding
 from flexviz.effects import EFFECTS
-from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Figure, Section, Table, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.view import evidence_chart
 from flexviz.wording import (
     absorbed_text,
@@ -16,25 +16,25 @@ from flexviz.wording import (
     values_text,
 )
 
-TAKEN_UP = 3  # parameters named at most
-REAL = 3.0  # standard errors by which a parameter must have moved to be named
+NAMED_PARAMETERS = 3  # parameters named at most
+MOVED = 3.0  # standard errors by which a parameter must have moved to be named
 CONSIDERED = 6  # candidates listed a round
 
 
-def effects(subject: Subject) -> Section | None:
+def effects(content: ReportContent) -> Section | None:
     """A part for each effect that was added or is proposed, and the ranking; None before any diagnosis."""
-    if subject.diagnosis is None:
+    if content.diagnosis is None:
         return None
-    parts = [_added(name, finding) for name, finding in subject.added]
-    proposed = subject.diagnosis.findings if subject.diagnosis.verdict == "missing" else ()
+    parts = [_added(name, finding) for name, finding in content.added]
+    proposed = content.diagnosis.findings if content.diagnosis.verdict == "missing" else ()
     parts += [_part(f"Proposed: {finding_name(f)}", f) for f in proposed[:1]]
     blocks: list[Block] = []
     if not parts:
-        blocks.append(text("No effect was added and none is proposed."))
-    ranking = _ranking(subject)
+        blocks.append(Paragraph("No effect was added and none is proposed."))
+    ranking = _ranking(content)
     if ranking is not None:
         blocks += [
-            text(
+            Paragraph(
                 "What was tried on each model, the best first. A candidate “explains” the share of the error "
                 "above the noise, on held-out data, that it takes away after refitting.",
                 quiet=True,
@@ -47,39 +47,40 @@ def effects(subject: Subject) -> Section | None:
 def _added(name: str, finding: Finding | None) -> Section:
     if finding is None:
         return Section(
-            f"Added: {effect_text_name(name)}", (text("Chosen by hand, or found in a lost step."),)
+            f"Added: {effect_text_name(name)}", (Paragraph("Chosen by hand, or found in a lost step."),)
         )
     return _part(f"Added: {finding_name(finding)}", finding)
 
 
 def _part(title: str, finding: Finding) -> Section:
     blocks: list[Block] = [
-        text(
-            f"{values_text(finding)}. " if finding.parameters else "",
-            f"Explains {share_text(finding.score)} of the held-out error above the noise; confidence "
+        Paragraph(
+            (f"{values_text(finding)}. " if finding.parameters else "")
+            + f"Explains {share_text(finding.score)} of the held-out error above the noise; confidence "
             f"{share_text(finding.confidence)}.",
         )
     ]
     effect = EFFECTS.get(finding.effect)
     if effect is not None:
-        blocks.append(text(f"{effect.explanation} Law: {effect.equation}. ", effect.signature, quiet=True))
-    moved = [a for a in finding.absorbed if abs(a.deviations) >= REAL]
+        words = f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
+        blocks.append(Paragraph(words, quiet=True))
+    moved = [a for a in finding.absorbed if abs(a.deviations) >= MOVED]
     if moved:
-        named = "; ".join(absorbed_text(entry) for entry in moved[:TAKEN_UP])
-        more = len(moved) - TAKEN_UP
+        named = "; ".join(absorbed_text(entry) for entry in moved[:NAMED_PARAMETERS])
+        more = len(moved) - NAMED_PARAMETERS
         also = f"; and {plural(more, 'other')}" if more > 0 else ""
-        blocks.append(text(f"Until it was added other parameters had taken it up: {named}{also}."))
+        blocks.append(Paragraph(f"Before it was added, other parameters had absorbed it: {named}{also}."))
     chart = evidence_chart(finding, height=FIGURE_HEIGHT)
     if chart.series:
-        blocks.append(Figure(chart))
+        blocks.append(chart)
     return Section(title, tuple(blocks))
 
 
-def _ranking(subject: Subject) -> Table | None:
-    chosen = {name for name, _ in subject.added}
+def _ranking(content: ReportContent) -> ReportTable | None:
+    chosen = {name for name, _ in content.added}
     rows: list[list[str | Cell]] = []
-    for index, round_ in enumerate(subject.rounds):
-        found = round_.diagnosis.findings if round_.diagnosis is not None else ()
+    for index, one in enumerate(content.rounds):
+        found = one.diagnosis.findings if one.diagnosis is not None else ()
         for rank, finding in enumerate(found[:CONSIDERED], 1):
             added = finding.text in chosen and rank == 1
             rows.append(

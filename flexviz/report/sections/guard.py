@@ -5,25 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
-from flexviz.report.blocks import Block, Cell, Section, Table, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.wording import number, plain_name, unit_text
 
 MOST = 40  # parameters listed
 
 
-def guard(subject: Subject) -> Section | None:
+def guard(content: ReportContent) -> Section | None:
     """Tables of joints and parameters; how to look where nobody has; None before any diagnosis."""
-    if subject.diagnosis is None:
+    if content.diagnosis is None:
         return None
     name = "What moves with the observer's bandwidth"
-    found = subject.diagnosis.guard
+    found = content.diagnosis.guard
     if found is None:
         why = "Not looked at: the option --guard of flexviz diagnose and of flexviz report does that."
-        return Section(name, (text(why, quiet=True),))
+        return Section(name, (Paragraph(why, quiet=True),))
     low, high = (number(float(value), 3) for value in (found.bandwidths[0], found.bandwidths[-1]))
     blocks: list[Block] = [
-        text(
+        Paragraph(
             f"The same model was fitted with the observer ({found.observer}) at {len(found.bandwidths)} "
             f"bandwidths from {low} to {high} rad/s. What changes with the observer is its error, not the "
             "robot's physics.",
@@ -32,14 +32,14 @@ def guard(subject: Subject) -> Section | None:
     ]
     texts = found.texts()
     if not texts:
-        blocks.append(text("Nothing moves: residuals and parameters stay within their uncertainty."))
+        blocks.append(Paragraph("Nothing moves: residuals and parameters stay within their uncertainty."))
     blocks.append(_joints(found))
     if found.parameters:
         blocks.append(_parameters(found))
     return Section(name, tuple(blocks))
 
 
-def _joints(found: BandwidthCheck) -> Table:
+def _joints(found: BandwidthCheck) -> ReportTable:
     rows = []
     for j, joint in enumerate(found.joints):
         moves = bool(found.observer_error[j])
@@ -58,7 +58,7 @@ def _joints(found: BandwidthCheck) -> Table:
     return table(head, rows, (1, 2, 3), caption)
 
 
-def _parameters(found: BandwidthCheck) -> Table:
+def _parameters(found: BandwidthCheck) -> ReportTable:
     order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
     rows = []
     for p in order[:MOST]:

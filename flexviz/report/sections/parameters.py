@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from flexviz.identification import Combination, ParameterEstimate
-from flexviz.report.blocks import Block, Cell, Section, Table, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.wording import INERTIAL, MARKS, NORMAL_95, number, plain_name, plural, unit_text, with_error
 
 WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
@@ -15,23 +15,23 @@ TIES = 3  # named at most
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
-def parameters(subject: Subject) -> Section | None:
+def parameters(content: ReportContent) -> Section | None:
     """Joints, effects, inertias; None before any result."""
-    found = subject.parameters
+    found = content.parameters
     if not found:
         return None
     main = [p for p in found if p.name not in INERTIAL]
-    blocks: list[Block] = [text(source(subject), quiet=True), _main(main)]
+    blocks: list[Block] = [Paragraph(source(content), quiet=True), _main(main)]
     parts = []
     inertial = [p for p in found if p.name in INERTIAL]
     if inertial:
-        parts.append(Section("Inertias", tuple(_inertias(subject, inertial))))
+        parts.append(Section("Inertias", tuple(_inertias(content, inertial))))
     return Section("Parameters", tuple(blocks), tuple(parts))
 
 
-def source(subject: Subject) -> str:
+def source(content: ReportContent) -> str:
     """Where the numbers come from, and what the marks mean."""
-    found = subject.identification
+    found = content.identification
     if found is not None:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
         groups = f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
@@ -58,7 +58,7 @@ def grade(p: ParameterEstimate | Combination) -> Cell:
     return Cell(f"{MARKS.get(p.identifiable, '')} {WORDS.get(p.identifiable, p.identifiable)}")
 
 
-def _main(found: Sequence[ParameterEstimate]) -> Table:
+def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
     rows = []
     for p in sorted(found, key=lambda p: _first(found, p)):
         value, half = interval(p.value, p.std)
@@ -84,24 +84,24 @@ def _first(found: Sequence[ParameterEstimate], p: ParameterEstimate) -> int:
     return places.index(place_of(p))
 
 
-def _inertias(subject: Subject, found: Sequence[ParameterEstimate]) -> list[Block]:
+def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> list[Block]:
     blocks: list[Block] = []
-    combinations = subject.identification.combinations if subject.identification is not None else ()
+    combinations = content.identification.combinations if content.identification is not None else ()
     if combinations:
         good = sum(c.identifiable == "yes" for c in combinations)
         blocks.append(
-            text(
+            Paragraph(
                 f"Motion shows combinations of the links' inertial parameters, not each of them: {good} of "
                 f"{len(combinations)} are determined.",
                 quiet=True,
             )
         )
         blocks.append(_combinations(combinations))
-    blocks.append(_matrix(subject, found))
+    blocks.append(_matrix(content, found))
     return blocks
 
 
-def _combinations(found: Sequence[Combination]) -> Table:
+def _combinations(found: Sequence[Combination]) -> ReportTable:
     rows = []
     for c in found:
         value, half = interval(c.value, c.std)
@@ -110,10 +110,10 @@ def _combinations(found: Sequence[Combination]) -> Table:
     return table(head, rows, (1, 2), "Combinations of inertial parameters that motion can show", dense=True)
 
 
-def _matrix(subject: Subject, found: Sequence[ParameterEstimate]) -> Table:
+def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> ReportTable:
     by_place = {(p.joint, p.name): p for p in found}
     rows = []
-    for joint in subject.joints:
+    for joint in content.joints:
         row: list[str | Cell] = [joint]
         for name in INERTIAL:
             p = by_place.get((joint, name))

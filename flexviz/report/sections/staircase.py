@@ -8,8 +8,8 @@ import numpy as np
 
 from flexviz.charts import Chart
 from flexviz.diagnosis import Step
-from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Figure, Section, Table, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.report.sections.summary import fall
 from flexviz.view import staircase_chart, total_rms
 from flexviz.wording import effect_text_name, number
@@ -17,39 +17,38 @@ from flexviz.wording import effect_text_name, number
 MOST_COLUMNS = 7  # steps of a table's width
 
 
-def staircase(subject: Subject) -> Section | None:
+def staircase(content: ReportContent) -> Section | None:
     """The chart and its numbers; None before any diagnosis."""
-    steps = subject.steps
+    steps = content.steps
     if not steps:
         return None
     blocks: list[Block] = []
     if len(steps) > 1:
-        blocks.append(Figure(_chart(steps)))
-    names = [name_of(subject, k) for k in range(len(steps))]
+        blocks.append(_chart(steps))
+    names = [name_of(content, k) for k in range(len(steps))]
+    added = "".join(f"; {k} adds {name}" for k, name in enumerate(names) if k)
     blocks.append(
-        text(
+        Paragraph(
             "The root mean square of the torque residual over all joints, in the band in which models are "
-            "compared, the same for every model. Held-out groups are never fitted. ",
-            f"Model 0 is the set's own{_own(subject)}",
-            "".join(f"; {k} adds {name}" for k, name in enumerate(names) if k),
-            ".",
+            "compared, the same for every model. Held-out groups are never fitted. "
+            f"Model 0 is the set's own{_own(content)}{added}.",
             quiet=True,
         )
     )
     blocks.append(_groups(steps))
-    if len(subject.joints) > 1:
-        blocks.append(_joints(subject, steps))
+    if len(content.joints) > 1:
+        blocks.append(_joints(content, steps))
     return Section("How the error fell" if len(steps) > 1 else "The error", tuple(blocks))
 
 
-def name_of(subject: Subject, index: int) -> str:
+def name_of(content: ReportContent, index: int) -> str:
     """What a model adds to the one before it."""
-    return ", ".join(effect_text_name(name) for name in subject.rounds[index].added) or "nothing"
+    return ", ".join(effect_text_name(name) for name in content.rounds[index].added) or "nothing"
 
 
-def _own(subject: Subject) -> str:
-    own = subject.measurements.effects
-    hand = subject.rounds[0].stair.effects
+def _own(content: ReportContent) -> str:
+    own = content.measurements.effects
+    hand = content.rounds[0].model.effects
     names = [effect_text_name(name) for name in (*own, *hand)]
     return f", with {', '.join(names)}" if names else ""
 
@@ -59,7 +58,7 @@ def _chart(steps: tuple[Step, ...]) -> Chart:
     return replace(chart, description=f"{fall(steps)} {chart.description}", height=FIGURE_HEIGHT)
 
 
-def _groups(steps: tuple[Step, ...]) -> Table:
+def _groups(steps: tuple[Step, ...]) -> ReportTable:
     rows: list[list[str | Cell]] = []
     shown = columns(len(steps))
     for name, used, values in group_rows(steps):
@@ -83,11 +82,11 @@ def group_rows(steps: tuple[Step, ...]) -> list[tuple[str, str, list[float]]]:
     return out or [("all", "fit", [total_rms(np.asarray(step.rms)) for step in steps])]
 
 
-def _joints(subject: Subject, steps: tuple[Step, ...]) -> Table:
+def _joints(content: ReportContent, steps: tuple[Step, ...]) -> ReportTable:
     held_out = all(step.rms_validation is not None for step in steps)
     shown = columns(len(steps))
     rows: list[list[str | Cell]] = []
-    for j, joint in enumerate(subject.joints):
+    for j, joint in enumerate(content.joints):
         values = [(step.rms_validation or step.rms)[j] if held_out else step.rms[j] for step in steps]
         floor = steps[-1].noise_floor
         rows.append([joint, *(number(values[k], 3) for k in shown), number(floor[j], 3) if floor else "–"])

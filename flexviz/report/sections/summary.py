@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.diagnosis import Step
-from flexviz.report.blocks import Block, Callout, Section, Tile, Tiles, Tone, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import Block, Callout, Paragraph, Section, Tile, Tiles, Tone
+from flexviz.report.content import ReportContent
 from flexviz.view import total_rms
 from flexviz.wording import BEGINNINGS, effect_text_name, number, plural, verdict_text
 
@@ -18,35 +18,35 @@ NOW = {
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
 
-def summary(subject: Subject) -> Section:
+def summary(content: ReportContent) -> Section:
     """Verdict, warnings, numbers."""
     blocks: list[Block] = []
-    diagnosis = subject.diagnosis
+    diagnosis = content.diagnosis
     if diagnosis is not None:
-        blocks.append(Callout(sentence(subject), TONES.get(diagnosis.verdict, "unknown")))
+        blocks.append(Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown")))
     else:
         blocks.append(Callout("What the model lacks has not been looked at yet.", "unknown"))
-    blocks += [Callout(warning, "warn") for warning in warnings(subject)]
-    tiles = numbers(subject)
+    blocks += [Callout(warning, "warn") for warning in warnings(content)]
+    tiles = numbers(content)
     if tiles:
         blocks.append(Tiles(tuple(tiles)))
     if diagnosis is not None and diagnosis.notes:
-        blocks += [text(_sentence(note, subject.joints), quiet=True) for note in diagnosis.notes]
+        blocks += [Paragraph(_sentence(note, content.joints), quiet=True) for note in diagnosis.notes]
     return Section("Summary", tuple(blocks))
 
 
-def sentence(subject: Subject) -> str:
+def sentence(content: ReportContent) -> str:
     """The verdict: what was missing and was added, and what the model with it lacks."""
-    diagnosis = subject.diagnosis
+    diagnosis = content.diagnosis
     if diagnosis is None:
         return "Not diagnosed."
-    names = [effect_text_name(name) for name, _ in subject.added]
+    names = [effect_text_name(name) for name, _ in content.added]
     if not names:
         return verdict_text(diagnosis)
     start, _, rest = verdict_text(diagnosis).partition(":")
     added = f"{BEGINNINGS['missing']} {listed(names)} (added here)."
     now = f"With {'it' if len(names) == 1 else 'them'} {NOW.get(diagnosis.verdict, start.lower())}:{rest}"
-    return f"{added} {now} {fall(subject.steps)}".strip()
+    return f"{added} {now} {fall(content.steps)}".strip()
 
 
 def fall(steps: tuple[Step, ...]) -> str:
@@ -64,10 +64,10 @@ def error_of(step: Step) -> float:
     return total_rms(np.asarray(step.rms if step.rms_validation is None else step.rms_validation))
 
 
-def numbers(subject: Subject) -> list[Tile]:
+def numbers(content: ReportContent) -> list[Tile]:
     """Error, noise floor, effects, parameters."""
     tiles: list[Tile] = []
-    steps = subject.steps
+    steps = content.steps
     if steps:
         present = steps[-1]
         held_out = present.rms_validation is not None
@@ -78,17 +78,17 @@ def numbers(subject: Subject) -> list[Tile]:
         if present.noise_floor:
             floor = total_rms(np.asarray(present.noise_floor))
             tiles.append(Tile("Noise floor", f"{number(floor, 3)} Nm", "what measurement noise alone leaves"))
-    elif subject.identification is not None:
-        found = subject.identification.residual
+    elif content.identification is not None:
+        found = content.identification.residual
         values = found.rms if found.rms_validation is None else found.rms_validation
         note = "fitted groups" if found.rms_validation is None else "groups that were not fitted"
         tiles.append(Tile("Error", f"{number(total_rms(np.asarray(values)), 3)} Nm", f"rms torque; {note}"))
-    own = len(subject.measurements.effects)
-    effects = len(subject.analysis.effects)
+    own = len(content.measurements.effects)
+    effects = len(content.analysis.effects)
     tiles.append(
         Tile("Effects added", str(effects), f"beside {plural(own, 'effect')} of the set" if own else "")
     )
-    main = [p for p in subject.parameters if p.name not in _inertial()]
+    main = [p for p in content.parameters if p.name not in _inertial()]
     if main:
         good = sum(p.identifiable == "yes" for p in main)
         tiles.append(
@@ -99,26 +99,26 @@ def numbers(subject: Subject) -> list[Tile]:
     return tiles
 
 
-def warnings(subject: Subject) -> list[str]:
+def warnings(content: ReportContent) -> list[str]:
     """What a reader must know before believing anything."""
     out = []
-    analysis = subject.analysis
-    if subject.changed:
+    analysis = content.analysis
+    if content.changed:
         out.append(
-            f"The data have changed since: {', '.join(subject.changed)}. Every result here belongs to the "
+            f"The data have changed since: {', '.join(content.changed)}. Every result here belongs to the "
             "older data."
         )
-    elif analysis.diagnosis is not None and subject.diagnosis is None:
+    elif analysis.diagnosis is not None and content.diagnosis is None:
         out.append("Model or groups have changed since the last diagnosis, which is not shown.")
-    if analysis.identification is not None and subject.identification is None:
+    if analysis.identification is not None and content.identification is None:
         out.append("The settings have changed since the last identification, which is not shown.")
-    if subject.diagnosis is not None and subject.diagnosis.stopped:
+    if content.diagnosis is not None and content.diagnosis.stopped:
         out.append("The diagnosis was stopped before its end: this is what had been found.")
-    found = subject.identification
+    found = content.identification
     if found is not None and not found.converged:
         out.append(f"The identification did not converge: {found.message}")
     out += [
-        _sentence(warning, (warning,)) for warning in subject.measurements.warnings if not subject.changed
+        _sentence(warning, (warning,)) for warning in content.measurements.warnings if not content.changed
     ]
     return out
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS
-from flexviz.report.blocks import Block, Items, Section, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import Block, Items, Paragraph, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.view import listed
 from flexviz.wording import (
     ALONG,
@@ -31,13 +31,13 @@ FOLLOW = {
 }
 
 
-def telling_apart(subject: Subject) -> Section | None:
+def telling_apart(content: ReportContent) -> Section | None:
     """Ties, confirmations, and what to record next; None before any diagnosis."""
-    if subject.diagnosis is None:
+    if content.diagnosis is None:
         return None
-    found = [finding for _, finding in subject.added if finding is not None]
-    if subject.diagnosis.verdict == "missing":
-        found += list(subject.diagnosis.findings[:1])
+    found = [finding for _, finding in content.added if finding is not None]
+    if content.diagnosis.verdict == "missing":
+        found += list(content.diagnosis.findings[:1])
     blocks: list[Block] = []
     ties = [(f, tie) for f in found for tie in f.inseparable_from]
     if ties:
@@ -53,16 +53,16 @@ def telling_apart(subject: Subject) -> Section | None:
         head = ("found", "could as well be", "alike", "what would decide")
         blocks.append(table(head, rows, (2,), "Effects that these data hardly tell apart"))
     else:
-        blocks.append(text("No two effects looked alike in these data."))
-    blocks += _undetermined(subject)
-    steps = next_experiments(subject, found)
+        blocks.append(Paragraph("No two effects looked alike in these data."))
+    blocks += _undetermined(content)
+    steps = next_experiments(content, found)
     if steps:
-        blocks.append(text("Worth recording next:"))
-        blocks.append(Items(tuple((step,) for step in steps)))
+        blocks.append(Paragraph("Worth recording next:"))
+        blocks.append(Items(tuple(steps)))
     return Section("What could not be told apart, and what would decide", tuple(blocks))
 
 
-def next_experiments(subject: Subject, found: list[Finding]) -> list[str]:
+def next_experiments(content: ReportContent, found: list[Finding]) -> list[str]:
     """A sentence each, the most urgent first."""
     out = [
         f"{finding_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
@@ -70,10 +70,10 @@ def next_experiments(subject: Subject, found: list[Finding]) -> list[str]:
         for tie in f.inseparable_from
         if tie.breaks
     ]
-    diagnosis = subject.diagnosis
+    diagnosis = content.diagnosis
     if diagnosis is not None and diagnosis.verdict == "unknown":
         out += [_follow(place) for place in _places(diagnosis.where)]
-    names = [f.effect for f in found] or [effect_name(text_) for text_, _ in subject.added]
+    names = [f.effect for f in found] or [effect_name(text_) for text_, _ in content.added]
     for name in dict.fromkeys(names):
         effect = EFFECTS.get(name)
         if effect is not None:
@@ -103,11 +103,12 @@ def _follow(place: ResidualLocation) -> str:
     return f"To see what follows {along} of {place.joint}: {motion}."
 
 
-def _undetermined(subject: Subject) -> list[Block]:
-    weak = [p for p in subject.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
+def _undetermined(content: ReportContent) -> list[Block]:
+    weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
     if not weak:
         return []
-    return [text(f"Parameters of joints and effects that these data do not determine well: {listed(weak)}.")]
+    words = f"Parameters of joints and effects that these data do not determine well: {listed(weak)}."
+    return [Paragraph(words)]
 
 
 def _lower(sentence: str) -> str:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from flexviz.diagnosis import ResidualMap
-from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Figure, Section, Table, table, text
-from flexviz.report.gathering import Subject
+from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.content import ReportContent
 from flexviz.view import (
     MAP_COLUMNS,
     free_chart,
@@ -22,19 +22,19 @@ from flexviz.view import (
 from flexviz.wording import number
 
 
-def where(subject: Subject) -> Section | None:
+def where(content: ReportContent) -> Section | None:
     """Map, curve, spectrum; None where they are not kept."""
-    diagnosis = subject.diagnosis
+    diagnosis = content.diagnosis
     if diagnosis is None or not diagnosis.maps:
         return None
     blocks: list[Block] = [
-        text(
+        Paragraph(
             "How much of each joint's residual follows each variable, judged on stretches of time that had "
             "no part in it, so that noise scores about 0. A joint that stands at its noise has nothing left "
             "to explain, whatever the shares.",
             quiet=True,
         ),
-        _map(subject, diagnosis.maps),
+        _map(content, diagnosis.maps),
     ]
     worst = diagnosis.where[0].joint if diagnosis.where else diagnosis.maps[0].joint
     lead = leading_map(diagnosis.maps, worst)
@@ -43,14 +43,14 @@ def where(subject: Subject) -> Section | None:
         spectrum = map_of(diagnosis.maps, lead.joint, "frequency")
         charts = [map_chart(lead), *([] if spectrum is None else [spectrum_chart(spectrum)])]
     charts.append(free_chart(diagnosis.free_curve))
-    blocks += [Figure(replace(chart, height=FIGURE_HEIGHT)) for chart in charts if chart.series]
+    blocks += [replace(chart, height=FIGURE_HEIGHT) for chart in charts if chart.series]
     return Section("Where the model fails", tuple(blocks))
 
 
-def _map(subject: Subject, maps: Sequence[ResidualMap]) -> Table:
+def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
     rows = []
-    steps = subject.steps
-    for j, joint in enumerate(subject.joints):
+    steps = content.steps
+    for j, joint in enumerate(content.joints):
         row: list[str | Cell] = [joint]
         if steps and steps[-1].noise_floor:
             values = steps[-1].rms_validation or steps[-1].rms

@@ -1,36 +1,43 @@
-"""What a report tells about: put together from a session, computing nothing that is not there."""
+"""What a report is about: gathered from a session, and what has to be computed for it first."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz.errors import Cancelled
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
-from flexviz.session import Analysis, ModelStep, Session
+from flexviz.model import FlexibleModel
+from flexviz.session import Analysis, ModelStep, Session, with_roles
 from flexviz.wording import effect_text_name
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import BandwidthCheck
 
 
 @dataclass(frozen=True, eq=False)
-class Round:
+class DiagnosisRound:
     """One look at what is missing.
 
     Attributes
     ----------
-    stair: the model that was looked at, with its errors.
+    model: the model that was looked at, with its errors.
     diagnosis: what was found; None where it is not kept any more.
     added: the effects that were added to come here, as text.
     """
 
-    stair: ModelStep
+    model: ModelStep
     diagnosis: Diagnosis | None
     added: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class ReportContent:
     """Everything a report tells about.
 
     Attributes
@@ -49,7 +56,7 @@ class Subject:
     session: Session
     folder: Path | None
     fingerprint: Fingerprint
-    rounds: tuple[Round, ...]
+    rounds: tuple[DiagnosisRound, ...]
     diagnosis: Diagnosis | None
     identification: Identification | None
     changed: tuple[str, ...] = ()
@@ -67,7 +74,7 @@ class Subject:
     @property
     def steps(self) -> tuple[DiagnosisStep, ...]:
         """The errors of each model on the way."""
-        return tuple(round_.stair.step for round_ in self.rounds)
+        return tuple(one.model.step for one in self.rounds)
 
     @property
     def added(self) -> tuple[tuple[str, Finding | None], ...]:
@@ -85,17 +92,22 @@ class Subject:
         return source.parameters if source is not None else ()
 
 
+def shown_time(when: str) -> str:
+    """A time of the history as a person reads it."""
+    return when.replace("T", " ").replace("+00:00", " UTC")
+
+
 def gather(
     session: Session,
     measurements: MeasurementSet,
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
-) -> Subject:
+) -> ReportContent:
     """Put together what a session holds."""
     analysis = session.analysis
     current = analysis.diagnosis_up_to_date or (bool(changed) and analysis.diagnosis is not None)
     fitted = analysis.up_to_date or bool(changed)
-    return Subject(
+    return ReportContent(
         measurements,
         session,
         folder,
@@ -107,15 +119,15 @@ def gather(
     )
 
 
-def _rounds(session: Session, analysis: Analysis) -> tuple[Round, ...]:
+def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
     """The model_steps that lead to the present model, each with the diagnosis it came from."""
     known = [step.analysis.diagnosis for step in session.steps if step.analysis.diagnosis is not None]
-    rounds: list[Round] = []
+    rounds: list[DiagnosisRound] = []
     before: set[str] = set()
     for stair in analysis.model_steps:
         source = next((d for d in known if d.steps and d.steps[0] is stair.step), None)
         added = tuple(text for text in stair.effects if text not in before)
-        rounds.append(Round(stair, source, added if rounds else ()))
+        rounds.append(DiagnosisRound(stair, source, added if rounds else ()))
         before |= set(stair.effects)
     return tuple(rounds)
 
@@ -144,3 +156,28 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
         )
         session = session.then(label, analysis)
     return session
+
+
+# -- what a session does not hold yet ----------------------------------------------------------------------
+
+
+def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
+    """The set as a diagnosis of this state wants it: its groups' use, and all of the model's effects."""
+    chosen = with_roles(measurements, dict(analysis.roles))
+    return replace(chosen, effects=(*chosen.effects, *analysis.effects))
+
+
+def guarded(
+    measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
+) -> BandwidthCheck:
+    """What moves with the observer's bandwidth, for the model that the diagnosis ended with."""
+    from flexviz.diagnosis import check_bandwidth
+    from flexviz.equation import layout_of
+
+    def check() -> None:
+        if should_stop():
+            raise Cancelled
+
+    chosen = chosen_set(measurements, analysis)
+    layout = layout_of(chosen)
+    return check_bandwidth(chosen, layout, layout.vector(model), check=check)
