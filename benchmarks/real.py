@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.cli.diagnose import lines
 from flexviz.diagnosis import diagnose
 from flexviz.equation import Equation, build_signals, layout_of
 from flexviz.measurements import MeasurementSet, read_set
@@ -87,8 +86,7 @@ def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, 
 def main() -> None:
     measurements = read_set(sys.argv[1])
     result: Any = diagnose(measurements, guarded=True, progress=lambda p: print(p.text, file=sys.stderr))
-    for line in lines(result):
-        print(line)
+    print(result.summary())
     print("\nheld-out rms ÷ standard deviation of the torque, motion above 0.01 rad/s: mean, and each joint")
     for step in result.steps:
         share = held_out_share(measurements, step.model)

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from flexviz._pinocchio import pin
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.effects.elastic_joint import hardened
-from flexviz.exporting import Document, IdentifiedRobot, identified_robot
+from flexviz.exporting import IdentifiedRobot, identified_robot
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
+from flexviz.results import ResultDocument
 from flexviz.simulation import Plan, inject, make_plan, simulate_plan, write_plan
 from flexviz.simulation.truth import effects, parameters
 
@@ -38,11 +39,11 @@ def short_set(preset: str, folder: Path) -> MeasurementSet:
     return read_set(write_plan(made, simulate_plan(made), folder / preset))
 
 
-def document(model: FlexibleModel, **more: Any) -> Document:
+def document(model: FlexibleModel, **more: Any) -> ResultDocument:
     """A model as a result, as if every value had been found."""
     known = {"std": 1e-3, "identifiable": "yes"}
     values = [p | known for p in parameters(model)]
-    return Document.model_validate(
+    return ResultDocument.model_validate(
         {"format": 1, "set": "made", "parameters": values, "effects": effects(model)} | more
     )
 

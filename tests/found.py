@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis import Diagnosis, EffectParameter, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ParameterCurve, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.identification import ParameterEstimate
 from flexviz.model import FlexibleModel
+from flexviz.results import Grade, Note
 
 JOINTS = ("joint1", "joint2")
 TIME = np.linspace(0.0, 4.0, 200)
@@ -22,11 +23,11 @@ EVIDENCE = Evidence(
     np.tile(STEPS + 0.1 * np.sin(40 * TIME), 2), np.tile(STEPS, 2),
 )  # fmt: skip
 COULOMB = Finding(
-    "coulomb_friction", "joint2", None, None, 0.62, 0.98, {"coulomb": (3.0, 0.01, "Nm")}, (TIE,), 400.0,
-    (ABSORBED,), EVIDENCE,
+    "coulomb_friction", "joint2", None, None, 0.62, 0.98,
+    {"coulomb": EffectParameter(3.0, 0.01, "Nm")}, (TIE,), 400.0, (ABSORBED,), EVIDENCE,
 )  # fmt: skip
 OFFSET = Finding(
-    "torque_offset", "joint1", None, None, 0.11, 0.02, {"offset": (0.4, 0.2, "Nm")}, (), 12.0
+    "torque_offset", "joint1", None, None, 0.11, 0.02, {"offset": EffectParameter(0.4, 0.2, "Nm")}, (), 12.0
 )  # fmt: skip
 MODEL = FlexibleModel(
     JOINTS, np.array([2000.0, 1500.0]), np.array([1.5, 1.0]), np.ones(2), np.ones(2), np.zeros((2, 10))
@@ -43,18 +44,26 @@ AFTER = replace(
     verdict="unknown",
     groups=(("g1", (0.02, 0.03), False), ("g2", (0.02, 0.03), False), ("g3", (0.021, 0.031), True)),
 )
+GRADED: tuple[tuple[str, float, float, str, Grade, tuple[str, ...]], ...]
+
+
+def values_of(joint: str) -> list[tuple[str, float, float, str, Grade, tuple[str, ...]]]:
+    """Name, value, standard error, unit, grade and ties of a joint's parameters."""
+    return [
+        ("mass", 4.0, 3.0, "kg", "no", ("mx:joint1",)),
+        ("izz", 1.2, 0.01, "kg m²", "yes", ()),
+        ("stiffness", 1987.3, 2.1, "Nm/rad", "yes", ()),
+        ("motor_inertia", 1.499, 0.0021, "kg m²", "yes", ()),
+        ("link_viscous_friction", 0.9, float("inf"), "Nm s/rad", "no", ()),
+        ("motor_viscous_friction", 1.1, 0.4, "Nm s/rad", "weak", (f"link_viscous_friction:{joint}",)),
+    ]
+
+
 PARAMETERS = (
     *(
         ParameterEstimate(name, joint, value, std, unit, value, identifiable, tied)
         for joint in JOINTS
-        for name, value, std, unit, identifiable, tied in (
-            ("mass", 4.0, 3.0, "kg", "no", ("mx:joint1",)),
-            ("izz", 1.2, 0.01, "kg m²", "yes", ()),
-            ("stiffness", 1987.3, 2.1, "Nm/rad", "yes", ()),
-            ("motor_inertia", 1.499, 0.0021, "kg m²", "yes", ()),
-            ("link_viscous_friction", 0.9, float("inf"), "Nm s/rad", "no", ()),
-            ("motor_viscous_friction", 1.1, 0.4, "Nm s/rad", "weak", (f"link_viscous_friction:{joint}",)),
-        )
+        for name, value, std, unit, identifiable, tied in values_of(joint)
     ),
     ParameterEstimate("coulomb_friction.coulomb", "joint2", 3.0, 0.01, "Nm", 0.0, "yes"),
 )
@@ -92,6 +101,7 @@ CURVE = FreeCurve(
     "joint2", "velocity", "rad/s", ("",), np.linspace(-1, 1, 81), np.tanh(np.linspace(-3, 3, 81))[None],
     np.full((1, 81), 0.05), 0.4, 0.03, 1.0,
 )  # fmt: skip
+NOTE = Note("unexplained", "what stays unexplained (Nm): joint2 0.03 (2 times the noise)")
 BANDWIDTHS = np.array([26.0, 48.0, 88.0])
 GUARD = BandwidthCheck(
     "two bands", BANDWIDTHS, 2, JOINTS, np.full((3, 2), 0.01), np.array([0.01, 0.02]),
@@ -112,6 +122,6 @@ DIAGNOSIS = Diagnosis(
     "small", "missing", (COULOMB, OFFSET), PLACES, (BEFORE, AFTER),
     ({"effect": "coulomb_friction", "joint": "joint2", "group": None, "payload": None,
       "parameters": {"coulomb": {"value": 3.0, "std": 0.01, "unit": "Nm"}}},),
-    PARAMETERS, 3.0, False, ("what stays unexplained (Nm): joint2 0.03 (2 times the noise)",), MODEL, MAPS,
+    PARAMETERS, 3.0, False, (NOTE,), MODEL, MAPS,
     CURVE, GUARD,
 )  # fmt: skip

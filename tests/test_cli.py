@@ -19,10 +19,11 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from flexviz.cli import main, output, progress, tables
+from flexviz.cli import main, output, progress
 from flexviz.cli.identifying import parse_bandwidth
 from flexviz.errors import InputError
 from flexviz.progress import Iteration, Progress
+from flexviz.results import interval
 
 COMMANDS = ("identify", "simulate", "serve", "record", "effects", "diagnose", "export")
 
@@ -327,7 +328,7 @@ def test_output_file_is_checked_before_the_work(tmp_path: Path) -> None:
     ],
 )
 def test_intervals_of_tables(value: float, std: float | None, shown: tuple[str, str]) -> None:
-    assert tables.interval(value, std) == shown
+    assert interval(value, std) == shown
 
 
 def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:

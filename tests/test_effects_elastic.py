@@ -139,9 +139,9 @@ def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
     measurements = read_set(tmp_path / "set")
     two = [group.name for group in measurements.fit_groups[:2]]
     result = identify(measurements, groups=two, effects=wanted, bandwidth=2 * np.pi * 5, refine=True)
-    assert result.value("stiffness_hardening.cubic_stiffness", "joint1") == pytest.approx(256e3, rel=3e-3)
-    assert result.value("joint_damping.damping", "joint1") == pytest.approx(8.0, rel=3e-3)
-    assert result.value("stiffness", "joint1") == pytest.approx(1000.0, rel=1e-3)
+    assert result["stiffness_hardening.cubic_stiffness", "joint1"].value == pytest.approx(256e3, rel=3e-3)
+    assert result["joint_damping.damping", "joint1"].value == pytest.approx(8.0, rel=3e-3)
+    assert result["stiffness", "joint1"].value == pytest.approx(1000.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.03, 0.06])

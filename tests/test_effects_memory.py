@@ -89,9 +89,9 @@ def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
         result = identify(measurements, effects=["presliding_hysteresis:joint1"], refine=refine)
         exact = 1.0 if refine else 5.0
         assert result.residual.rms[0] < 3 * result.residual.noise_floor[0]
-        assert result.value("link_viscous_friction", "joint1") == pytest.approx(1.0, rel=2e-3 * exact)
-        assert result.value("presliding_hysteresis.coulomb", "joint1") == pytest.approx(6.0, rel=2e-4 * exact)
-        stiffness = result.value("presliding_hysteresis.presliding_stiffness", "joint1")
+        assert result["link_viscous_friction", "joint1"].value == pytest.approx(1.0, rel=2e-3 * exact)
+        assert result["presliding_hysteresis.coulomb", "joint1"].value == pytest.approx(6.0, rel=2e-4 * exact)
+        stiffness = result["presliding_hysteresis.presliding_stiffness", "joint1"].value
         assert stiffness == pytest.approx(60.0, rel=2e-4 * exact)
 
 

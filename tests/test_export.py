@@ -15,11 +15,12 @@ from flexviz import export
 from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES
 from flexviz.errors import InputError
-from flexviz.exporting import FORMATS, identified_robot, read_result, write
+from flexviz.exporting import FORMATS, identified_robot, write
 from flexviz.exporting.documents import model_of
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, fingerprint, read_set
 from flexviz.model import FlexibleModel
+from flexviz.results import read_result
 from flexviz.session import Session, save_session
 from tests.exporting_cases import document, identified, plan, short_set
 from tests.small_set import write_small_set
@@ -72,7 +73,7 @@ def test_parameters_read_again_give_the_same(
 def test_parameters_say_everything(small: MeasurementSet, found: Identification, tmp_path: Path) -> None:
     out = export(small, found, tmp_path / "out", ["json"]).files["json"][0]
     content = json.loads(out.read_text(encoding="utf-8"))
-    given = found.to_json()
+    given = found.to_dict()
     assert (content["set"], content["joints"], content["simulated"]) == ("small", ["joint1", "joint2"], False)
     assert content["observer"] == given["observer"] and content["groups"] == ["g1", "g2"]
     for mine, theirs in zip(content["parameters"], given["parameters"], strict=True):
@@ -129,7 +130,7 @@ def test_a_diagnosis_is_exported_by_its_final_model(
     assert [e["effect"] for e in content["effects"]] == [e.effect for e in model.effects]
     assert all(v["std"] == 0.25 for e in content["effects"] for v in e["parameters"].values())
     file = tmp_path / "diagnosis.json"
-    file.write_text(json.dumps(diagnosis.to_json()), encoding="utf-8")
+    file.write_text(json.dumps(diagnosis.to_dict()), encoding="utf-8")
     assert read_result(file).final_verdict == "nothing-missing"
     again = model_of(read_result(file), small.joints, file)
     assert again.effects == model.effects
@@ -180,7 +181,7 @@ def spoiled(result: dict[str, Any], how: str) -> Any:
 @pytest.mark.parametrize(
     "how, says",
     [
-        ("no parameters", 'holds no "parameters"; what "flexviz identify --json"'),
+        ("no parameters", 'holds no "parameters"; expected what "flexviz identify --json"'),
         ("a list", 'holds no "parameters"'),
         ("infinite", "parameters, entry 4, value: found "),
         ("text", 'parameters, entry 4, value: found "12", expected a number'),
@@ -196,7 +197,7 @@ def test_wrong_results_are_named(
     how: str, says: str, folder: Path, found: Identification, tmp_path: Path, capsys: Any
 ) -> None:
     file = tmp_path / "result.json"
-    file.write_text(json.dumps(spoiled(found.to_json(), how)), encoding="utf-8")
+    file.write_text(json.dumps(spoiled(found.to_dict(), how)), encoding="utf-8")
     code = main(["export", str(folder), "--result", str(file), "--out", str(tmp_path / "out")])
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert code == 2 and line.startswith(f"flexviz: {file}") and says in line
@@ -206,11 +207,11 @@ def test_wrong_results_are_named(
 @pytest.mark.parametrize(
     "name, content, says",
     [
-        ("result.json", "{", "is not valid JSON"),
-        ("result.yaml", "a: [1, 2", "is not valid YAML"),
+        ("result.json", "{", "not valid JSON"),
+        ("result.yaml", "a: [1, 2", "not valid YAML"),
         ("result.yaml", "a: b", 'holds no "parameters"'),
-        ("result.json", "[" * 100_000, "is not valid JSON"),
-        ("result.txt", "{}", ".json or .yaml would be right"),
+        ("result.json", "[" * 100_000, "not valid JSON"),
+        ("result.txt", "{}", "expected .json or .yaml"),
         ("result.json", b"\xff\xfe", "cannot be read"),
     ],
 )
@@ -264,7 +265,7 @@ def test_result_of_another_set_is_noted(
     folder: Path, found: Identification, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "result.json"
-    file.write_text(json.dumps(found.to_json() | {"set": "elsewhere"}), encoding="utf-8")
+    file.write_text(json.dumps(found.to_dict() | {"set": "elsewhere"}), encoding="utf-8")
     command = ["export", str(folder), "--result", str(file), "--to", "json", "--out", str(tmp_path / "out")]
     assert main(command) == 0
     assert 'a result of the set "elsewhere", used for small' in capsys.readouterr().err
@@ -272,7 +273,7 @@ def test_result_of_another_set_is_noted(
 
 def test_not_converged(folder: Path, found: Identification, tmp_path: Path, capsys: Any) -> None:
     file = tmp_path / "result.json"
-    file.write_text(json.dumps(found.to_json() | {"converged": False}), encoding="utf-8")
+    file.write_text(json.dumps(found.to_dict() | {"converged": False}), encoding="utf-8")
     command = ["export", str(folder), "--result", str(file), "--to", "c", "--out", str(tmp_path / "out")]
     assert main(command) == 1
     assert "did not converge" in capsys.readouterr().err

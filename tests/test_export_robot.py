@@ -102,9 +102,10 @@ def test_urdf_says_what_stays_with_the_prior(planar: MeasurementSet, tmp_path: P
     found = document(plan("planar-2r", "backlash").model).model_dump()
     for p in found["parameters"]:
         p["identifiable"] = {"mass": "no", "izz": "weak", "stiffness": "weak"}.get(p["name"], "yes")
-    from flexviz.exporting import Document, identified_robot
+    from flexviz.exporting import identified_robot
+    from flexviz.results import ResultDocument
 
-    made = identified_robot(planar, Document.model_validate(found))
+    made = identified_robot(planar, ResultDocument.model_validate(found))
     done = write(made, tmp_path / "out", ["urdf"])
     text = done.files["urdf"][0].read_text(encoding="utf-8")
     assert text.count("prior (near CAD): mass\n") + text.count("prior (near CAD): mass ") == 2

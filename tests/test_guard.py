@@ -16,6 +16,7 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import ButterworthZeroPhase, FlatZeroPhase, Observer, make_observer
+from flexviz.statistics import NORMAL_95
 
 KUKA = Path(__file__).resolve().parents[2] / "shared" / "real" / "kuka_kr300"
 EVERYTHING = ("coulomb_friction:joint2",)  # what the demonstration's robot has
@@ -76,7 +77,7 @@ def test_a_missing_effect_moves_what_had_absorbed_it(demo):
     assert not found.observer_error.any()
     assert ("stiffness", "joint2") in {(p.name, p.joint) for p in found.untrusted}
     moved = next(p for p in found.untrusted if (p.name, p.joint) == ("stiffness", "joint2"))
-    assert np.ptp(moved.values) > 1.96 * moved.std[found.in_use]
+    assert np.ptp(moved.values) > NORMAL_95 * moved.std[found.in_use]
     assert any(text.startswith("stiffness (joint2) moves") for text in found.texts())
 
 

@@ -64,7 +64,7 @@ def test_missing_effect_raises_the_error(demo, demo_fit):
 
 
 def test_json_is_the_contract(demo_fit):
-    document = json.loads(json.dumps(demo_fit.to_json()))
+    document = json.loads(json.dumps(demo_fit.to_dict()))
     assert document["format"] == 1 and document["converged"] is True
     names = {(p["name"], p["joint"]) for p in document["parameters"]}
     for joint in ("joint1", "joint2"):
@@ -300,7 +300,7 @@ def test_nonlinear_effects_are_searched_for(tmp_path, effect, text):
     result = identify(read_set(tmp_path / "set"), effects=[f"{effect}:{joint}"], refine=True)
     wanted = dict(pair.split("=") for pair in text.split(":")[2].split(","))
     for name, value in wanted.items():
-        assert result.value(f"{effect}.{name}", joint) == pytest.approx(float(value), rel=0.03), name
+        assert result[f"{effect}.{name}", joint].value == pytest.approx(float(value), rel=0.03), name
 
 
 def test_contact_named_by_joint_and_group_is_searched_for(tmp_path):
@@ -308,7 +308,7 @@ def test_contact_named_by_joint_and_group_is_searched_for(tmp_path):
     simulate_preset("planar-2r", tmp_path / "set", [hidden], seed=3)
     measurements = read_set(tmp_path / "set")
     result = identify(measurements, effects=["external_contact:joint2@t2p2"], refine=True)
-    found = {k: result.value(f"external_contact.{k}", "joint2") for k in ("torque", "start", "end")}
+    found = {k: result[f"external_contact.{k}", "joint2"].value for k in ("torque", "start", "end")}
     assert found["torque"] == pytest.approx(6.0, rel=0.02)
     assert found["start"] == pytest.approx(3.13, abs=0.01)
     assert found["end"] == pytest.approx(4.87, abs=0.01)

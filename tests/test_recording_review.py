@@ -70,7 +70,7 @@ def test_what_a_recording_says(files: tuple[Path, Path], session: Any) -> None:
     assert (found.joints, found.groups) == (measurements.joints, ("g1",)) and not found.simulated
     (result,), (diagnosis,) = found.results, found.diagnoses
     assert result["label"] == "b" and result["effects"] == [] and result["residual"]["rms"] == [3.0, 4.0]
-    assert diagnosis == DIAGNOSIS.to_json()
+    assert diagnosis == DIAGNOSIS.to_dict()
     assert found.observer == f"{result['observer']['name']}-{result['observer']['bandwidth']:.6g}"
     assert found.eye is not None and len(found.eye) == 3
     effects = read_recording(files[0]).results[0]["effects"]
@@ -120,7 +120,7 @@ def test_a_session_becomes_a_recording(session: Any, tmp_path: Path, capfd: Any,
     assert "look at joint 2" in content.text("/log") and "identified" in content.text("/log")
     found = read_recording(tmp_path / "kept.rrd")
     expected = analyses.analysis.identification
-    assert [result["parameters"] for result in found.results] == [expected.to_json()["parameters"]]
+    assert [result["parameters"] for result in found.results] == [expected.to_dict()["parameters"]]
 
 
 # -- two of them -------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import pytest
 from flexviz.diagnosis import Diagnosis, Step
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.results import Verdict
 from flexviz.session import HISTORY, Session, with_roles
 from tests.small_set import write_small_set
 
@@ -92,7 +93,7 @@ def test_unknown_group_or_role(measurements: MeasurementSet) -> None:
 # -- diagnosis -------------------------------------------------------------------------------------------
 
 
-def diagnosis(verdict: str = "missing", error: float = 1.0) -> Diagnosis:
+def diagnosis(verdict: Verdict = "missing", error: float = 1.0) -> Diagnosis:
     step = Step(None, (error, error), (error, error), verdict)
     return Diagnosis("set", verdict, (), (), (step,), (), (), 0.1)
 

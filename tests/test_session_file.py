@@ -43,10 +43,10 @@ def test_everything_comes_back(session: Session, measurements: MeasurementSet, t
     before, after = session.analysis.identification, again.analysis.identification
     assert before is not None and after is not None
     assert after is again.past[-1].analysis.identification  # one result, not one a step
-    assert after.to_json() == before.to_json()
+    assert after.to_dict() == before.to_dict()
     for name, series in before.residuals.items():
         assert np.array_equal(series.residual, after.residuals[name].residual)
-    assert again.analysis.diagnosis is not None and again.analysis.diagnosis.to_json() == DIAGNOSIS.to_json()
+    assert again.analysis.diagnosis is not None and again.analysis.diagnosis.to_dict() == DIAGNOSIS.to_dict()
     assert again.past[-1].analysis.diagnosis_up_to_date and again.past[-1].analysis.up_to_date
     assert again.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
     assert again.analysis.path == opened.measurements.path == measurements.path
@@ -142,6 +142,6 @@ def test_everything_a_diagnosis_carries_can_be_kept(tmp_path: Path) -> None:
     packer = Packer(tmp_path)
     packed = packer.pack(found)
     again = Unpacker(tmp_path, packer.arrays, packer.shared).unpack(packed)
-    assert again.to_json() == found.to_json() and found.maps and found.guard is not None
+    assert again.to_dict() == found.to_dict() and found.maps and found.guard is not None
     assert [m.variable for m in again.maps] == [m.variable for m in found.maps]
     assert [p.name for p in again.guard.parameters] == [p.name for p in found.guard.parameters]

@@ -26,6 +26,7 @@ from flexviz.session import (
     relocate,
     save_session,
 )
+from tests.found import DIAGNOSIS
 from tests.small_session import small_session
 from tests.small_set import write_small_set
 
@@ -198,10 +199,27 @@ def test_a_session_of_format_1_opens_and_is_saved_as_todays(tmp_path: Path) -> N
     assert result is not None and diagnosis is not None and diagnosis.guard is not None
     assert result.residuals["g1"].residual.shape == (9, 2) and session.past[-1].analysis.up_to_date
     save_session(session, opened.measurements, folder)
-    assert json.loads((folder / SESSION_FILE).read_text())["format"] == 2
+    assert json.loads((folder / SESSION_FILE).read_text())["format"] == 3
     assert not (folder / "session.npz").exists()
     again = open_session(folder).session.analysis.identification
     assert again is not None and np.array_equal(again.covariance, result.covariance)
+
+
+def test_a_session_of_format_2_opens_and_is_saved_as_todays(tmp_path: Path) -> None:
+    folder = write_small_set(tmp_path / "small")
+    shutil.copytree(ROOT / "tests" / "data" / "session_format_2", folder, dirs_exist_ok=True)
+    opened = open_session(folder)
+    session = opened.session
+    assert [step.label for step in session.steps] == ["opened small", "identified", "looked", "offset"]
+    assert session.redoes == "width" and not opened.changed and session.notes[0].text == "a note"
+    result, diagnosis = session.analysis.identification, session.analysis.diagnosis
+    assert result is not None and diagnosis is not None
+    assert diagnosis.to_dict() == DIAGNOSIS.to_dict()  # free curve, guard and typed notes included
+    assert session.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
+    save_session(session, opened.measurements, folder)
+    assert json.loads((folder / SESSION_FILE).read_text())["format"] == 3
+    again = open_session(folder).session.analysis.diagnosis
+    assert again is not None and again.notes == diagnosis.notes == DIAGNOSIS.notes
 
 
 def spoiled(change: Callable[[Any], None]) -> Callable[[Path], None]:
@@ -221,7 +239,7 @@ def swap_results(folder: Path) -> None:
 @pytest.mark.parametrize(
     "spoil, said",
     [
-        (spoiled(lambda d: d.update(format=3, flexviz="9.9")), "format 3 by flexviz 9.9"),
+        (spoiled(lambda d: d.update(format=4, flexviz="9.9")), "format 4 by flexviz 9.9"),
         (spoiled(lambda d: d.update(format=True)), '"format" is True'),
         (spoiled(lambda d: d.update(set=None)), "reference to a measurement set"),
         (spoiled(lambda d: d["set"].update(path=7)), "something else than names"),

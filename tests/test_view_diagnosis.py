@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.app.uplot import columns
-from flexviz.diagnosis import Diagnosis, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis import Diagnosis, EffectParameter, Finding, ResidualLocation, Step, Tie
 from flexviz.diagnosis.curves import DIRECTED
 from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import UNITS, ResidualMap
@@ -29,7 +29,8 @@ from flexviz.wording import effect_text_name, share_text, values_text, verdict_t
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
 FINDING = Finding(
-    "coulomb_friction", "joint2", None, None, 0.62, 0.98, {"coulomb": (3.0, 0.01, "Nm")}, (TIE,), 400.0,
+    "coulomb_friction", "joint2", None, None, 0.62, 0.98, {"coulomb": EffectParameter(3.0, 0.01, "Nm")},
+    (TIE,), 400.0,
     (ABSORBED,),
     Evidence(
         "joint2", (("g1", 0, 50), ("g2", 50, 100)), np.tile(np.linspace(0, 5, 50), 2),

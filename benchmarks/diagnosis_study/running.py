@@ -105,7 +105,7 @@ def _diagnosed(work: Path, name: str) -> Json:
             began, began_cpu
         )
     spent = _spent(began, began_cpu)
-    document = diagnosis.to_json()
+    document = diagnosis.to_dict()
     return {
         "diagnosis": document,
         "features": [s.added.features for s in diagnosis.steps if s.added is not None],

@@ -13,7 +13,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from flexviz.session.comparing import Comparison, Row, Summary
+    from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary
 
 SURE = 3.0  # standard errors from which a difference is pointed at
 
@@ -52,9 +52,9 @@ def compare(
     return 0
 
 
-def facts(found: Comparison) -> Table:
+def facts(found: SessionComparison) -> Table:
     """What each session is about, a column each."""
-    from flexviz.cli.tables import plain_table
+    from flexviz.results import plain_table
 
     table = plain_table("")
     for s in found.sessions:
@@ -72,16 +72,16 @@ def facts(found: Comparison) -> Table:
     return table
 
 
-def source(one: Summary) -> str:
+def source(one: SessionSummary) -> str:
     """Where a session's parameters come from."""
     if one.source != "identification":
         return one.source or "–"
     return f"identification, {one.observer}" + (", refined" if one.refined else "")
 
 
-def errors(found: Comparison) -> Table:
+def errors(found: SessionComparison) -> Table:
     """Held-out (else fitted) error of each joint, a column a session."""
-    from flexviz.cli.tables import plain_table
+    from flexviz.results import plain_table
     from flexviz.wording import number
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
@@ -98,9 +98,9 @@ def errors(found: Comparison) -> Table:
     return table
 
 
-def parameters(found: Comparison, every: bool) -> Table:
+def parameters(found: SessionComparison, every: bool) -> Table:
     """Each parameter with its 95 % interval, a column a session, and how far first and last are apart."""
-    from flexviz.cli.tables import interval, plain_table
+    from flexviz.results import interval, plain_table
     from flexviz.wording import INERTIAL
 
     names = [s.name for s in found.sessions]
@@ -113,14 +113,14 @@ def parameters(found: Comparison, every: bool) -> Table:
     return table
 
 
-def far(row: Row) -> str:
+def far(row: ParameterRow) -> str:
     """The difference in standard errors; pointed at where it is large."""
     if not math.isfinite(row.deviations):
         return "–"
     return f"{row.deviations:.1f}" + (" !" if row.deviations >= SURE else "")
 
 
-def notes(found: Comparison) -> list[str]:
+def notes(found: SessionComparison) -> list[str]:
     """What a reader must know."""
     out = []
     if not found.same_data:

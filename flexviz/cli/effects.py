@@ -66,7 +66,7 @@ def list_all(console: Console, shown: Iterable[Effect]) -> None:
     from rich import box
     from rich.table import Table
 
-    from flexviz.cli.tables import WIDE
+    from flexviz.results import WIDE
     from flexviz.wording import parameter_text
 
     wide = console.width >= WIDE

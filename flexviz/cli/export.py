@@ -100,7 +100,8 @@ def summary(done: Exported) -> list[str]:
 
 def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot:
     from flexviz.cli.progress import note
-    from flexviz.exporting import identified_robot, read_result
+    from flexviz.exporting import identified_robot
+    from flexviz.results import read_result
     from flexviz.session import open_session
 
     document = read_result(file)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -20,9 +20,6 @@ from flexviz.cli.identifying import (
     run_identification,
 )
 from flexviz.cli.own import EffectsFromOption, load_own
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
 
 
 def identify(
@@ -47,21 +44,6 @@ def identify(
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         result = run_identification(wanted, report, should_stop)[1]
     if json_file is not None:
-        output.write_json(json_file, result.to_json())
-    show(result)
+        output.write_json(json_file, result.to_dict())
+    output.show(result.document())
     return exit_code(result)
-
-
-def show(result: Identification) -> None:
-    """The result as tables on standard output."""
-    from flexviz.cli import output, tables
-
-    console = output.results()
-    wide = console.width >= tables.WIDE
-    console.print(tables.parameter_table(result.parameters, ties=wide))
-    for line in [] if wide else tables.tied_lines(result.parameters):
-        console.print(line, soft_wrap=True)
-    console.print(tables.combination_table(result.combinations))
-    console.print(tables.residual_table(result.residual))
-    for line in tables.summary(result):
-        console.print(line, soft_wrap=True)

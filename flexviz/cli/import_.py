@@ -10,6 +10,7 @@ import typer
 
 from flexviz.errors import InputError
 from flexviz.files import write_whole
+from flexviz.statistics import NORMAL_95
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -218,14 +219,14 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         )
         lines += [f"  {note}" for note in group.notes]
     for o in done.offsets:
-        size = f"{1e3 * abs(o.delay):.3f} ± {1.96e3 * o.std:.2g} ms"
+        size = f"{1e3 * abs(o.delay):.3f} ± {1e3 * NORMAL_95 * o.std:.2g} ms"
         lines.append(
             f'{o.group}: clock of "{o.clock}" {size} {"behind" if o.delay > 0 else "ahead of"} that of theta'
         )
     if done.delay is not None:
         lines.append(
-            f"torque acts {1e3 * done.delay.seconds:.3f} ± {1.96e3 * done.delay.std:.2g} ms after it is "
-            f"stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of it"
+            f"torque acts {1e3 * done.delay.seconds:.3f} ± {1e3 * NORMAL_95 * done.delay.std:.2g} ms after "
+            f"it is stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of it"
         )
     elif not done.wrong:
         lines.append("whether torque and motion agree in time could not be told from these data")

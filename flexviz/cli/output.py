@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from flexviz.errors import InputError, choose_from
 from flexviz.files import as_json, write_whole
+
+if TYPE_CHECKING:
+    from flexviz.results import ResultDocument
 
 PIPE_WIDTH = 160  # columns where standard output is not a terminal
 
@@ -43,6 +46,15 @@ def check_new_folder(folder: Path, table_format: str) -> None:
     if table_format not in SUFFIXES:
         raise InputError(f"--format {table_format}: {choose_from(table_format, SUFFIXES)}")
     check_free(folder.absolute())
+
+
+def show(result: ResultDocument) -> None:
+    """A result as tables and sentences."""
+    from flexviz.results import parts
+
+    console = results()
+    for part in parts(result, console.width):
+        console.print(part, soft_wrap=isinstance(part, str))
 
 
 def write_json(path: Path, data: Any) -> None:

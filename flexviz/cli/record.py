@@ -53,9 +53,10 @@ def record(
     effects_from: EffectsFromOption = None,
 ) -> int:
     """Identify, and record signals, observer states, residuals, iterations and both robots as it goes on."""
-    from flexviz.cli import output, tables
+    from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
     from flexviz.recording import RecordingFile, ending_tidily
+    from flexviz.results import run_lines
 
     load_own(effects_from)
     output.check_output_file(out, ".rrd")
@@ -71,7 +72,7 @@ def record(
     assert written is not None
     console = output.results()
     if results:
-        for line in tables.summary(results[-1]):
+        for line in run_lines(results[-1].document()):
             console.print(line, soft_wrap=True)
     state = "" if written.complete else ", stopped before everything was recorded"
     size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"

@@ -13,7 +13,16 @@ from flexviz.diagnosis.records import (
     ResidualMap,
 )
 from flexviz.diagnosis.residual_location import maps_of, residual_locations
-from flexviz.diagnosis.result import Absorbed, Diagnosis, Evidence, Finding, ResidualLocation, Step, Tie
+from flexviz.diagnosis.result import (
+    Absorbed,
+    Diagnosis,
+    EffectParameter,
+    Evidence,
+    Finding,
+    ResidualLocation,
+    Step,
+    Tie,
+)
 
 __all__ = [
     "CLEARLY",
@@ -21,6 +30,7 @@ __all__ = [
     "Absorbed",
     "BandwidthCheck",
     "Diagnosis",
+    "EffectParameter",
     "Evidence",
     "Finding",
     "Fit",

@@ -6,6 +6,7 @@ import numpy as np
 
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.results import Verdict
 
 GAIN = 100.0  # fall of the objective that an effect has to bring
 GAIN_LATER = 0.003  # and this share of what was gained before it: a law that is nearly right leaves traces
@@ -72,6 +73,6 @@ def structured(fit: Fit, reference: Fit) -> bool:
     return excess(fit) > STRUCTURED + (TRACES_UNSEEN if unseen else TRACES) * excess(reference)
 
 
-def verdict(fit: Fit, reference: Fit) -> str:
+def verdict(fit: Fit, reference: Fit) -> Verdict:
     """On a model to which nothing worth a name could be added; `reference` is one without any effects."""
     return "unknown" if structured(fit, reference) else "nothing-missing"

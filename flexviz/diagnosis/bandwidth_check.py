@@ -42,6 +42,7 @@ from flexviz.estimation import WIDE_HERTZ, Prior, base_parameters, start_values
 from flexviz.identification import ParameterEstimate, combinations, parameter_estimates
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import FlatZeroPhase, Observer
+from flexviz.statistics import NORMAL_95
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -50,7 +51,6 @@ FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # of the two bands' bandwidth
 PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of a single observer's
 # of the narrowest bandwidth: up to there the residuals are compared; the two bands are flat up to their end
 COMMON, COMMON_FLAT = 0.5, 1.0
-INTERVAL = 1.96  # standard errors: half of a 95 % interval
 MOVED = 3.0  # standard errors of the difference itself
 CHANGED = 1.0  # times the noise by which a residual has to change
 WORTH = 0.1  # of the residual, and by that much of it
@@ -172,7 +172,7 @@ def _curves(
         joint, place = None, None
         if isinstance(first, ParameterEstimate):
             joint, place = first.joint, first.payload or first.group
-        beyond = np.nan_to_num(np.minimum(moved / INTERVAL, excuse / MOVED))
+        beyond = np.nan_to_num(np.minimum(moved / NORMAL_95, excuse / MOVED))
         if not wider:
             beyond[in_use + 1 :] = 0.0
         worst = int(np.argmax(beyond))

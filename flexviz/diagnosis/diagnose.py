@@ -30,6 +30,7 @@ from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
 
@@ -279,7 +280,7 @@ class _Diagnosing:
         fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
         return fit, closer.covariance
 
-    def step(self, added: Finding | None, fit: Fit, errors: PredictionErrors, verdict_now: str) -> Step:
+    def step(self, added: Finding | None, fit: Fit, errors: PredictionErrors, verdict_now: Verdict) -> Step:
         return Step(
             added,
             errors.rms,

@@ -11,7 +11,7 @@ from flexviz.diagnosis.acceptance import score_of
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import Absorbed, Evidence, Finding, Tie
+from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Tie
 from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -75,7 +75,7 @@ def explain(
         score_of(before, fit),
         probability(evidenced),
         {
-            p.name: (float(v), float(e), p.unit)
+            p.name: EffectParameter(float(v), float(e), p.unit)
             for p, v, e in zip(specs, fit.x[where], std[where], strict=True)
         },
         tied,

@@ -27,7 +27,7 @@ CLEARLY = 0.05  # more explained
 NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResidualMap:
     """One joint's residual against one variable: what a plot shows, and what it explains.
 
@@ -63,7 +63,7 @@ class ResidualMap:
     range: tuple[float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FreeCurve:
     """A curve of residual torque against one variable of one joint.
 
@@ -95,7 +95,7 @@ class FreeCurve:
     note: str = NOTE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ParameterCurve:
     """One parameter over the bandwidth.
 
@@ -120,7 +120,7 @@ class ParameterCurve:
     trusted: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BandwidthCheck:
     """What moves with the bandwidth.
 

@@ -1,9 +1,9 @@
-"""What a diagnosis gives back."""
+"""The result of a diagnosis."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ResidualMap
 from flexviz.identification import ParameterEstimate
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.results import CandidateEntry, Note, ResultDocument, Verdict, find_parameter, note_entries
 
 Array = NDArray[np.float64]
 
@@ -68,7 +69,15 @@ class Evidence:
     signature: Array
 
 
-@dataclass(frozen=True)
+class EffectParameter(NamedTuple):
+    """A parameter of an effect: value, standard error (None where it is not known), unit."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
 class Finding:
     """One candidate for what is missing.
 
@@ -76,7 +85,7 @@ class Finding:
         effect, joint, group, payload: which effect, where.
         score: share of the excess held-out variance that it removes after refitting.
         confidence: probability that it is the right one.
-        parameters: name → (value, standard error, unit).
+        parameters: name → value, standard error and unit.
         inseparable_from: what the data cannot tell from it.
         gain: fall of the objective when it is added.
         absorbed: parameters that had taken it up, the largest change first.
@@ -90,33 +99,25 @@ class Finding:
     payload: str | None
     score: float
     confidence: float
-    parameters: dict[str, tuple[float, float, str]]
+    parameters: dict[str, EffectParameter]
     inseparable_from: tuple[Tie, ...]
     gain: float
     absorbed: tuple[Absorbed, ...] = ()
     evidence: Evidence | None = None
     features: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        named = {name: EffectParameter(*value) for name, value in self.parameters.items()}
+        object.__setattr__(self, "parameters", named)
+
     @property
     def text(self) -> str:
         """As it is named on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
         return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
 
-    def to_json(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""
-        return {
-            "effect": self.effect,
-            "joint": self.joint,
-            "group": self.group,
-            "payload": self.payload,
-            "score": self.score,
-            "confidence": self.confidence,
-            "parameters": {k: {"value": v, "std": s, "unit": u} for k, (v, s, u) in self.parameters.items()},
-            "inseparable_from": [
-                {"effect": t.effect, "joint": t.joint, "correlation": t.correlation}
-                for t in self.inseparable_from
-            ],
-        }
+        return CandidateEntry.model_validate(self).model_dump(mode="json", exclude_unset=True)
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ class ResidualLocation:
     range: tuple[float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """The model after one more effect, and what is missing then.
 
@@ -145,15 +146,15 @@ class Step:
     added: Finding | None
     rms: tuple[float, ...]
     rms_validation: tuple[float, ...] | None
-    verdict: str
+    verdict: Verdict
     groups: tuple[tuple[str, tuple[float, ...], bool], ...] = ()
     noise_floor: tuple[float, ...] = ()
     model: FlexibleModel | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis:
-    """The answer.
+    """The result of one diagnosis.
 
     Attributes:
         set_name: the measurement set.
@@ -165,7 +166,7 @@ class Diagnosis:
         parameters: the final model's parameters.
         seconds: wall time.
         stopped: the user stopped it; what was found so far is here.
-        notes: what else a reader should know, a sentence each.
+        notes: what else a reader should know.
         model: the final model.
         maps: its residual against each variable, joint by joint.
         free_curve: where something unknown is left, a curve for it, as a stopgap.
@@ -173,7 +174,7 @@ class Diagnosis:
     """
 
     set_name: str
-    verdict: str
+    verdict: Verdict
     findings: tuple[Finding, ...]
     where: tuple[ResidualLocation, ...]
     steps: tuple[Step, ...]
@@ -181,53 +182,54 @@ class Diagnosis:
     parameters: tuple[ParameterEstimate, ...]
     seconds: float
     stopped: bool = False
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Note, ...] = ()
     model: FlexibleModel | None = None
     maps: tuple[ResidualMap, ...] = ()
     free_curve: FreeCurve | None = None
     guard: BandwidthCheck | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """The contract's `diagnose --json` document (format 1)."""
-        return {
-            "format": 1,
-            "set": self.set_name,
-            "verdict": self.verdict,
-            "candidates": [f.to_json() for f in self.findings],
-            "where": [
-                {"joint": p.joint, "variable": p.variable, "explained": p.explained, "range": list(p.range)}
-                for p in self.where
-            ],
-            "steps": [
-                {
-                    "added": None if s.added is None else _added(s.added),
-                    "rms": list(s.rms),
-                    "rms_validation": None if s.rms_validation is None else list(s.rms_validation),
-                    "verdict": s.verdict,
-                }
-                for s in self.steps
-            ],
-            "model": {
-                "effects": list(self.effects),
-                "parameters": [
-                    {
-                        "name": p.name,
-                        "joint": p.joint,
-                        "value": p.value,
-                        "std": p.std if p.std < float("inf") else None,
-                        "unit": p.unit,
-                        "identifiable": p.identifiable,
-                        "tied_to": list(p.tied_to),
-                    }
-                    for p in self.parameters
-                ],
-            },
-            "notes": list(self.notes),
-            "stopped": self.stopped,
-            "seconds": self.seconds,
-        }
+    def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
+        """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
 
+        Raises:
+            ParameterNotFound: a FlexvizError and KeyError that suggests what was meant.
+        """
+        return find_parameter(self.parameters, key)
 
-def _added(finding: Finding) -> dict[str, Any]:
-    whole = finding.to_json()
-    return {key: whole[key] for key in ("effect", "joint", "group", "payload", "inseparable_from")}
+    def __repr__(self) -> str:
+        found = ", ".join(finding.text for finding in self.findings[:1])
+        return f"<Diagnosis of {self.set_name}: {self.verdict}{f', {found}' if found else ''}>"
+
+    def summary(self, width: int = 140) -> str:
+        """Verdict, candidates, steps and notes as text."""
+        return self.document().summary(width)
+
+    def _repr_html_(self) -> str:
+        return self.document()._repr_html_()
+
+    def to_dict(self, *, steps: bool = True) -> dict[str, Any]:
+        """The contract's `diagnose --json` document; without `steps`, that of a diagnosis not applied."""
+        document = self.document().to_dict()
+        if not steps:
+            del document["steps"]
+        return document
+
+    def document(self) -> ResultDocument:
+        """The result as it is written to files."""
+        return ResultDocument.model_validate(
+            {
+                "format": 1,
+                "set": self.set_name,
+                "verdict": self.verdict,
+                "candidates": self.findings,
+                "where": self.where,
+                "steps": self.steps,
+                "model": {"effects": self.effects, "parameters": self.parameters},
+                **note_entries(self.notes),
+                "maps": self.maps,
+                "free_curve": self.free_curve,
+                "guard": self.guard,
+                "stopped": self.stopped,
+                "seconds": self.seconds,
+            }
+        )

@@ -1,13 +1,11 @@
 """Export of an identified robot as URDF, MJCF, YAML, JSON, C and Python."""
 
 from flexviz.exporting.coverage import Entry, LeftOut, Written, coverage
-from flexviz.exporting.documents import Document, read_result
 from flexviz.exporting.identified import IdentifiedRobot, check_payload, identified_robot
 from flexviz.exporting.writing import FORMATS, Exported, check_folder, check_formats, export, write
 
 __all__ = [
     "FORMATS",
-    "Document",
     "Entry",
     "Exported",
     "IdentifiedRobot",
@@ -19,6 +17,5 @@ __all__ = [
     "coverage",
     "export",
     "identified_robot",
-    "read_result",
     "write",
 ]

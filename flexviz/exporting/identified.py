@@ -16,9 +16,10 @@ from flexviz import __version__
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
-from flexviz.exporting.documents import Document, Parameter, model_of, plain
+from flexviz.exporting.documents import model_of
 from flexviz.exporting.laws import Laws, laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.results import ParameterEntry, ResultDocument, Verdict
 from flexviz.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:
@@ -61,10 +62,10 @@ class IdentifiedRobot:
     """
 
     measurements: MeasurementSet
-    document: Document
+    document: ResultDocument
     model: FlexibleModel
     payload: str | None = None
-    verdict: str | None = None
+    verdict: Verdict | None = None
     remarks: tuple[str, ...] = ()
 
     @property
@@ -99,14 +100,14 @@ class IdentifiedRobot:
         return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
 
     @cached_property
-    def _parameters(self) -> dict[str, Parameter]:
+    def _parameters(self) -> dict[str, ParameterEntry]:
         return {p.label: p for p in self.document.all_parameters}
 
     def grade(self, name: str, joint: str) -> str:
         """How well the data determine a parameter: "yes", "weak" or "no"."""
         return self._parameters[f"{name}:{joint}"].identifiable
 
-    def estimate(self, effect: EffectValue, name: str) -> Parameter | None:
+    def estimate(self, effect: EffectValue, name: str) -> ParameterEntry | None:
         """An effect's parameter among the result's parameters; None where it is not listed."""
         place = (effect.joint, effect.payload, effect.group)
         return self._parameters.get(":".join(part for part in (f"{effect.effect}.{name}", *place) if part))
@@ -174,7 +175,7 @@ class IdentifiedRobot:
 
 def identified_robot(
     measurements: MeasurementSet,
-    result: Identification | Diagnosis | Document,
+    result: Identification | Diagnosis | ResultDocument,
     *,
     payload: str | None = None,
     diagnosis: Diagnosis | None = None,
@@ -194,7 +195,7 @@ def identified_robot(
     Raises:
         InputError: the result does not fit the set, or the payload does not exist.
     """
-    document = result if isinstance(result, Document) else plain(result.to_json())
+    document = result if isinstance(result, ResultDocument) else result.document()
     check_payload(measurements, payload)
     model = model_of(document, measurements.joints, file)
     verdict = document.final_verdict if diagnosis is None else diagnosis.verdict

@@ -1,6 +1,6 @@
 """All identified values as JSON and YAML, with standard errors, units and identifiability.
 
-The documents have the keys of `identify --json` and can be read back as a result (`documents.read_result`).
+The documents have the keys of `identify --json` and can be read back as a result (`flexviz.read_result`).
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from typing import Any
 
 from flexviz import __version__
 from flexviz.effects import EFFECTS
-from flexviz.exporting.documents import finite
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
+from flexviz.results import EffectEntry, ResultDocument, ValueEntry
+from flexviz.statistics import NORMAL_95
 
 AMBIGUOUS = ("yes", "no", "y", "n", "on", "off", "true", "false", "null", "~")
 CONVENTIONS = {
     "motor": "all quantities of the motor are expressed at the joint: angle / N, torque × N, inertia × N²",
     "inertial": "of everything that a joint moves, about the joint's frame, without the payload",
-    "std": "standard error; null if unknown; a 95 % interval is value ± 1.96 std",
+    "std": f"standard error; null if unknown; a 95 % interval is value ± {NORMAL_95} std",
     "identifiable": "yes: determined by the data; weak: weakly determined; no: near its prior value",
     "tied_to": "parameters that the data cannot tell apart from this one",
 }
@@ -49,7 +50,7 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
     """The content of both files."""
     ms, document, robot = identified.measurements, identified.document, identified.robot
     controller = None if ms.kp is None or ms.kd is None else {"kp": ms.kp.tolist(), "kd": ms.kd.tolist()}
-    found = {
+    about = {
         "format": 1,
         "kind": "flexviz parameters",
         "flexviz": __version__,
@@ -63,23 +64,27 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         "payload": identified.payload,
         "torque_hold": ms.torque_hold,
         "controller": controller,
-        "observer": document.observer,
-        "refined": document.refined,
-        "groups": document.groups,
-        "converged": document.converged,
-        "stopped": document.stopped,
-        "verdict": identified.verdict,
         "remarks": list(identified.remarks),
-        "parameters": [p.model_dump() for p in document.all_parameters],
-        "base_parameters": document.base_parameters,
-        "effects": effect_entries(identified),
-        "residual": document.residual,
-        "not_contained_in_code": identified.left_out("c"),
     }
-    return finite(found)
+    result = ResultDocument(
+        format=1,
+        set=ms.name,
+        set_sha256=identified.sha256,
+        observer=document.observer,
+        refined=document.refined,
+        groups=document.groups,
+        converged=document.converged,
+        stopped=document.stopped,
+        verdict=identified.verdict,
+        parameters=document.all_parameters,
+        base_parameters=document.base_parameters,
+        effects=effect_entries(identified),
+        residual=document.residual,
+    )
+    return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}
 
 
-def effect_entries(identified: IdentifiedRobot) -> list[dict[str, Any]]:
+def effect_entries(identified: IdentifiedRobot) -> list[EffectEntry]:
     """The model's effects with their laws, values, standard errors and units."""
     entries = []
     for effect in identified.model.effects:
@@ -87,22 +92,22 @@ def effect_entries(identified: IdentifiedRobot) -> list[dict[str, Any]]:
         values = {}
         for spec in law.parameters:
             known = identified.estimate(effect, spec.name)
-            values[spec.name] = {
-                "value": effect.parameters[spec.name],
-                "std": identified.std(effect, spec.name),
-                "unit": spec.unit,
-                "identifiable": None if known is None else known.identifiable,
-            }
+            values[spec.name] = ValueEntry(
+                value=effect.parameters[spec.name],
+                std=identified.std(effect, spec.name),
+                unit=spec.unit,
+                identifiable=None if known is None else known.identifiable,
+            )
         entries.append(
-            {
-                "effect": effect.effect,
-                "joint": effect.joint,
-                "group": effect.group,
-                "payload": effect.payload,
-                "title": law.title,
-                "equation": law.equation,
-                "parameters": values,
-            }
+            EffectEntry(
+                effect=effect.effect,
+                joint=effect.joint,
+                group=effect.group,
+                payload=effect.payload,
+                title=law.title,
+                equation=law.equation,
+                parameters=values,
+            )
         )
     return entries
 

@@ -19,9 +19,9 @@ from flexviz.measurements import check_free
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
-    from flexviz.exporting.documents import Document
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
+    from flexviz.results import ResultDocument
 
 FORMATS: dict[str, Callable[[IdentifiedRobot], FormatFiles]] = {
     "urdf": urdf,
@@ -101,7 +101,7 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
 
 def export(
     measurements: MeasurementSet,
-    result: Identification | Diagnosis | Document,
+    result: Identification | Diagnosis | ResultDocument,
     folder: str | Path,
     formats: Sequence[str] = (),
     *,

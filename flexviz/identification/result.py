@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.model import FlexibleModel
 from flexviz.progress import Iteration
+from flexviz.results import Grade, ResultDocument, find_parameter
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class ParameterEstimate:
     std: float
     unit: str
     start: float
-    identifiable: str
+    identifiable: Grade
     tied_to: tuple[str, ...] = ()
     at_bound: bool = False
     payload: str | None = None
@@ -59,12 +60,12 @@ class Combination:
     value: float
     std: float
     unit: str
-    identifiable: str
+    identifiable: Grade
 
 
 @dataclass(frozen=True)
 class ResidualSummary:
-    """Residual of the equation in Nm, one number a joint.
+    """Residual of the equation in Nm, one number per joint.
 
     Attributes:
         joints: their names.
@@ -79,7 +80,7 @@ class ResidualSummary:
     noise_floor: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResidualSeries:
     """The residual of one group over time.
 
@@ -96,9 +97,9 @@ class ResidualSeries:
     q: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Identification:
-    """Everything that one identification found.
+    """The result of one identification.
 
     Attributes:
         set_name: the measurement set.
@@ -139,71 +140,53 @@ class Identification:
     residuals: dict[str, ResidualSeries]
     message: str
 
-    def value(self, name: str, joint: str | None = None) -> float:
-        """One parameter's value; KeyError names what exists."""
-        for p in self.parameters:
-            if p.name == name and p.joint == joint:
-                return p.value
-        raise KeyError(f"no parameter {name!r} of joint {joint!r}")
+    def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
+        """A parameter by name and joint (or payload, or group): `result["stiffness", "joint1"]`.
 
-    def to_json(self) -> dict[str, Any]:
+        Raises:
+            ParameterNotFound: a FlexvizError and KeyError that suggests what was meant.
+        """
+        return find_parameter(self.parameters, key)
+
+    def __repr__(self) -> str:
+        state = "stopped" if self.stopped else "converged" if self.converged else "not converged"
+        rms = ", ".join(f"{value:.3g}" for value in self.residual.rms)
+        return (
+            f"<Identification of {self.set_name}: {state}, {len(self.parameters)} parameters, rms {rms} Nm>"
+        )
+
+    def summary(self, width: int = 140) -> str:
+        """Parameters, inertial combinations and residuals as text."""
+        return self.document().summary(width)
+
+    def _repr_html_(self) -> str:
+        return self.document()._repr_html_()
+
+    def to_dict(self) -> dict[str, Any]:
         """The contract's `identify --json` document, with the base parameters as an extra key."""
+        return self.document().to_dict()
+
+    def document(self) -> ResultDocument:
+        """The result as it is written to files."""
         bandwidth = self.bandwidth
-        return {
-            "format": 1,
-            "set": self.set_name,
-            "observer": {
-                "name": self.observer_name,
-                "bandwidth": bandwidth
-                if isinstance(bandwidth, float)
-                else [float(b) for b in np.atleast_1d(bandwidth)],
-            },
-            "refined": self.refined,
-            "groups": list(self.groups),
-            "validation_groups": list(self.validation_groups),
-            "converged": self.converged,
-            "stopped": self.stopped,
-            "message": self.message,
-            "iterations": max((i.number for i in self.iterations), default=0),
-            "seconds": self.seconds,
-            "condition_number": _number(self.condition_number),
-            "parameters": [
-                {
-                    "name": p.name,
-                    "joint": p.joint,
-                    "value": p.value,
-                    "std": _number(p.std),
-                    "unit": p.unit,
-                    "start": p.start,
-                    "identifiable": p.identifiable,
-                    "tied_to": list(p.tied_to),
-                    "at_bound": p.at_bound,
-                }
-                | {key: value for key, value in (("payload", p.payload), ("group", p.group)) if value}
-                for p in self.parameters
-            ],
-            "base_parameters": [
-                {
-                    "name": c.name,
-                    "weights": c.weights,
-                    "value": c.value,
-                    "std": _number(c.std),
-                    "unit": c.unit,
-                    "identifiable": c.identifiable,
-                }
-                for c in self.combinations
-            ],
-            "residual": {
-                "joints": list(self.residual.joints),
-                "rms": list(self.residual.rms),
-                "rms_validation": None
-                if self.residual.rms_validation is None
-                else list(self.residual.rms_validation),
-                "noise_floor": list(self.residual.noise_floor),
-            },
-        }
-
-
-def _number(value: float) -> float | None:
-    """JSON has no infinity."""
-    return float(value) if np.isfinite(value) else None
+        if not isinstance(bandwidth, float):
+            bandwidth = [float(b) for b in np.atleast_1d(bandwidth)]
+        return ResultDocument.model_validate(
+            {
+                "format": 1,
+                "set": self.set_name,
+                "observer": {"name": self.observer_name, "bandwidth": bandwidth},
+                "refined": self.refined,
+                "groups": self.groups,
+                "validation_groups": self.validation_groups,
+                "converged": self.converged,
+                "stopped": self.stopped,
+                "message": self.message,
+                "iterations": max((i.number for i in self.iterations), default=0),
+                "seconds": self.seconds,
+                "condition_number": self.condition_number,
+                "parameters": self.parameters,
+                "base_parameters": self.combinations,
+                "residual": self.residual,
+            }
+        )

@@ -12,11 +12,12 @@ from flexviz.equation import INERTIAL_NAMES, INERTIAL_UNITS, Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
 from flexviz.identification.result import Combination, ParameterEstimate
 from flexviz.identification.thresholds import IDENTIFICATION
+from flexviz.results import Grade
 
 Array = NDArray[np.float64]
 
 
-def grade(kind: str, std: float, scale: float, prior_share: float) -> str:
+def grade(kind: str, std: float, scale: float, prior_share: float) -> Grade:
     """ "yes", "weak" or "no"; a parameter that owes its precision to the prior is at most weak."""
     if not np.isfinite(std) or scale <= 0:
         return "no"

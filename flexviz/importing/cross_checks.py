@@ -16,6 +16,7 @@ from flexviz.importing.mapping import AngleColumn, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable
 from flexviz.robot import Robot
+from flexviz.statistics import NORMAL_95
 
 DEGREE = np.pi / 180  # [rad]
 
@@ -193,7 +194,7 @@ def find_gear(joint: DraftJoint, parts: Sequence[JointPart]) -> bool:
     whole = round(abs(ratio))
     certain = abs(abs(ratio) - whole) < max(3 * std, 1e-3 * whole) and std < LIMITS.whole_std
     joint.gear = float(whole) if certain else float(f"{abs(ratio):.4g}")
-    found = f"{ratio:.5g} ± {1.96 * std:.1g}"
+    found = f"{ratio:.5g} ± {NORMAL_95 * std:.1g}"
     joint.comment("gear", f"theta turns {found} times as far as q; the data sheet has the exact value")
     for name in ("theta", "theta_ref"):
         if name in joint.signals:

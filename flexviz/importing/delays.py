@@ -22,6 +22,7 @@ from flexviz.importing.issues import Issue
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, Group, MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.statistics import NORMAL_95
 
 BAND = 8.0  # [Hz] both sides are compared below this
 LARGEST_GRID = 1 << 18  # of the uniform clock on which they are compared
@@ -218,7 +219,7 @@ def delay_issues(delay: DelayEstimate, measurements: MeasurementSet) -> list[Iss
     when = "later" if delay.seconds > 0 else "earlier"
     message = (
         f"torque and acceleration disagree in time: the recorded torque acts "
-        f"{1e3 * abs(delay.seconds):.3g} ± {1.96e3 * delay.std:.2g} ms {when} than it is stamped "
+        f"{1e3 * abs(delay.seconds):.3g} ± {1e3 * NORMAL_95 * delay.std:.2g} ms {when} than it is stamped "
         f"({abs(delay.seconds) / step:.2g} samples); "
         'time.shift corrects it where tau has a clock of its own, the effect "torque_delay" fits it'
     )

@@ -36,6 +36,7 @@ from flexviz.measurements import (
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
 from flexviz.robot import Robot, is_library_robot
 from flexviz.robot_files import mesh_names, resolve_mesh
+from flexviz.statistics import NORMAL_95
 
 FORMAT = 1  # of the report as JSON
 ABOUT_UNITS = ("unit", "sign", "zero", "unexplained")  # with such an issue the torque's delay proves nothing
@@ -222,7 +223,8 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
         message = (
             f'in {offset.group} the clock of "{offset.clock}" is {1e3 * abs(offset.delay):.4g} ± '
-            f"{1.96e3 * offset.std:.2g} ms {'behind' if offset.delay > 0 else 'ahead of'} that of theta; "
+            f"{1e3 * NORMAL_95 * offset.std:.2g} ms {'behind' if offset.delay > 0 else 'ahead of'} that of "
+            "theta; "
             f'[time] shift."{offset.clock}" = {total:.6g} would correct it'
         )
         found.append(Issue("clock", "odd", mapping.names, "q", message))

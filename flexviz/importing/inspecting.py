@@ -25,6 +25,7 @@ from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
+from flexviz.statistics import NORMAL_95
 
 INSPECTED_LOGS = 3  # that are read; importing finds where further ones differ
 LISTED_COLUMNS = 60  # that were not recognised
@@ -276,6 +277,6 @@ def shift_clocks(draft: Draft, groups: Sequence[AssembledGroup]) -> tuple[ClockO
         if abs(offset.delay) > max(LIMITS.clock_offset, LIMITS.clock_sigmas * offset.std):
             draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
             late = "late" if offset.delay > 0 else "early"
-            size = f"{1e3 * abs(offset.delay):.4g} ± {1.96e3 * offset.std:.2g} ms"
+            size = f"{1e3 * abs(offset.delay):.4g} ± {1e3 * NORMAL_95 * offset.std:.2g} ms"
             draft.time_comment = f"[s]; {offset.clock} is {size} {late} against θ"
     return tuple(offset for group in found for offset in group)

@@ -160,7 +160,7 @@ class Recorder:
         where = result_path(solve.number, "about")
         self.stream.text(where, texts.result_text(result, solve.number, solve.label))
         more = {"label": solve.label, "effects": [effect.text for effect in result.model.effects]}
-        self._json(result_path(solve.number, "json"), result.to_json() | more)
+        self._json(result_path(solve.number, "json"), result.to_dict() | more)
         self.note(f"result {solve.number}: {result.message}")
         self._describe()
         self.arrange()
@@ -191,7 +191,7 @@ class Recorder:
         number, joints = len(self.diagnoses), self.measurements.joints
         where = diagnosis_path(number)
         self.stream.text(diagnosis_path(number, "verdict"), texts.diagnosis_text(diagnosis))
-        self._json(diagnosis_path(number, "json"), diagnosis.to_json())
+        self._json(diagnosis_path(number, "json"), diagnosis.to_dict())
         send_staircase(self.stream, where, steps or diagnosis.steps)
         send_maps(self.stream, where, joints, diagnosis.maps)
         send_free_curve(self.stream, where, diagnosis.free_curve)

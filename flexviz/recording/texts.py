@@ -10,6 +10,7 @@ import numpy as np
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.scene import RobotMotion
+from flexviz.statistics import NORMAL_95
 from flexviz.view import total_rms
 from flexviz.wording import (
     absorbed_text,
@@ -80,7 +81,7 @@ def result_text(result: Identification, count: int, label: str) -> str:
         "|---|---|---|---|---|---|",
     ]
     for p in result.parameters:
-        band = number(1.96 * p.std, 2) if np.isfinite(p.std) else "–"
+        band = number(NORMAL_95 * p.std, 2) if np.isfinite(p.std) else "–"
         row = (p.name, p.joint or "", number(p.value, 6), band, p.unit, p.identifiable)
         lines.append("| " + " | ".join(escaped(cell) for cell in row) + " |")
     lines += ["", "| joint | rms fit [Nm] | rms validation [Nm] | noise floor [Nm] |", "|---|---|---|---|"]
@@ -125,7 +126,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
             low, high = (number(value, 3) for value in place.range)
             share = share_text(place.explained)
             lines.append(f"- {escaped(place.joint)} along {place.variable}: {share}, mostly {low} … {high}")
-    lines += ["", *(f"- {escaped(note)}" for note in diagnosis.notes)]
+    lines += ["", *(f"- {escaped(note.text)}" for note in diagnosis.notes)]
     return "\n".join(lines)
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from flexviz import __version__
-from flexviz.diagnosis import BandwidthCheck
 from flexviz.files import as_json
 from flexviz.report.content import ReportContent
 from flexviz.report.sections.staircase import group_rows
@@ -18,9 +15,8 @@ FORMAT = 1
 def numbers(content: ReportContent, when: str) -> str:
     """The JSON text; what is not finite is null."""
     analysis, measurements = content.analysis, content.measurements
-    diagnosis = None if content.diagnosis is None else content.diagnosis.to_json()
-    if diagnosis is not None:
-        del diagnosis["steps"]  # the present model's alone; the whole staircase follows
+    # the steps of the present model alone; the whole staircase follows
+    diagnosis = None if content.diagnosis is None else content.diagnosis.to_dict(steps=False)
     found = [finding for _, finding in content.added if finding is not None]
     document = {
         "format": FORMAT,
@@ -61,52 +57,18 @@ def numbers(content: ReportContent, when: str) -> str:
             for name, used, values in (group_rows(content.steps) if content.steps else ())
         ],
         "added": [
-            {"effect": name, "finding": None if finding is None else finding.to_json()}
+            {"effect": name, "finding": None if finding is None else finding.to_dict()}
             for name, finding in content.added
         ],
         "diagnosis": diagnosis,
-        "identification": None if content.identification is None else content.identification.to_json(),
-        "guard": _guard(content.diagnosis.guard if content.diagnosis is not None else None),
+        "identification": None if content.identification is None else content.identification.to_dict(),
+        "guard": None if diagnosis is None else diagnosis["guard"],
         "next_experiments": next_experiments(content, found),
         "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],
         "notes": [{"when": note.when, "text": note.text} for note in content.session.notes],
         "recordings": [str(file) for file in content.session.recordings],
     }
     return as_json(document)
-
-
-def _guard(found: BandwidthCheck | None) -> dict[str, Any] | None:
-    if found is None:
-        return None
-    return {
-        "observer": found.observer,
-        "bandwidths": found.bandwidths.tolist(),
-        "in_use": int(found.in_use),
-        "joints": [
-            {
-                "joint": joint,
-                "rms": found.rms[:, j].tolist(),
-                "change": found.change[:, j].tolist(),
-                "change_noise": found.change_noise[:, j].tolist(),
-                "observer_error": bool(found.observer_error[j]),
-            }
-            for j, joint in enumerate(found.joints)
-        ],
-        "parameters": [
-            {
-                "name": p.name,
-                "joint": p.joint,
-                "place": p.place,
-                "unit": p.unit,
-                "values": p.values.tolist(),
-                "std": p.std.tolist(),
-                "moved": p.moved,
-                "trusted": p.trusted,
-            }
-            for p in found.parameters
-        ],
-        "texts": list(found.texts()),
-    }
 
 
 def _list(values: tuple[float, ...] | None) -> list[float] | None:

@@ -1,18 +1,19 @@
 """The state of one analysis with its history, and how it is kept in a folder."""
 
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
+from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
-from flexviz.session.saving import SESSION_FILE, save_session, zipped
+from flexviz.session.saving import save_session, zipped
 from flexviz.session.state import (
     HISTORY,
     ROLES,
     Analysis,
     ModelStep,
-    Note,
     Role,
     Session,
+    SessionNote,
+    SessionStep,
     Settings,
-    Step,
     now,
     with_roles,
 )
@@ -24,12 +25,12 @@ __all__ = [
     "Analysis",
     "Autosave",
     "ModelStep",
-    "Note",
     "OpenedSession",
     "Role",
     "Session",
+    "SessionNote",
+    "SessionStep",
     "Settings",
-    "Step",
     "Unsaved",
     "find_unsaved",
     "is_session",

@@ -21,7 +21,8 @@ from pathlib import Path
 
 from flexviz.errors import FlexvizError, one_line
 from flexviz.measurements import MeasurementSet
-from flexviz.session.saving import SESSION_FILE, save_session
+from flexviz.session.document import SESSION_FILE
+from flexviz.session.saving import save_session
 from flexviz.session.state import Session
 
 LOCK = ".lock"

@@ -22,7 +22,7 @@ Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, pa
 
 
 @dataclass(frozen=True)
-class Summary:
+class SessionSummary:
     """What one session ends with.
 
     Attributes
@@ -60,7 +60,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class Row:
+class ParameterRow:
     """One parameter in all sessions.
 
     Attributes
@@ -89,11 +89,11 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SessionComparison:
     """Sessions in the order they were given, and every parameter that any of them has."""
 
-    sessions: tuple[Summary, ...]
-    rows: tuple[Row, ...]
+    sessions: tuple[SessionSummary, ...]
+    rows: tuple[ParameterRow, ...]
 
     @property
     def same_data(self) -> bool:
@@ -141,7 +141,7 @@ class Comparison:
         }
 
 
-def compare(opened: Sequence[OpenedSession]) -> Comparison:
+def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
     """Put two sessions or more side by side."""
     if len(opened) < 2:
         raise InputError(f"{len(opened)} session to compare; two or more would be right")
@@ -157,11 +157,11 @@ def compare(opened: Sequence[OpenedSession]) -> Comparison:
     for key in keys:
         estimates = tuple(one.parameters.get(key) for one in sessions)
         unit = next(e.unit for e in estimates if e is not None)
-        rows.append(Row(key, unit, estimates, deviations(estimates[0], estimates[-1])))
-    return Comparison(tuple(sessions), tuple(rows))
+        rows.append(ParameterRow(key, unit, estimates, deviations(estimates[0], estimates[-1])))
+    return SessionComparison(tuple(sessions), tuple(rows))
 
 
-def summary(opened: OpenedSession, values: Source, errors: Source) -> Summary:
+def summary(opened: OpenedSession, values: Source, errors: Source) -> SessionSummary:
     """What a session ends with: parameters of one source, errors of one source."""
     analysis, measurements = opened.session.analysis, opened.measurements
     found = results(opened)
@@ -177,7 +177,7 @@ def summary(opened: OpenedSession, values: Source, errors: Source) -> Summary:
         rms, rms_validation, floor = step.rms, step.rms_validation, step.noise_floor
     fitted = result if values == "identification" else diagnosis if values == "diagnosis" else None
     parameters = fitted.parameters if fitted is not None else ()
-    return Summary(
+    return SessionSummary(
         opened.folder.resolve().name,
         measurements.name,
         fingerprint(measurements).sha256,
@@ -239,7 +239,7 @@ def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) 
     return abs(last.value - first.value) / spread if 0 < spread < math.inf else math.nan
 
 
-def _named(found: list[Summary]) -> list[Summary]:
+def _named(found: list[SessionSummary]) -> list[SessionSummary]:
     """Names that differ, where folders are called the same."""
     names = [one.name for one in found]
     return [

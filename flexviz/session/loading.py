@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,10 @@ import numpy as np
 from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
 from flexviz.session import results
-from flexviz.session.migrating import Document, migrated
-from flexviz.session.reference import SetReference
-from flexviz.session.saving import OLD_ARRAYS, SESSION_FILE
-from flexviz.session.state import HISTORY, Analysis, Note, Session, Step
+from flexviz.session.document import OLD_ARRAYS, SESSION_FILE, Document, read_document
+from flexviz.session.reference import SetReference, read_reference
+from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
 
-LARGEST_JSON = 200_000_000  # bytes
 TRIES = 4  # somebody may save while it is read
 
 
@@ -78,7 +75,7 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
     file = folder / SESSION_FILE
     try:
         for left in reversed(range(TRIES)):
-            document, before = _document(folder), file.stat().st_mtime_ns
+            document, before = read_document(folder), file.stat().st_mtime_ns
             try:
                 arrays = _arrays(document, folder)
                 break
@@ -105,25 +102,6 @@ def relocate(path: str | Path, place: str | Path) -> OpenedSession:
     return open_with(folder, read_set(place))
 
 
-def read_reference(folder: Path) -> SetReference:
-    """Where the set of the session in a folder lies; InputError where that cannot be read."""
-    try:
-        return SetReference.from_json(_document(folder)["set"])
-    except InputError as error:
-        raise InputError(f"not a usable session: {error}", file=folder / SESSION_FILE) from None
-    except (OSError, ValueError, KeyError) as error:
-        raise InputError(
-            f"not a usable session ({type(error).__name__}: {error})", file=folder / SESSION_FILE
-        ) from None
-
-
-def _document(folder: Path) -> Document:
-    file = folder / SESSION_FILE
-    if file.stat().st_size > LARGEST_JSON:
-        raise InputError("larger than any session")
-    return migrated(json.loads(file.read_text(encoding="utf-8")), folder)
-
-
 def _arrays(document: Document, folder: Path) -> list[np.ndarray]:
     arrays: list[np.ndarray] = []
     for entry in document["arrays"]:
@@ -147,7 +125,7 @@ def _unpacked(
         measurements = replace(measurements, warnings=(text, *measurements.warnings))
     unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
 
-    def steps(name: str) -> list[Step]:
+    def steps(name: str) -> list[SessionStep]:
         return [
             _checked(unpacker.unpack(step), measurements, document, bool(changed))
             for step in document.get(name, [])
@@ -156,7 +134,9 @@ def _unpacked(
     present = _checked(unpacker.unpack(document["present"]), measurements, document, bool(changed))
     notes = unpacker.unpack(document["notes"])
     recordings = document["recordings"]
-    if not all(isinstance(note, Note) for note in notes) or not all(isinstance(r, str) for r in recordings):
+    if not all(isinstance(note, SessionNote) for note in notes) or not all(
+        isinstance(r, str) for r in recordings
+    ):
         raise InputError("its notes or recordings are something else")
     session = Session(
         present,
@@ -169,13 +149,13 @@ def _unpacked(
     return OpenedSession(folder, measurements, session, changed, saved, version)
 
 
-def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> Step:
+def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> SessionStep:
     """A step whose settings fit the set."""
     from flexviz.effects import EFFECTS, choose_effects
     from flexviz.observers import make_observer
 
     if (
-        not isinstance(step, Step)
+        not isinstance(step, SessionStep)
         or not isinstance(step.analysis, Analysis)
         or not isinstance(step.label, str)
     ):

@@ -38,23 +38,17 @@ from flexviz.identification import (
 )
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.progress import Iteration
-from flexviz.session.state import Analysis, ModelStep, Note, Step
+from flexviz.results import Note
+from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
         Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeCurve,
         BandwidthCheck, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, ResidualLocation,
-        ResidualMap, ResidualSeries, ResidualSummary, ModelStep, Step, Tie,
+        ResidualMap, ResidualSeries, ResidualSummary, ModelStep, SessionNote, SessionStep, Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
-RENAMED = {
-    "Stair": "ModelStep",
-    "Place": "ResidualLocation",
-    "FreeForm": "FreeCurve",
-    "Guard": "BandwidthCheck",
-}  # classes as older versions wrote them
-RENAMED_FIELDS = {"stairs": "model_steps", "free_form": "free_curve"}
 NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
 DEEPEST = 40  # of nested values
@@ -169,12 +163,11 @@ class Unpacker:
 
     def _object(self, value: dict[str, Any], depth: int) -> Any:
         name = value["="]
-        kind = KINDS.get(RENAMED.get(name, name)) if isinstance(name, str) else None
+        kind = KINDS.get(name) if isinstance(name, str) else None
         if kind is None:
             raise InputError(f"{value['=']!r} does not belong into a session")
         known = {field.name: field for field in fields(kind) if field.init}
-        entries = ((RENAMED_FIELDS.get(key, key), v) for key, v in value.items())
-        given = {key: self.unpack(v, depth + 1) for key, v in entries if key in known}
+        given = {key: self.unpack(v, depth + 1) for key, v in value.items() if key in known}
         missing = [
             name
             for name, field in known.items()

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
+from flexviz.session.document import SESSION_FILE, read_document
 
 HERE = "."
 
@@ -88,3 +89,15 @@ class SetReference:
         if not all(isinstance(text, str) and "\0" not in text for text in texts):
             raise InputError("its reference to a measurement set holds something else than names")
         return SetReference(name, path, absolute, None if rows is None else Fingerprint(files))
+
+
+def read_reference(folder: Path) -> SetReference:
+    """Where the set of the session in a folder lies; InputError where that cannot be read."""
+    try:
+        return SetReference.from_json(read_document(folder)["set"])
+    except InputError as error:
+        raise InputError(f"not a usable session: {error}", file=folder / SESSION_FILE) from None
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(
+            f"not a usable session ({type(error).__name__}: {error})", file=folder / SESSION_FILE
+        ) from None

@@ -27,12 +27,10 @@ from flexviz.errors import InputError
 from flexviz.files import remove_parts, sha256_of, sync_folder, write_whole
 from flexviz.measurements import MeasurementSet
 from flexviz.session import results
-from flexviz.session.reference import SetReference
+from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE
+from flexviz.session.reference import SetReference, read_reference
 from flexviz.session.state import Session, now
 
-SESSION_FILE = "session.json"
-FORMAT = 2
-OLD_ARRAYS = "session.npz"  # of format 1
 LEFT_OUT = shutil.ignore_patterns(
     ".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, OLD_ARRAYS, results.FOLDER, "__pycache__"
 )
@@ -78,8 +76,6 @@ def save_session(
 
 def _same_set(folder: Path, measurements: MeasurementSet) -> None:
     """InputError where a folder holds a session of another set."""
-    from flexviz.session.loading import read_reference
-
     if not (folder / SESSION_FILE).is_file():
         return
     try:

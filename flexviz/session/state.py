@@ -158,7 +158,7 @@ class Analysis:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class SessionStep:
     """A state and what led to it.
 
     Attributes
@@ -176,7 +176,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Note:
+class SessionNote:
     """What a person wrote down, and when (ISO 8601 in UTC)."""
 
     text: str
@@ -194,16 +194,18 @@ class Session:
     recordings: files that were recorded from it.
     """
 
-    present: Step
-    past: tuple[Step, ...] = ()
-    future: tuple[Step, ...] = field(default=())
-    notes: tuple[Note, ...] = ()
+    present: SessionStep
+    past: tuple[SessionStep, ...] = ()
+    future: tuple[SessionStep, ...] = field(default=())
+    notes: tuple[SessionNote, ...] = ()
     recordings: tuple[Path, ...] = ()
 
     @staticmethod
     def of(measurements: MeasurementSet) -> Session:
         """A fresh session on a set."""
-        return Session(Step(f"opened {measurements.name}", Analysis.start(measurements), now(), __version__))
+        return Session(
+            SessionStep(f"opened {measurements.name}", Analysis.start(measurements), now(), __version__)
+        )
 
     @property
     def analysis(self) -> Analysis:
@@ -211,7 +213,7 @@ class Session:
         return self.present.analysis
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[SessionStep, ...]:
         """Past and present, in that order."""
         return (*self.past, self.present)
 
@@ -231,7 +233,7 @@ class Session:
             return self
         merge = bool(self.past) and label == self.present.label
         past = self.past if merge else (*self.past, self.present)[-HISTORY:]
-        return replace(self, present=Step(label, analysis, now(), __version__), past=past, future=())
+        return replace(self, present=SessionStep(label, analysis, now(), __version__), past=past, future=())
 
     def undo(self) -> Session:
         """One change back (the same session when there is none)."""
@@ -249,7 +251,7 @@ class Session:
         """The same with something written down."""
         if not text.strip():
             raise InputError("an empty note; a word or more would be right")
-        return replace(self, notes=(*self.notes, Note(text.strip(), now())))
+        return replace(self, notes=(*self.notes, SessionNote(text.strip(), now())))
 
     def with_recording(self, file: Path) -> Session:
         """The same with a recording that belongs to it."""

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 LIKELY = 0.5  # confidence from which a finding is put forward
 ABSORBED = 3  # parameters named at most
-CURVE = "a free curve"  # how the note about it begins, which the curve's own text says better
 
 
 def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
@@ -30,8 +29,10 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
             "where that has not been done, looks at what is left, and tries every effect that is known.</div>"
         )
-    said = [note for note in diagnosis.notes if diagnosis.free_curve is None or not note.startswith(CURVE)]
-    notes = "".join(f'<div class="fv-dim">{escape(note[:1].upper() + note[1:])}.</div>' for note in said)
+    said = [note for note in diagnosis.notes if diagnosis.free_curve is None or note.kind != "free-curve"]
+    notes = "".join(
+        f'<div class="fv-dim">{escape(note.text[:1].upper() + note.text[1:])}.</div>' for note in said
+    )
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: this is what was found until then.</div>'
     if not up_to_date:

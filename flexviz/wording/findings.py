@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from flexviz.effects import EFFECTS
 from flexviz.wording.numbers import NORMAL_95, number, plain_name, unit_text, with_error
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Absorbed, Diagnosis, Finding, Tie
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 ALONG = {
@@ -26,6 +24,84 @@ INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
 SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
 
 
+class FindingLike(Protocol):
+    """A candidate of a diagnosis or of a results document."""
+
+    @property
+    def effect(self) -> str: ...
+    @property
+    def joint(self) -> str | None: ...
+    @property
+    def payload(self) -> str | None: ...
+    @property
+    def group(self) -> str | None: ...
+    @property
+    def score(self) -> float: ...
+    @property
+    def confidence(self) -> float: ...
+    @property
+    def parameters(self) -> Mapping[str, ValueLike]: ...
+
+
+class ValueLike(Protocol):
+    """A value with its standard error."""
+
+    @property
+    def value(self) -> float: ...
+    @property
+    def std(self) -> float | None: ...
+    @property
+    def unit(self) -> str: ...
+
+
+class LocationLike(Protocol):
+    """Where a residual lives."""
+
+    @property
+    def joint(self) -> str: ...
+    @property
+    def variable(self) -> str: ...
+    @property
+    def explained(self) -> float | None: ...
+
+
+class VerdictLike(Protocol):
+    """A diagnosis or a results document."""
+
+    @property
+    def verdict(self) -> str | None: ...
+    @property
+    def findings(self) -> Sequence[FindingLike]: ...
+    @property
+    def where(self) -> Sequence[LocationLike]: ...
+
+
+class TieLike(Protocol):
+    """An effect that the data hardly tell from another."""
+
+    @property
+    def effect(self) -> str: ...
+    @property
+    def joint(self) -> str | None: ...
+    @property
+    def correlation(self) -> float: ...
+
+
+class AbsorbedLike(Protocol):
+    """A parameter that moved when an effect was added."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def joint(self) -> str | None: ...
+    @property
+    def before(self) -> float: ...
+    @property
+    def after(self) -> float: ...
+    @property
+    def unit(self) -> str: ...
+
+
 def effect_title(name: str) -> str:
     """The effect's plain_name; of one that is not in the library its name in words."""
     effect = EFFECTS.get(name)
@@ -38,7 +114,7 @@ def where_text(joint: str | None, payload: str | None = None, group: str | None 
     return text + (f" in group {group}" if group else "")
 
 
-def finding_name(finding: Finding) -> str:
+def finding_name(finding: FindingLike) -> str:
     """ "Coulomb friction on joint2"."""
     return effect_title(finding.effect) + where_text(finding.joint, finding.payload, finding.group)
 
@@ -59,9 +135,9 @@ def share_text(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def verdict_text(diagnosis: Diagnosis) -> str:
+def verdict_text(diagnosis: VerdictLike) -> str:
     """One sentence; begins with "Nothing is missing:", "Missing:" or "Unknown:"."""
-    beginning = BEGINNINGS.get(diagnosis.verdict, "Unknown:")
+    beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
     if diagnosis.verdict == "missing" and diagnosis.findings:
         best = diagnosis.findings[0]
         return (
@@ -72,25 +148,25 @@ def verdict_text(diagnosis: Diagnosis) -> str:
         return f"{beginning} an effect that could not be named."
     if diagnosis.verdict == "nothing-missing":
         return f"{beginning} no effect of the library would explain what is left; it looks like noise."
-    place = next((p for p in diagnosis.where if p.explained > SMALLEST_SHARE), None)
+    place = next((p for p in diagnosis.where if (p.explained or 0.0) > SMALLEST_SHARE), None)
     if place is None:
         return f"{beginning} something is left that no effect of the library explains."
     return (
         f"{beginning} something is left that no effect of the library explains, mostly on {place.joint} "
-        f"along {ALONG.get(place.variable, place.variable)} ({share_text(place.explained)} of it)."
+        f"along {ALONG.get(place.variable, place.variable)} ({share_text(place.explained or 0.0)} of it)."
     )
 
 
-def values_text(finding: Finding) -> str:
+def values_text(finding: FindingLike) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"; the interval is 95 %."""
     parts = []
-    for name, (value, std, unit) in finding.parameters.items():
-        shown, error = with_error(value, None if std is None else NORMAL_95 * std)
-        parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(unit)}".rstrip())
+    for name, found in finding.parameters.items():
+        shown, error = with_error(found.value, None if found.std is None else NORMAL_95 * found.std)
+        parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(found.unit)}".rstrip())
     return ", ".join(parts)
 
 
-def tie_text(tie: Tie) -> str:
+def tie_text(tie: TieLike) -> str:
     """What a finding cannot be told from, and what would decide."""
     other = effect_title(tie.effect) + where_text(tie.joint)
     text = f"Hardly told from {other} (signatures alike to {share_text(min(abs(tie.correlation), 1.0))})."
@@ -98,7 +174,7 @@ def tie_text(tie: Tie) -> str:
     return f"{text} {breaks}".strip()
 
 
-def absorbed_text(absorbed: Absorbed) -> str:
+def absorbed_text(absorbed: AbsorbedLike) -> str:
     """A parameter that had taken the effect up."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)

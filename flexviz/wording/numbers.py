@@ -5,6 +5,8 @@ from __future__ import annotations
 import html
 import math
 
+from flexviz.statistics import NORMAL_95 as NORMAL_95
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """A value with `digits` significant digits, without needless zeros: 1000, 0.01234, 3.2e-07, –."""
@@ -50,7 +52,6 @@ def plural(count: int, what: str) -> str:
     return f"{count} {what}" + ("" if count == 1 else "s")
 
 
-NORMAL_95 = 1.96  # standard errors in half a 95 % interval
 INERTIAL = ("mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 MARKS = {"yes": "●", "weak": "◐", "no": "○"}
 SYMBOLS = {

@@ -31,7 +31,7 @@ def summary(content: ReportContent) -> Section:
     if tiles:
         blocks.append(Tiles(tuple(tiles)))
     if diagnosis is not None and diagnosis.notes:
-        blocks += [Paragraph(_sentence(note, content.joints), quiet=True) for note in diagnosis.notes]
+        blocks += [Paragraph(_sentence(note.text, content.joints), quiet=True) for note in diagnosis.notes]
     return Section("Summary", tuple(blocks))
 
 

@@ -1,27 +1,21 @@
-"""An identification as readable tables."""
+"""Tables of a result, for a terminal or a page."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 from rich import box
 from rich.table import Table
 
+from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry
+from flexviz.statistics import NORMAL_95
 from flexviz.wording import number, with_error
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from flexviz.identification import Combination, Identification, ParameterEstimate, ResidualSummary
-
 WIDE = 110  # columns from which a table has room for what a parameter is tied to
-TWO_SIDED_95 = 1.96  # standard errors in half a 95 % interval
 
 
-def parameter_table(parameters: Iterable[ParameterEstimate], *, ties: bool = True) -> Table:
-    """One row a parameter; with `ties` also what it is tied to."""
+def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) -> Table:
+    """One row per parameter; with `ties` also what it is tied to."""
     table = plain_table(
         "parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable")
     )
@@ -41,13 +35,13 @@ def parameter_table(parameters: Iterable[ParameterEstimate], *, ties: bool = Tru
     return table
 
 
-def tied_lines(parameters: Iterable[ParameterEstimate]) -> list[str]:
+def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
     """What is tied to what, as lines of text for a narrow terminal."""
     tied = [p for p in parameters if p.tied_to]
     return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
 
 
-def combination_table(combinations: Iterable[Combination]) -> Table:
+def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
     """The inertial combinations that motion can show, which is what single inertial parameters hide."""
     table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
     for c in combinations:
@@ -56,7 +50,7 @@ def combination_table(combinations: Iterable[Combination]) -> Table:
     return table
 
 
-def residual_table(residual: ResidualSummary) -> Table:
+def residual_table(residual: ResidualEntry) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
     table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
     columns = (residual.rms, residual.rms_validation, residual.noise_floor)
@@ -65,30 +59,9 @@ def residual_table(residual: ResidualSummary) -> Table:
     return table
 
 
-def summary(result: Identification) -> list[str]:
-    """The run in a few lines of text."""
-    steps = max((iteration.number for iteration in result.iterations), default=0)
-    lines = [
-        f"{result.set_name}: {result.message}",
-        f"{steps} iterations in {result.seconds:.2f} s; observer {result.observer_name},"
-        f" {bandwidth_text(result.bandwidth)}",
-        f"fitted on {', '.join(result.groups)}"
-        + (f"; validated on {', '.join(result.validation_groups)}" if result.validation_groups else ""),
-    ]
-    if math.isfinite(result.condition_number):
-        lines.append(f"condition number {result.condition_number:.3g}")
-    return lines
-
-
-def bandwidth_text(bandwidth: float | Sequence[float] | np.ndarray) -> str:
-    """One number or one a joint, in rad/s."""
-    values = [bandwidth] if isinstance(bandwidth, int | float) else list(bandwidth)
-    return ", ".join(f"{float(value):.4g}" for value in values) + " rad/s"
-
-
 def interval(value: float, std: float | None) -> tuple[str, str]:
     """A value and half its 95 % interval, both to the digit where the latter has its second one."""
-    shown, half = with_error(value, None if std is None else TWO_SIDED_95 * std)
+    shown, half = with_error(value, None if std is None else NORMAL_95 * std)
     shown = _ascii(shown)
     return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
 

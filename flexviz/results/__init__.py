@@ -1,0 +1,39 @@
+"""Results: one document written and read, the words they are graded with, parameters by name."""
+
+from flexviz.results.document import ResultDocument, json_schema, note_entries
+from flexviz.results.entries import (
+    CandidateEntry,
+    EffectEntry,
+    GuardEntry,
+    ParameterEntry,
+    ValueEntry,
+)
+from flexviz.results.grades import Grade, Note, NoteKind, Verdict
+from flexviz.results.lookup import ParameterNotFound, find_parameter
+from flexviz.results.reading import read_result
+from flexviz.results.summary import bandwidth_text, parts, run_lines
+from flexviz.results.tables import WIDE, interval, plain_table
+
+__all__ = [
+    "WIDE",
+    "CandidateEntry",
+    "EffectEntry",
+    "Grade",
+    "GuardEntry",
+    "Note",
+    "NoteKind",
+    "ParameterEntry",
+    "ParameterNotFound",
+    "ResultDocument",
+    "ValueEntry",
+    "Verdict",
+    "bandwidth_text",
+    "find_parameter",
+    "interval",
+    "json_schema",
+    "note_entries",
+    "parts",
+    "plain_table",
+    "read_result",
+    "run_lines",
+]

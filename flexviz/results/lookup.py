@@ -1,0 +1,62 @@
+"""Parameters by name: `result["stiffness", "joint1"]`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, TypeVar
+
+from flexviz.errors import FlexvizError, choose_from
+
+
+class ParameterNotFound(FlexvizError, KeyError):
+    """A result has no parameter of that name and place."""
+
+    exit_code = 2
+
+
+class Placed(Protocol):
+    """What a parameter's name and place are read from."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def joint(self) -> str | None: ...
+    @property
+    def payload(self) -> str | None: ...
+    @property
+    def group(self) -> str | None: ...
+
+
+P = TypeVar("P", bound=Placed)
+
+
+def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -> P:
+    """The parameter of a name and a place, which is its joint, payload or group.
+
+    A name alone is enough where only one place has it; "stiffness:joint1" is understood as well.
+
+    Raises:
+        ParameterNotFound: with what was probably meant.
+    """
+    if isinstance(key, str):
+        name, _, rest = key.partition(":")
+        place: str | None = rest or None
+    else:
+        name, place = key
+    named = [p for p in parameters if p.name == name]
+    if not named:
+        names = dict.fromkeys(p.name for p in parameters)
+        raise ParameterNotFound(f'no parameter "{name}"; {choose_from(name, names, len(names))}')
+    found = [p for p in named if place in (p.joint, p.payload, p.group)] if place else named
+    if place is None and len(named) > 1:
+        found = [p for p in named if p.joint is None] if not isinstance(key, str) else []
+    if len(found) == 1:
+        return found[0]
+    places = [place_of(p) for p in named if place_of(p)]
+    asked = f'"{place}"' if place else "without a place"
+    raise ParameterNotFound(f'parameter "{name}" {asked}: {choose_from(place or "", places)}')
+
+
+def place_of(parameter: Placed) -> str:
+    """The joint, payload or group a parameter belongs to; empty where it belongs to none."""
+    return parameter.joint or parameter.payload or parameter.group or ""

@@ -1,0 +1,135 @@
+"""A result as text: tables and sentences for a terminal, a notebook and a log."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from flexviz.results.entries import AbsorbedEntry, CandidateEntry, PlaceEntry, ResultFields
+from flexviz.results.tables import (
+    WIDE,
+    combination_table,
+    interval,
+    parameter_table,
+    residual_table,
+    tied_lines,
+)
+from flexviz.wording import escape, unit_text, verdict_text
+
+SHOWN_ABSORBED = 3  # parameters named per added effect
+
+
+def text(result: ResultFields, width: int) -> str:
+    """The whole result, `width` columns wide."""
+    console = Console(file=io.StringIO(), width=width, markup=False, highlight=False, emoji=False)
+    for part in parts(result, width):
+        console.print(part, soft_wrap=isinstance(part, str))
+    return console.file.getvalue().rstrip("\n")  # type: ignore[attr-defined]
+
+
+def html(result: ResultFields) -> str:
+    """The whole result for a notebook."""
+    out = []
+    for part in parts(result, WIDE):
+        if isinstance(part, str):
+            out.append(f"<div>{escape(part)}</div>")
+            continue
+        head = "".join(f"<th>{escape(column.header)}</th>" for column in part.columns)
+        rows = zip(*(column.cells for column in part.columns), strict=True)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+        out.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
+    return "".join(out)
+
+
+def parts(result: ResultFields, width: int) -> list[Table | str]:
+    """Tables and lines of text in their order; narrow ones list ties below the table."""
+    if result.verdict is not None:
+        return list(diagnosis_lines(result))
+    wide = width >= WIDE
+    out: list[Table | str] = [parameter_table(result.all_parameters, ties=wide)]
+    out += [] if wide else tied_lines(result.all_parameters)
+    out.append(combination_table(result.base_parameters))
+    if result.residual is not None:
+        out.append(residual_table(result.residual))
+    return out + run_lines(result)
+
+
+def run_lines(result: ResultFields) -> list[str]:
+    """How an identification ran."""
+    lines = [f"{result.set}: {result.message}"]
+    if result.observer is not None and result.seconds is not None:
+        lines.append(
+            f"{result.iterations} iterations in {result.seconds:.2f} s; observer {result.observer.name}, "
+            + bandwidth_text(result.observer.bandwidth)
+        )
+    held_out = f"; validated on {', '.join(result.validation_groups)}" if result.validation_groups else ""
+    lines.append(f"fitted on {', '.join(result.groups or ())}{held_out}")
+    if result.condition_number is not None:
+        lines.append(f"condition number {result.condition_number:.3g}")
+    return lines
+
+
+def bandwidth_text(bandwidth: float | Sequence[float]) -> str:
+    """One number or one per joint, in rad/s."""
+    values = [bandwidth] if isinstance(bandwidth, int | float) else list(bandwidth)
+    return ", ".join(f"{value:.4g}" for value in values) + " rad/s"
+
+
+def diagnosis_lines(result: ResultFields) -> list[str]:
+    """Verdict, candidates, steps, notes."""
+    out = [verdict_text(result)]
+    for rank, candidate in enumerate(result.candidates, 1):
+        out.append(f"{rank:3d}. {described(candidate)}")
+        for tie in candidate.inseparable_from:
+            place = f" on {tie.joint}" if tie.joint else ""
+            out.append(f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})")
+            out += [f"     {tie.would_separate}"] if tie.would_separate else []
+    for step in result.steps:
+        label = "present model" if step.added is None else f"with {effect_text(step.added)}"
+        held_out = "" if step.rms_validation is None else f", held out {_numbers(step.rms_validation)} Nm"
+        out.append(f"{label}: rms {_numbers(step.rms)} Nm{held_out} → {step.verdict}")
+        if step.added is not None and step.added.absorbed:
+            moved = "; ".join(map(_moved, step.added.absorbed[:SHOWN_ABSORBED]))
+            out.append(f"     previously absorbed by {moved}")
+    if result.final_verdict == "unknown" and result.where:
+        place = result.where[0]
+        low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
+        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")
+    if result.steps and result.steps[-1].noise_floor:
+        out.append(f"noise floor: {_numbers(result.steps[-1].noise_floor)} Nm")
+    out += [f"note: {note}" for note in result.notes]
+    return [*out, "stopped; this is what was found so far"] if result.stopped else out
+
+
+def described(candidate: CandidateEntry) -> str:
+    """A candidate with its place and values."""
+    place = candidate.joint or candidate.payload or "the whole robot"
+    group = f" in group {candidate.group}" if candidate.group else ""
+    values = ", ".join(
+        f"{name} {' ± '.join(interval(v.value, v.std))} {unit_text(v.unit)}".rstrip()
+        for name, v in candidate.parameters.items()
+    )
+    return (
+        f"{candidate.effect} on {place}{group}: {values}; explains {100 * candidate.score:.0f} % of the "
+        f"held-out excess, confidence {candidate.confidence:.2f}"
+    )
+
+
+def effect_text(added: PlaceEntry) -> str:
+    """`coulomb_friction:joint1`, `external_contact:joint1@g2`"""
+    place = added.joint or added.payload
+    return added.effect + (f":{place}" if place else "") + (f"@{added.group}" if added.group else "")
+
+
+def _moved(absorbed: AbsorbedEntry) -> str:
+    place = f" of {absorbed.joint}" if absorbed.joint else ""
+    change = f"{absorbed.before:.4g} → {absorbed.after:.4g} {absorbed.unit}"
+    deviations = "" if absorbed.deviations is None else f", {absorbed.deviations:.0f} standard errors"
+    return f"{absorbed.name.replace('_', ' ')}{place} ({change}{deviations})"
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.4g}" for value in values)

@@ -1,0 +1,112 @@
+"""The results document: written, read, looked into; the results as a user meets them in Python."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.errors import FlexvizError, InputError
+from flexviz.files import as_json
+from flexviz.identification import Identification, identify
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+from flexviz.results import ParameterNotFound, ResultDocument, json_schema, read_result
+from tests.found import DIAGNOSIS, GUARD, MAPS
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="module")
+def result() -> Identification:
+    return identify(read_set(sessions_dir() / "planar-2r-demo"))
+
+
+def test_the_schema_in_the_docs_is_current() -> None:
+    assert (ROOT / "docs" / "results-schema.json").read_text(encoding="utf-8") == json_schema()
+
+
+def test_what_is_written_is_read_back(result: Identification, tmp_path: Path) -> None:
+    for found in (result, DIAGNOSIS, replace(DIAGNOSIS, guard=None, free_curve=None, maps=())):
+        file = tmp_path / "result.json"
+        file.write_text(as_json(found.to_dict()), encoding="utf-8")
+        again = read_result(file)
+        assert again == found.document() and again.to_dict() == found.to_dict()
+        assert again.summary() == found.summary()
+
+
+def test_a_diagnosis_holds_everything_that_was_found() -> None:
+    document = json.loads(as_json(DIAGNOSIS.to_dict()))
+    (tie,) = document["candidates"][0]["inseparable_from"]
+    assert tie["would_separate"].startswith("A payload twice as heavy")
+    assert (
+        document["guard"]["texts"] == list(GUARD.texts())
+        and not document["guard"]["parameters"][1]["trusted"]
+    )
+    assert document["free_curve"]["variable"] == "velocity" and len(document["maps"]) == len(MAPS)
+    assert document["maps"][0]["mean"][0][3] is None  # an empty bin
+    assert document["notes"] == [note["text"] for note in document["typed_notes"]]
+    assert document["typed_notes"][0]["kind"] == "unexplained"
+    assert document["model"]["parameters"][4]["std"] is None  # infinite
+    assert "steps" not in DIAGNOSIS.to_dict(steps=False)
+
+
+def test_results_are_compared_by_identity_and_can_be_hashed(result: Identification) -> None:
+    for one in (result, DIAGNOSIS, DIAGNOSIS.steps[0], DIAGNOSIS.findings[0], GUARD, MAPS[0]):
+        assert one == one and one != replace(one) and len({one, one}) == 1
+
+
+def test_repr_is_one_line(result: Identification) -> None:
+    assert repr(result).startswith("<Identification of planar-2r-demo: converged, ")
+    assert repr(DIAGNOSIS) == "<Diagnosis of small: missing, coulomb_friction:joint2>"
+    assert len(repr(result)) < 120
+
+
+def test_parameters_by_name(result: Identification) -> None:
+    found = result["stiffness", "joint1"]
+    assert found.value == result.model.stiffness[0] and result["stiffness:joint1"] is found
+    assert result.document()["stiffness", "joint1"].value == found.value
+    assert DIAGNOSIS["coulomb_friction.coulomb"].joint == "joint2"  # one place only
+
+
+@pytest.mark.parametrize(
+    "key, says",
+    [
+        (("stifness", "joint1"), 'no parameter "stifness"; did you mean "stiffness"'),
+        (("stiffness", "joint9"), 'parameter "stiffness" "joint9": did you mean "joint'),
+        ("stiffness", 'parameter "stiffness" without a place: valid: joint1, joint2'),
+    ],
+)
+def test_a_wrong_name_is_answered_with_a_suggestion(
+    result: Identification, key: str | tuple[str, str], says: str
+) -> None:
+    with pytest.raises(ParameterNotFound) as caught:
+        result[key]
+    assert says in str(caught.value)
+    assert isinstance(caught.value, KeyError) and isinstance(caught.value, FlexvizError)
+
+
+def test_the_summary_is_a_table(result: Identification) -> None:
+    text = result.summary()
+    row = next(
+        line for line in text.splitlines() if line.strip().startswith("stiffness") and "joint1" in line
+    )
+    assert "Nm/rad" in row and row.rstrip().endswith("yes")
+    assert "rms fit [Nm]" in text and "observer butterworth-zero-phase" in text
+    html = result._repr_html_()
+    assert html.count("<table>") == 3 and "<td>stiffness</td>" in html
+    assert "Missing: Coulomb friction on joint2." in DIAGNOSIS._repr_html_()
+
+
+def test_files_are_checked_strictly(tmp_path: Path) -> None:
+    document = DIAGNOSIS.to_dict()
+    document["verdict"] = "maybe"
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match="verdict"):
+        read_result(file)
+    assert ResultDocument.from_dict(DIAGNOSIS.to_dict() | {"added_later": 1}) == DIAGNOSIS.document()
+    assert np.isfinite(DIAGNOSIS.document().all_parameters[0].value)
