@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flexviz.effects import choose_effects
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.equation.link import LinkDynamics
-from flexviz.estimation.base_parameters import base_parameters
+from flexviz.estimation.base_inertials import base_parameters
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import make_observer

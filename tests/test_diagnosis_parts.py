@@ -20,8 +20,7 @@ from flexviz.diagnosis.search import NESTED, Search, Tried
 from flexviz.diagnosis.telling_apart import breaking
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation.projection import Projection
-from flexviz.estimation.scoring import Scored, explained
+from flexviz.estimation.score_test import Projection, Scored, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
 from flexviz.measurements import read_set

@@ -10,7 +10,7 @@ from flexviz.equation import Layout
 from flexviz.estimation.instrumental_variables import feasible_step
 from flexviz.estimation.least_squares import Bounds
 from flexviz.estimation.prior import Prior, physically_consistent
-from flexviz.estimation.scoring import allowed
+from flexviz.estimation.score_test import allowed
 from flexviz.robot import Robot
 
 DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are never negative

@@ -9,7 +9,7 @@ import pytest
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, OperatingPoint, build_signals
 from flexviz.errors import InputError
-from flexviz.estimation.noise_paths import noise_paths, signal_sensitivity
+from flexviz.estimation.noise_propagation import noise_paths, signal_sensitivity
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.estimation.whitening import noise_kernel, paths_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment

@@ -8,7 +8,7 @@ import pytest
 
 from flexviz.equation import Layout
 from flexviz.errors import InputError
-from flexviz.estimation.base_parameters import base_parameters
+from flexviz.estimation.base_inertials import base_parameters
 from flexviz.estimation.covariance import sandwich, score_covariance
 from flexviz.estimation.least_squares import Bounds, bounded_step
 from flexviz.estimation.weighted_point import outside_transients

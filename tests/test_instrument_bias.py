@@ -17,7 +17,7 @@ from flexviz.equation.link import LinkTerms
 from flexviz.estimation import instrument_bias
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.instrumental_variables import refine
-from flexviz.estimation.noise_paths import THETA, NoisePath, instrument_paths, noise_paths
+from flexviz.estimation.noise_propagation import THETA, NoisePath, instrument_paths, noise_paths
 from flexviz.estimation.two_band import TwoBandData
 from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener

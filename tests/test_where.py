@@ -19,7 +19,7 @@ from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
-from flexviz.estimation.noise_paths import NoisePath
+from flexviz.estimation.noise_propagation import NoisePath
 from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set

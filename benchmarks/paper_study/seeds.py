@@ -11,7 +11,7 @@ from benchmarks.paper_study.bound import covariance_bound, information, linearis
 from benchmarks.paper_study.methods import REFINED
 from benchmarks.paper_study.simulated import Study, pool, simulate_all, study
 from benchmarks.paper_study.truth import QUANTILE, Row, compare
-from flexviz.estimation.base_parameters import base_parameters
+from flexviz.estimation.base_inertials import base_parameters
 from flexviz.identification import identify
 
 Array = NDArray[np.float64]

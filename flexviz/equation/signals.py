@@ -14,6 +14,8 @@ from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
 
+LEAST_SAMPLES = 10  # of a segment without its transients
+
 
 @dataclass(frozen=True)
 class Block:
@@ -43,7 +45,6 @@ class Signals:
         time: shape (N,) [s], each group's own time.
         theta: shape (5, N, n) [rad/s^k].
         tau: shape (3, N, n) [Nm/s^k].
-        step: sampling step of the equation [s].
         observer: what made them.
         torque_hold: [s].
     """
@@ -54,7 +55,6 @@ class Signals:
     time: Array
     theta: Array
     tau: Array
-    step: float
     observer: Observer
     torque_hold: float
 
@@ -79,9 +79,11 @@ class Signals:
         return slice(first, first + block.rows.stop - block.rows.start)
 
 
-def equation_stride(segment: Segment, observer: Observer, sample_step: float) -> int:
-    """Raw samples per equation sample: `sample_step`, but at least eight samples a cycle of the bandwidth."""
-    if observer.zero_phase:
+def equation_stride(
+    segment: Segment, observer: Observer, sample_step: float, exact_step: bool = False
+) -> int:
+    """Raw samples per equation sample; unless exact, at least eight per cycle of the bandwidth."""
+    if observer.zero_phase and not exact_step:
         sample_step = min(sample_step, 2 * np.pi / (8 * float(np.max(observer.bandwidth))))
     return max(1, int(np.floor(sample_step / segment.step + 1e-6)))
 
@@ -108,32 +110,26 @@ def build_signals(
     Raises:
         InputError: when nothing is left after the transients.
     """
-    n = len(measurements.joints)
     start, end = observer.settling() if drop is None else drop
+    delay = measurements.torque_hold / 2
     blocks: list[Block] = []
-    parts = []
+    times, thetas, taus = [], [], []
     row = 0
-    strides: set[float] = set()
     for index, group in enumerate(groups):
         for segment in group.segments:
-            stride = (
-                max(1, int(sample_step / segment.step + 1e-6))
-                if exact_step
-                else equation_stride(segment, observer, sample_step)
-            )
-            strides.add(stride * segment.step)
+            stride = equation_stride(segment, observer, sample_step, exact_step)
             time = segment.time[::stride]
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
-            if np.count_nonzero(keep) < 10:
+            count = np.count_nonzero(keep)
+            if count < LEAST_SAMPLES:
                 continue
-            theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)[
-                :, keep
-            ]
-            delay = measurements.torque_hold / 2
-            tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)[:, keep]
-            parts.append((time[keep], theta, tau))
-            blocks.append(Block(index, slice(row, row + theta.shape[1]), segment, stride))
-            row += theta.shape[1]
+            theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)
+            tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)
+            times.append(time[keep])
+            thetas.append(theta[:, keep])
+            taus.append(tau[:, keep])
+            blocks.append(Block(index, slice(row, row + count), segment, stride))
+            row += count
     if not blocks:
         longest = max((s.time[-1] - s.time[0] for g in groups for s in g.segments), default=0.0)
         raise InputError(
@@ -141,11 +137,14 @@ def build_signals(
             f"{np.min(observer.bandwidth):g} rad/s needs {start + end:.3g} s to settle; "
             "take a higher bandwidth"
         )
-    payload = np.array([measurements.robot.payload_parameters(g.bodies) for g in groups]).reshape(-1, n, 10)
+    payload = [measurements.robot.payload_parameters(g.bodies) for g in groups]
     return Signals(
-        tuple(groups), payload, tuple(blocks),
-        np.concatenate([p[0] for p in parts]),
-        np.concatenate([p[1] for p in parts], axis=1),
-        np.concatenate([p[2] for p in parts], axis=1),
-        float(max(strides)), observer, measurements.torque_hold,
-    )  # fmt: skip
+        groups=tuple(groups),
+        payload=np.array(payload).reshape(-1, len(measurements.joints), 10),
+        blocks=tuple(blocks),
+        time=np.concatenate(times),
+        theta=np.concatenate(thetas, axis=1),
+        tau=np.concatenate(taus, axis=1),
+        observer=observer,
+        torque_hold=measurements.torque_hold,
+    )

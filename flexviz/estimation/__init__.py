@@ -1,17 +1,14 @@
 """Estimation core: noise model, two-band data, instrumental variables, covariance, prior and start values."""
 
-from flexviz.estimation.base_parameters import BaseParameters, base_parameters
-from flexviz.estimation.bounds import Bounds, bounded_step
+from flexviz.estimation.base_inertials import BaseParameters, base_parameters
 from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
-from flexviz.estimation.interval import best_intervals
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton
-from flexviz.estimation.linear_algebra import least_norm_solve
+from flexviz.estimation.linear_algebra import Bounds, bounded_step, least_norm_solve
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
-from flexviz.estimation.noise_paths import NoisePath, Transfer, noise_density, noise_paths
+from flexviz.estimation.noise_propagation import NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
-from flexviz.estimation.projection import Projection, Weigh
-from flexviz.estimation.scoring import Scored, explained, score
+from flexviz.estimation.score_test import Projection, Scored, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import TwoBandData, residual_noise

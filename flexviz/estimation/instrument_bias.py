@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.estimation.noise_paths import NoisePath
+from flexviz.estimation.noise_propagation import NoisePath
 from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.estimation.bounds import Bounds, bounded_step
 from flexviz.estimation.covariance import Covariance, sandwich
+from flexviz.estimation.linear_algebra import Bounds, bounded_step
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData

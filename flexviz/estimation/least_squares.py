@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, Evaluation, OperatingPoint
-from flexviz.estimation.bounds import Bounds, bounded_step
+from flexviz.estimation.linear_algebra import Bounds, bounded_step
 from flexviz.estimation.prior import Prior
 
 Array = NDArray[np.float64]

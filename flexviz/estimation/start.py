@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout, LinkDynamics, OperatingPoint, Signals
-from flexviz.estimation.bounds import Bounds
-from flexviz.estimation.linear_algebra import scaled_solve
+from flexviz.estimation.linear_algebra import Bounds, scaled_solve
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.measurements import MeasurementSet
 

@@ -23,9 +23,9 @@ from flexviz.equation import (
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
-from flexviz.estimation.noise_paths import NoisePath, instrument_paths, noise_paths, time_constants
-from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths, time_constants
 from flexviz.estimation.whitening import (
+    NoiseWeighting,
     Whitener,
     lagged_covariance,
     noise_kernel,

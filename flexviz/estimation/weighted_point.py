@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from flexviz.equation import Evaluation
 from flexviz.estimation.covariance import score_covariance
-from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
-from flexviz.estimation.whitening import Whitener
+from flexviz.estimation.whitening import NoiseWeighting, Whitener
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

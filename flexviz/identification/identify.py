@@ -21,7 +21,7 @@ from flexviz.estimation import (
     residual_noise,
 )
 from flexviz.estimation import refine as refine_fit
-from flexviz.identification.plain_fit import PlainFit, Reporter, plain_fit
+from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.thresholds import IDENTIFICATION
@@ -66,7 +66,7 @@ def identify(
     began = time.perf_counter()
     fitted, _ = measurements.select(groups)
     layout = _layout(measurements, fitted, tuple(effects))
-    report = Reporter(layout, progress, should_stop)
+    report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
         plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations)
         outcome = _plain_outcome(plain)
@@ -122,7 +122,7 @@ def _refined_outcome(
     groups: tuple[Group, ...],
     plain: PlainFit,
     outcome: _Outcome,
-    report: Reporter,
+    report: StepReporter,
 ) -> _Outcome:
     """The refinement's result; the plain one where it is stopped."""
     report.stage = "refine"
@@ -147,7 +147,7 @@ def _result(
     fitted: tuple[Group, ...],
     plain: PlainFit,
     outcome: _Outcome,
-    report: Reporter,
+    report: StepReporter,
 ) -> Identification:
     layout, prior, start = report.layout, plain.start.prior, plain.start.x
     x, cov, at_bound = outcome.x, outcome.covariance, outcome.at_bound

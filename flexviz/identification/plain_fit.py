@@ -32,7 +32,7 @@ STIFFNESS_FACTORS = (0.1, 10.0)  # further starts when the first fails
 
 
 @dataclass
-class Reporter:
+class StepReporter:
     """Numbers the solver's steps, keeps them, and stops the solver when asked to.
 
     Attributes:
@@ -109,7 +109,7 @@ def plain_fit(
     groups: tuple[Group, ...],
     observer: str,
     bandwidth: float | Sequence[float] | None,
-    report: Reporter,
+    report: StepReporter,
     max_iterations: int,
 ) -> PlainFit:
     """The fit with an observer; the zero-phase Butterworth's bandwidth is chosen by the residual."""
@@ -143,7 +143,7 @@ def _attempt(
     groups: tuple[Group, ...],
     observer: Observer,
     near: Array | None,
-    report: Reporter,
+    report: StepReporter,
     max_iterations: int,
 ) -> PlainFit:
     """From the start values or from `near`; where that fails, from other stiffnesses."""

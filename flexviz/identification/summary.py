@@ -1,8 +1,6 @@
-"""From a solution to what is reported: values, standard errors, what the data can and cannot show."""
+"""Parameter estimates of a solution: values, standard errors, and how far the data identify them."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +47,7 @@ def parameter_estimates(
     prior: Prior,
 ) -> tuple[ParameterEstimate, ...]:
     """All parameters in the order of the solver's vector, then the friction sums."""
-    n, cov, share = layout.n, covariance.matrix, covariance.prior_share
+    cov, share = covariance.matrix, covariance.prior_share
     values, begin = x.copy(), start.copy()
     values[layout.compliance] = 1 / x[layout.compliance]
     begin[layout.compliance] = 1 / start[layout.compliance]
@@ -62,6 +60,7 @@ def parameter_estimates(
     labels = layout.labels()
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = cov / np.sqrt(np.outer(variance, variance))
+    places = {k: effect for effect, where in layout.effect_slices() for k in range(where.start, where.stop)}
     out = []
     for k, (name, joint, unit) in enumerate(names):
         identifiable = grade(kinds[k], std[k], scales[k], share[k])
@@ -71,39 +70,36 @@ def parameter_estimates(
             row[k] = 0.0
             strongest = np.argsort(-row)[:4]
             tied = tuple(labels[i] for i in strongest if row[i] >= IDENTIFICATION.tied)
+        effect = places.get(k)
         out.append(
             ParameterEstimate(
-                name,
-                joint,
-                float(values[k]),
-                float(std[k]),
-                unit,
-                float(begin[k]),
-                identifiable,
-                tied,
-                bool(at_bound[k]),
+                name=name,
+                joint=joint,
+                value=float(values[k]),
+                std=float(std[k]),
+                unit=unit,
+                start=float(begin[k]),
+                identifiable=identifiable,
+                tied_to=tied,
+                at_bound=bool(at_bound[k]),
+                payload=effect.payload if effect else None,
+                group=effect.group if effect else None,
             )
         )
-    for effect, where in layout.effect_slices():
-        for k in range(where.start, where.stop):
-            out[k] = replace(out[k], payload=effect.payload, group=effect.group)
-    for j in range(n):
+    return (*out, *_friction_sums(layout, x, start, covariance))
+
+
+def _friction_sums(layout: Layout, x: Array, start: Array, covariance: Covariance) -> list[ParameterEstimate]:
+    """Viscous friction of both sides of each joint, which the data tell better than its parts."""
+    out = []
+    for j, joint in enumerate(layout.joints):
         pair = [layout.link_viscous.start + j, layout.motor_viscous.start + j]
         total = float(x[pair].sum())
-        deviation = float(np.sqrt(max(cov[np.ix_(pair, pair)].sum(), 0.0)))
-        verdict = grade("friction", deviation, max(total, 1e-12), float(min(share[pair])))
-        out.append(
-            ParameterEstimate(
-                "viscous_friction_sum",
-                layout.joints[j],
-                total,
-                deviation,
-                "Nm s/rad",
-                float(start[pair].sum()),
-                verdict,
-            )
-        )
-    return tuple(out)
+        std = float(np.sqrt(max(covariance.matrix[np.ix_(pair, pair)].sum(), 0.0)))
+        identifiable = grade("friction", std, max(total, 1e-12), float(min(covariance.prior_share[pair])))
+        name, unit, begin = "viscous_friction_sum", "Nm s/rad", float(start[pair].sum())
+        out.append(ParameterEstimate(name, joint, total, std, unit, begin, identifiable))
+    return out
 
 
 def _kinds_and_scales(layout: Layout, x: Array, values: Array, prior: Prior) -> tuple[list[str], Array]:

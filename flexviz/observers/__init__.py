@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 
 from flexviz.errors import InputError
-from flexviz.observers.base import Observer, ObserverStates, Samples
+from flexviz.observers.base import Observer, ObserverStates
 from flexviz.observers.eso import CausalEso, EqualDelayEso
-from flexviz.observers.flat import FlatZeroPhase
-from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, spectral_derivatives
+from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, FlatZeroPhase
 
 OBSERVERS: dict[str, type[Observer]] = {
     cls.name: cls for cls in (ButterworthZeroPhase, CausalEso, EqualDelayEso, EsoZeroPhase, FlatZeroPhase)
@@ -21,9 +20,7 @@ __all__ = [
     "FlatZeroPhase",
     "Observer",
     "ObserverStates",
-    "Samples",
     "make_observer",
-    "spectral_derivatives",
 ]
 
 

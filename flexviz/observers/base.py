@@ -1,4 +1,4 @@
-"""What every observer is: a linear filter that turns a sampled signal into its smoothed derivatives."""
+"""Base class of the observers: linear filters from a sampled signal to its smoothed derivatives."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -37,21 +37,6 @@ class ObserverStates:
     valid: NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
-class Samples:
-    """Derivatives of one segment at the (lower) rate at which the identification equation is evaluated.
-
-    Attributes:
-        time: shape (N,) [s].
-        theta: shape (5, N, n) [rad/s^k].
-        tau: shape (3, N, n) [Nm/s^k].
-    """
-
-    time: Array
-    theta: Array
-    tau: Array
-
-
 class Observer(ABC):
     """A linear time-invariant filter with transfer functions y → x̂_k, k = 0 … 4.
 
@@ -73,7 +58,7 @@ class Observer(ABC):
         if value.ndim != 1 or not np.all(np.isfinite(value)) or np.any(value < low) or np.any(value > high):
             raise InputError(
                 f"observer bandwidth {bandwidth!r} is not between {low:g} and {high:g} rad/s "
-                "(one number or one a joint)"
+                "(one number or one per joint)"
             )
         self._bandwidth = value
 
@@ -141,16 +126,6 @@ class Observer(ABC):
             disturbance=self.disturbance(segment.theta, segment.step),
             valid=self.valid(segment.time),
         )
-
-    def samples(self, segment: Segment, stride: int, torque_hold: float = 0.0) -> Samples:
-        """States at every stride-th sample (filtered first, then decimated), transients dropped."""
-        time = segment.time[::stride]
-        keep = self.valid(segment.time)[::stride]
-        theta = self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True, stride=stride)
-        tau = self.derivatives(
-            segment.tau, segment.step, TAU_DERIVATIVES, delay=torque_hold / 2, stride=stride
-        )
-        return Samples(time[keep], theta[:, keep], tau[:, keep])
 
     def valid(self, time: Array) -> NDArray[np.bool_]:
         """Samples outside the transients, shape (N,)."""

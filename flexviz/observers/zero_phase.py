@@ -6,6 +6,7 @@ everything. What the reflection gets wrong stays within the filter's memory, whi
 """
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,74 +17,46 @@ from flexviz.observers.base import Observer
 Array = NDArray[np.float64]
 
 
-def spectral_derivatives(
-    y: Array, step: float, gain, count: int, *, margin: float, delay: float = 0.0, stride: int = 1,
-    band: float | None = None, odd: bool = True,
-) -> Array:  # fmt: skip
-    """Derivatives 0 … count−1 of y after a zero-phase gain.
+class _Continued:
+    """A record continued by reflection about its trend, on a grid that may be decimated.
 
-    Args:
-        y: shape (N, m), uniformly sampled with `step` [s].
-        gain: function of ω [rad/s], shape (F,), to the real gain, shape (F,) or (F, m).
-        count: number of derivatives including the zeroth.
-        margin: length of the reflected continuation at each end [s].
-        delay: y is delayed by this [s].
-        stride: every stride-th sample is returned.
-        band: gain · ω⁴ is negligible above this [rad/s]; None where it never is.
-        odd: reflect oddly at the ends (positions), else evenly (torques).
-
-    Returns:
-        shape (count, ceil(N / stride), m).
+    Attributes:
+        trend: shape (N, m), what is subtracted before the reflection: a line for odd, the mean for even ones.
+        slope: shape (m,), its derivative.
+        length: samples of the decimated grid.
     """
-    samples, columns = y.shape
-    # Samples are picked from a finer grid that still holds everything the gain lets through: cutting a
-    # spectrum
-    # that ω⁴ has lifted would ring over the whole segment.
-    inner = 1
-    if band is not None:
-        inner = max(
-            d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band)
-        )
-    outer, stride = stride // inner, inner
-    # the continuation is a multiple of the stride so that the decimated grid meets the samples
-    pad = min(int(np.ceil(margin / step / stride)) * stride, (samples - 1) // stride * stride)
-    short = fft.next_fast_len(-(-(samples + 2 * pad) // stride), real=True)
-    total = short * stride
-    if odd:
-        slope = (y[-1] - y[0]) / max((samples - 1) * step, step)
-        trend = y[0] + slope * (step * np.arange(samples))[:, None]
-    else:
-        slope = np.zeros(columns)
-        trend = np.broadcast_to(y.mean(axis=0), y.shape)
 
-    padded = np.zeros((total, columns))
-    body = y - trend
-    padded[pad : pad + samples] = body
-    sign = -1.0 if odd else 1.0
-    padded[:pad] = sign * body[pad:0:-1]
-    padded[pad + samples : 2 * pad + samples] = sign * body[-2 : -pad - 2 : -1]
-    spectrum = fft.rfft(padded, axis=0)
-    kept = short // 2 + 1
-    omega = 2 * np.pi * np.arange(kept) / (total * step)
-    weight = np.asarray(gain(omega), float)
-    if weight.ndim == 1:
-        weight = weight[:, None]
-    filtered = spectrum[:kept] * weight / stride
-    if delay:
-        filtered = filtered * np.exp(-1j * omega * delay)[:, None]
-    if short % 2 == 0:
-        filtered[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
-    out = np.empty((count, -(-samples // (stride * outer)), columns))
-    first = pad // stride
-    picked = slice(first, first + (out.shape[1] - 1) * outer + 1, outer)
-    for k in range(count):
-        if k:
-            filtered = filtered * (1j * omega)[:, None]
-        out[k] = fft.irfft(filtered, short, axis=0)[picked]
-    out[0] += trend[:: stride * outer] - slope * delay
-    if count > 1:
-        out[1] += slope
-    return out
+    def __init__(self, y: Array, step: float, margin: float, decimation: int, odd: bool) -> None:
+        count, columns = y.shape
+        # the continuation is a multiple of the decimation so that the decimated grid meets the samples
+        wanted = int(np.ceil(margin / step / decimation)) * decimation
+        pad = min(wanted, (count - 1) // decimation * decimation)
+        self._step, self._decimation, self._pad = step, decimation, pad
+        self.length = fft.next_fast_len(-(-(count + 2 * pad) // decimation), real=True)
+        if odd:
+            self.slope = (y[-1] - y[0]) / max((count - 1) * step, step)
+            self.trend = y[0] + self.slope * (step * np.arange(count))[:, None]
+        else:
+            self.slope = np.zeros(columns)
+            self.trend = np.broadcast_to(y.mean(axis=0), y.shape)
+        body, sign = y - self.trend, -1.0 if odd else 1.0
+        self._values = np.zeros((self.length * decimation, columns))
+        self._values[pad : pad + count] = body
+        self._values[:pad] = sign * body[pad:0:-1]
+        self._values[pad + count : 2 * pad + count] = sign * body[-2 : -pad - 2 : -1]
+
+    def spectrum(self) -> tuple[Array, NDArray[np.complex128]]:
+        """ω [rad/s], shape (F,), up to the decimated Nyquist rate, and the transform there, shape (F, m)."""
+        kept = self.length // 2 + 1
+        omega = 2 * np.pi * np.arange(kept) / (len(self._values) * self._step)
+        return omega, fft.rfft(self._values, axis=0)[:kept]
+
+    def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
+        """Every stride-th sample of the record itself, from a spectrum like `spectrum`'s."""
+        first, outer = self._pad // self._decimation, stride // self._decimation
+        count = -(-len(self.trend) // stride)
+        picked = slice(first, first + (count - 1) * outer + 1, outer)
+        return fft.irfft(spectrum, self.length, axis=0)[picked]
 
 
 class ZeroPhaseObserver(Observer):
@@ -115,18 +88,31 @@ class ZeroPhaseObserver(Observer):
         delay: float = 0.0,
         stride: int = 1,
     ) -> Array:
+        # Samples are picked from a finer grid that still holds everything the gain lets through: cutting a
+        # spectrum that ω⁴ has lifted would ring over the whole segment.
+        inner, band = 1, self.cutoff()
+        if band is not None:
+            wide = (
+                d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band)
+            )
+            inner = max(wide)
+        continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
         bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
-        return spectral_derivatives(
-            y,
-            step,
-            lambda omega: self.gain(omega, bandwidth),
-            count,
-            margin=3 * self.memory(),
-            delay=delay,
-            stride=stride,
-            band=self.cutoff(),
-            odd=position,
-        )
+        omega, spectrum = continued.spectrum()
+        filtered = spectrum * self.gain(omega, bandwidth) / inner
+        if delay:
+            filtered = filtered * np.exp(-1j * omega * delay)[:, None]
+        if continued.length % 2 == 0:
+            filtered[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
+        out = np.empty((count, -(-len(y) // stride), y.shape[1]))
+        for k in range(count):
+            if k:
+                filtered = filtered * (1j * omega)[:, None]
+            out[k] = continued.samples(filtered, stride)
+        out[0] += continued.trend[::stride] - continued.slope * delay
+        if count > 1:
+            out[1] += continued.slope
+        return out
 
     def cutoff(self) -> float | None:
         """Frequency above which the gain times ω⁴ is negligible [rad/s]; None when it never is."""
@@ -167,3 +153,29 @@ class EsoZeroPhase(ZeroPhaseObserver):
 
     def memory(self) -> float:
         return 18.0 / float(self._bandwidth.min())
+
+
+class FlatZeroPhase(ZeroPhaseObserver):
+    """Gain 1 up to w, a smooth (infinitely differentiable) transition, 0 from 1.8 w.
+
+    Products of filtered signals are not the filtered products: with a Butterworth gain at 15 Hz, the droop of
+    6e-4 at 6 Hz leaves a residual far above the noise of a good encoder. A gain that is exactly one where the
+    robot moves leaves none.
+    """
+
+    name = "flat-zero-phase"
+    title = "Flat band, zero phase"
+    default_bandwidth = 2 * np.pi * 14.0
+    ratio: ClassVar[float] = 1.8
+
+    def gain(self, omega: Array, bandwidth: Array) -> Array:
+        place = (omega[:, None] - bandwidth) / ((self.ratio - 1) * bandwidth)
+        u = np.clip(place, 1e-3, 1 - 1e-3)  # beyond, the step differs from 0 and 1 by less than e⁻⁹⁹⁸
+        rise = 1.0 / (1.0 + np.exp(np.clip(1 / (1 - u) - 1 / u, -500, 500)))
+        return np.where(place <= 0, 1.0, np.where(place >= 1, 0.0, rise))
+
+    def cutoff(self) -> float:
+        return self.ratio * float(self._bandwidth.max())
+
+    def memory(self) -> float:
+        return 50.0 / float(self._bandwidth.min())
