@@ -6,6 +6,7 @@ One TOML file per robot in `robots/`; lists have one value per joint, in the ord
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,5 +53,5 @@ def load_settings(name: str) -> RobotSettings:
         raise InputError(f'settings "{name}" do not exist; {choose_from(name, SETTINGS)}')
     table = toml.read(robots_dir() / f"{name}.toml")
     joints = tuple(table.pop("joints"))
-    values = {key: np.array(x) if isinstance(x, list) else x for key, x in table.items()}
+    values: dict[str, Any] = {key: np.array(x) if isinstance(x, list) else x for key, x in table.items()}
     return RobotSettings(name=name, joints=joints, **values)

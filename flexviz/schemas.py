@@ -74,6 +74,9 @@ def input_error(error: ValidationError, data: dict[str, Any], file: Path, model:
         expected = context.get("min_length", context.get("max_length"))
         at_least = "at least " if len(location) == 1 else ""
         message = f"{context.get('actual_length')} values, expected {at_least}{expected}"
+    elif kind == "literal_error":
+        expected = context["expected"].replace("'", '"')
+        message = f"found {found}, expected {expected}"
     elif kind in _EXPECTED:
         message = f"found {found}, expected {_EXPECTED[kind]}"
     elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):

@@ -52,10 +52,6 @@ class Trace:
         beyond = LIMITS.continued_steps * self.step
         return float(self.time[0]) - beyond, float(self.time[-1]) + beyond
 
-    def shares_instants(self, other: Trace) -> bool:
-        """Whether both have the same instants."""
-        return self.time is other.time or np.array_equal(self.time, other.time)
-
     def at(self, wanted: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """Values at `wanted` (M,) [s], where the trace covers them, and where they lie in a gap of it.
 
@@ -174,18 +170,9 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
         values |= {key: column} if column is not None else {}
     time = time[keep]
     columns = {name: together(values, mapping.names, name, keep) for name in SIGNALS}
-    if columns["theta"] is None or columns["tau"] is None:
-        raise InputError("a group needs θ and τ", file=file)
     zero = float(time[0])
-    trajectory = entry.trajectory or entry.group
-    table = GroupTable(
-        entry.group,
-        trajectory,
-        entry.payload,
-        time - zero,
-        validation=entry.validation,
-        **columns,  # type: ignore[arg-type]
-    )
+    names = entry.group, entry.trajectory or entry.group, entry.payload
+    table = GroupTable(*names, time - zero, validation=entry.validation, **columns)  # type: ignore[arg-type]
     return AssembledGroup(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
 
 
@@ -205,7 +192,7 @@ def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
 
 def needed(trace: Trace, time: Array, base: Trace, notes: list[str]) -> tuple[Array, NDArray[np.bool_]]:
     """A column that identification needs at `time` (N,), and where it has values."""
-    if trace.shares_instants(base):
+    if np.array_equal(trace.time, base.time):
         return trace.values[np.searchsorted(base.time, time)], np.ones(len(time), dtype=bool)
     values, covered, gap = trace.at(time)
     if trace.clock == base.clock:

@@ -177,7 +177,7 @@ def nearest(column: str, times: Sequence[str]) -> str:
 
 def guess_unit(table: LogTable, name: str) -> tuple[str, str]:
     """Unit of a time column, and why."""
-    step = median_step(table.columns[name])
+    step = float(np.median(np.diff(finite(table.columns[name]))))
     stated = table.units.get(name) or unit_in(name)
     if stated in TIME:
         return str(stated), f"step {step * TIME[str(stated)]:.4g} s; the unit is stated"
@@ -186,11 +186,6 @@ def guess_unit(table: LogTable, name: str) -> tuple[str, str]:
             if bounds[0] <= step * size <= bounds[1]:
                 return unit, f"step {step * size:.4g} s, if the unit is right"
     return "s", f"step {step:.4g}: is the unit s?"
-
-
-def median_step(values: Array) -> float:
-    """The median difference of two rows."""
-    return float(np.median(np.diff(finite(values))))
 
 
 def finite(values: Array) -> Array:

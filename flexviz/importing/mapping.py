@@ -7,7 +7,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -21,18 +21,6 @@ from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, fi
 FORMAT = 1
 NEEDED = ("theta", "tau")
 SIGNALS = (*NEEDED, *OPTIONAL_SIGNALS)
-
-
-def _one_of(*valid: str | int) -> Any:
-    """One of a few words or numbers."""
-
-    def check(value: Any) -> Any:
-        if value not in valid or type(value) is not type(valid[0]):
-            meant = choose_from(str(value), map(str, valid))
-            raise PydanticCustomError("choice", "{meant}", {"meant": meant})
-        return value
-
-    return BeforeValidator(check)
 
 
 def _unit(*units: str) -> Any:
@@ -52,8 +40,8 @@ class SignalColumn(StrictTable):
     """The column of a signal and its conversion to SI; `"name"` is short for `{ from = "name" }`."""
 
     column: Text = Field(alias="from")
-    side: Annotated[str, _one_of("joint", "motor")] = "joint"
-    sign: Annotated[int, _one_of(1, -1)] = 1
+    side: Literal["joint", "motor"] = "joint"
+    sign: Literal[1, -1] = 1
     offset: Number = 0.0  # [rad] or [Nm] at the joint side, added last
     time: Text | None = None  # its own time column, where it is not the usual one
 
@@ -93,9 +81,7 @@ class TimeColumn(StrictTable):
     column: Text | None = None
     unit: Annotated[str | float, _unit(*TIME)] = "s"
     step: Positive | None = None  # [s] for tables without such a column
-    clock: Annotated[str, _one_of("header", "log")] = (
-        "header"  # bags: the messages' own time, or that of recording
-    )
+    clock: Literal["header", "log"] = "header"  # bags: the messages' own time, or that of recording
     shift: dict[str, Number] = Field(default_factory=dict)  # topic or time column -> [s] added to its times
 
 

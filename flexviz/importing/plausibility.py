@@ -6,7 +6,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from flexviz.importing.assembling import AssembledGroup
 from flexviz.importing.cross_checks import check_optional_columns
@@ -15,7 +14,7 @@ from flexviz.importing.mapping import LogEntry, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_checks import check_torques
 from flexviz.importing.torque_model import TorqueModel
-from flexviz.measurements import GroupTable, MeasurementSet, read_payloads
+from flexviz.measurements import GroupTable, MeasurementSet, body_entry, read_payloads
 from flexviz.robot import PayloadBody, Robot
 
 log = logging.getLogger(__name__)
@@ -105,12 +104,8 @@ def issues_of_set(measurements: MeasurementSet, **keys: object) -> list[Issue]:
 
 def mapping_of(measurements: MeasurementSet, **keys: object) -> Mapping:
     """A mapping that takes the set's columns unchanged, with these keys on every joint."""
-    payloads: dict[str, Any] = {}
-    for name, bodies in measurements.payloads.items():
-        entries = [
-            {"link": b.link, "mass": b.mass, "com": list(b.com), "inertia": list(b.inertia)} for b in bodies
-        ]
-        payloads[name] = {"bodies": entries}
+    payloads = measurements.payloads.items()
+    bodies = {name: {"bodies": [body_entry(body) for body in payload]} for name, payload in payloads}
     joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
     logs = [{"file": "a", "group": "a"}]
-    return parse({"robot": "x", "payloads": payloads, "logs": logs, "joints": joints}, Path("mapping"))
+    return parse({"robot": "x", "payloads": bodies, "logs": logs, "joints": joints}, Path("mapping"))

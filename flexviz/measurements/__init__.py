@@ -8,7 +8,7 @@ from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader
 from flexviz.measurements.segments import GAP, POINTS, interpolate
 from flexviz.measurements.unit_checks import SampledMotion, sample_motion, wrong_time_unit
-from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
+from flexviz.measurements.writing import SUFFIXES, GroupTable, body_entry, check_free, write_set
 
 __all__ = [
     "FILE_NAME",
@@ -25,6 +25,7 @@ __all__ = [
     "SampledMotion",
     "Segment",
     "SetHeader",
+    "body_entry",
     "check_free",
     "fingerprint",
     "interpolate",

@@ -13,6 +13,7 @@ from flexviz.importing.formats.delimited import DELIMITED
 from flexviz.importing.formats.lerobot import LEROBOT
 from flexviz.importing.formats.matlab import MATLAB
 from flexviz.importing.formats.parquet import PARQUET
+from flexviz.progress import Progress
 
 FORMATS: tuple[LogFormat, ...] = (BAG, DELIMITED, PARQUET, MATLAB, LEROBOT)
 KNOWN = ", ".join(known.title for known in FORMATS)
@@ -28,7 +29,10 @@ class LogSource:
 
 def open_log(path: Path, options: ReadOptions) -> Log:
     """Read a log; InputError for whatever cannot be read."""
-    return format_of(path).read(path, options)
+    known = format_of(path)
+    episode = "" if options.episode is None else f", episode {options.episode}"
+    options.progress(Progress(f"reading {path.name}{episode}", 0.0))
+    return known.read(path, options)
 
 
 def format_of(path: Path) -> LogFormat:

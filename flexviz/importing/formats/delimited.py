@@ -15,7 +15,6 @@ from flexviz.errors import InputError
 from flexviz.importing.column_names import known_unit
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
 from flexviz.importing.formats.parquet import columns_of, is_number
-from flexviz.progress import Progress
 
 HEAD = 1 << 16  # [bytes] from which the layout is found
 EMPTY = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "-"]
@@ -43,7 +42,6 @@ class CsvLayout:
 
 def read_delimited(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a CSV file."""
-    options.progress(Progress(f"reading {path.name}", 0.0))
     with readable(path, "CSV table"):
         with path.open("rb") as stream:
             layout = find_layout(stream.read(HEAD), path)

@@ -17,7 +17,6 @@ import pyarrow.parquet as papq
 from flexviz.errors import InputError
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
 from flexviz.importing.formats.parquet import columns_of, holds_numbers
-from flexviz.progress import Progress
 
 INFO = Path("meta") / "info.json"
 TIME = "time"  # the column made from frame_index and fps
@@ -63,7 +62,6 @@ def read_episode(folder: Path, options: ReadOptions) -> Log:
     if episode is None:
         last = episodes_of(folder)[-1]
         raise InputError(f"which episode? expected episode = 0 … {last}", file=folder)
-    options.progress(Progress(f"reading {folder.name}, episode {episode}", 0.0))
     frames = read_frames(folder, episode, options)
     options.check_stop()
     if frames.num_rows < SHORTEST:
@@ -72,7 +70,7 @@ def read_episode(folder: Path, options: ReadOptions) -> Log:
     columns, units, unusable = columns_of(frames, entry_names(info))
     notes = []
     fps = float(info["fps"])
-    number = columns.get("frame_index", np.arange(frames.num_rows))
+    number = columns["frame_index"] if "frame_index" in columns else np.arange(frames.num_rows)
     time = (number - number[0]) / fps
     if "timestamp" in columns:
         stamp = np.asarray(columns.pop("timestamp"), dtype=float)

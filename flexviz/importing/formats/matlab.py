@@ -24,7 +24,6 @@ from flexviz.importing.formats.base import (
     readable,
 )
 from flexviz.measurements import Array
-from flexviz.progress import Progress
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 DEEPEST = 8  # structs in structs
@@ -33,7 +32,6 @@ MOST_SIGNALS = 200  # a matrix with more columns and more rows holds no signals
 
 def read_mat(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a .mat file."""
-    options.progress(Progress(f"reading {path.name}", 0.0))
     with path.open("rb") as stream:
         head = stream.read(1024)
     if HDF5 in head or head.startswith(b"MATLAB 7.3"):

@@ -20,12 +20,10 @@ from flexviz.importing.formats.base import (
     readable,
 )
 from flexviz.measurements import Array
-from flexviz.progress import Progress
 
 
 def read_parquet(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a Parquet table."""
-    options.progress(Progress(f"reading {path.name}", 0.0))
     with readable(path, "Parquet table"):
         schema = papq.read_schema(path)
         every = [field.name for field in schema if holds_numbers(field.type)]
