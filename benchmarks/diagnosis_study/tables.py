@@ -115,14 +115,14 @@ def sizes(outcomes: Sequence[Outcome], robots: Sequence[str]) -> Table:
     """Smallest size found at 90 %, by effect and noise, beside what the truth-knowing fit could decide."""
     head = ["effect", "size", *(f"noise {noise:g}" for noise in NOISES), "relative to", "limit at noise 1"]
     rows = [head]
-    for name, (parameter, _, _) in SIZES.items():  # an effect without cases is left out
+    for name, size in SIZES.items():  # an effect without cases is left out
         here = [
             (c, t) for c, t in outcomes
             if c.kind in ("single", "limit") and c.robot in robots and c.truth[0]["effect"] == name
         ]  # fmt: skip
         if not here:
             continue
-        unit = EFFECTS[name].units[parameter]
+        unit = EFFECTS[name].units[size.parameter]
         cells, pairs = [], []
         for noise in NOISES:
             data = []
@@ -140,7 +140,7 @@ def sizes(outcomes: Sequence[Outcome], robots: Sequence[str]) -> Table:
                 cells.append(f"{got.size:.2g} {unit} = {got.relative:.2g} ({got.count})".replace(" - ", " "))
         to = "rms torque" if name in st.TORQUES else "natural size"
         least = st.limit(list(dict.fromkeys(pairs)), DECIDABLE)
-        rows.append([name, parameter, *cells, to, f"{least:.2g}" if least == least else "–"])
+        rows.append([name, size.parameter, *cells, to, f"{least:.2g}" if least == least else "–"])
     return rows
 
 

@@ -25,7 +25,7 @@ from flexviz.effects.terms import (
 
 @dataclass(frozen=True)
 class EffectEvidence:
-    """What a fit shows about an effect beside its parameters.
+    """What a fit shows about an effect besides its parameters.
 
     Attributes:
         torque: shape (N,), transmission torque of the effect's joint [Nm].
@@ -40,7 +40,7 @@ class EffectEvidence:
 
 @dataclass(frozen=True)
 class JointScale:
-    """How hard a joint works in a motion: what the size of an effect on it is measured by.
+    """How hard a joint works in a motion: the yardstick of an effect's size.
 
     Attributes:
         torque, speed, deflection: rms [Nm], [rad/s], [rad].
@@ -96,7 +96,7 @@ class Effect(ABC):
         replaces: an effect that it refines and therefore replaces on its joint.
         twins: effects that the same data usually cannot tell from it.
         hidden_state: its state is seen by no encoder, so a good fit leaves larger traces of it.
-        damps_deflection: it low-passes the way from joint torque to deflection, for sensor noise too.
+        damps_deflection: it low-passes the path from joint torque to deflection, for sensor noise too.
         flexible: it can imitate unknown position effects (ripples of free order).
         relative: u is proportional to `motion.motor_viscous`, so that it moves with f_mv, too.
         memory: u depends on the time before the record.

@@ -69,7 +69,7 @@ def make_plant(
 
 
 def is_simulated(name: str) -> bool:
-    """Whether the simulator knows the effect: one of its own laws, or a user-defined effect that has one."""
+    """Whether the simulator has a law for the effect, its own or that of a user-defined effect."""
     return name in LAWS or (name in EFFECTS and EFFECTS[name].simulation(EFFECTS[name].sizes()) is not None)
 
 

@@ -1,4 +1,4 @@
-"""A plan for any robot of which there is only a URDF: everything else in proportion to its inertia."""
+"""A plan for a robot known only by its URDF: everything else is proportional to its inertia."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from flexviz.simulation.resimulating import inertia_along, position_gains, propo
 from flexviz.simulation.sensors import Sensors
 
 DURATION = 12.0  # [s] of each group
-REACH = 1.0  # [rad] or [m] that a joint moves at most to either side of its middle
-WIDE = 20.0  # limits farther apart than this are none
+LARGEST_REACH = 1.0  # [rad] or [m] that a joint moves at most to either side of its middle
+WIDEST_RANGE = 20.0  # limits farther apart than this are none
 CYCLE = 0.00025  # [s] of the controller
-QUIET = 2e-5  # [rad] standard deviation of the encoders' noise
+THETA_NOISE = 2e-5  # [rad] standard deviation of the encoders' noise
 PAYLOAD_SHARES = (0.05, 0.1)  # of the arm's mass
 SEEDS = (31, 32, 33, 34)  # of the trajectories
 
@@ -30,8 +30,8 @@ SEEDS = (31, 32, 33, 34)  # of the trajectories
 def plan_from_urdf(urdf: str | Path) -> Plan:
     """Four groups with three payloads on smooth random motions within the URDF's limits.
 
-    Stiffness, motor inertia, friction and controller are values in proportion to the robot's inertia: those
-    of no real robot, but of its size. The URDF and the meshes in its folder become files of the set.
+    Stiffness, motor inertia, friction and controller are plausible for the robot's size, proportional to its
+    inertia, but those of no real robot. The URDF and the meshes in its folder become files of the set.
 
     Raises:
         InputError: the URDF cannot be used, has no inertia, or a joint has no room to move.
@@ -59,7 +59,7 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
         payloads=payloads(robot, mass),
         groups=four_groups(motions, DURATION, validation_payload="p2"),
         controller=PDController(kp, kd, CYCLE),
-        sensors=Sensors(np.full(robot.n, QUIET), 0.02 * torque),
+        sensors=Sensors(np.full(robot.n, THETA_NOISE), 0.02 * torque),
         initial_stiffness=rough(stiffness, 0.3, rng),
         initial_motor_inertia=rough(motor_inertia, 0.3, rng),
         note="in proportion to the URDF's inertia; no real robot has these values",
@@ -69,15 +69,15 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
 
 
 def room(robot: Robot) -> tuple[Array, Array]:
-    """(n,) middle of each joint's motion, and how far it goes to either side [rad]."""
+    """Middle of each joint's motion and its reach to either side, (n,) each [rad]."""
     low, high = np.asarray(robot.lower_limit), np.asarray(robot.upper_limit)
-    free = ~np.isfinite(high - low) | (high - low > WIDE)
+    free = ~np.isfinite(high - low) | (high - low > WIDEST_RANGE)
     middle = np.where(free, 0.0, 0.5 * (low + high))
-    reach = np.where(free, REACH, np.minimum(0.4 * (high - low), REACH))
+    reach = np.where(free, LARGEST_REACH, np.minimum(0.4 * (high - low), LARGEST_REACH))
     for joint, far in zip(robot.joints, reach, strict=True):
         if far < 0.05:
             raise InputError(
-                f'joint "{joint}" has no room to move; limits that are apart would be right',
+                f'joint "{joint}" has no room to move, expected limits that are apart',
                 file=robot.urdf_path,
             )
     return middle, reach
@@ -89,7 +89,7 @@ def sampled(motion: Fourier) -> Array:
 
 
 def payloads(robot: Robot, mass: float) -> dict[str, tuple[PayloadBody, ...]]:
-    """No payload, and two balls on the arm's last link, `PAYLOAD_SHARES` of `mass` [kg]."""
+    """No payload, and two balls on the last link with `PAYLOAD_SHARES` of the arm's `mass` [kg]."""
     last = max(range(robot.n), key=lambda joint: int(robot.order[joint]))
     link = next(name for name in robot.links if robot.joint_of_link(name) == last)
     found: dict[str, tuple[PayloadBody, ...]] = {"p1": ()}
@@ -102,7 +102,7 @@ def payloads(robot: Robot, mass: float) -> dict[str, tuple[PayloadBody, ...]]:
 
 
 def meshes(robot: Robot, path: Path) -> dict[str, Path]:
-    """The meshes that lie in the URDF's own folder, by their place in it; others stay where they are."""
+    """The meshes in the URDF's folder, by their path in it; others are referenced where they are."""
     found: dict[str, Path] = {}
     for name in mesh_names(robot.urdf):
         try:

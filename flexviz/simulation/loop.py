@@ -16,8 +16,8 @@ from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
 
-EVERY = 1024  # cycles between two looks at progress and should_stop
-LARGEST = 1e12  # [Nm] a torque beyond is a simulation that has diverged
+PROGRESS_CYCLES = 1024  # cycles between two looks at progress and should_stop
+LARGEST_TORQUE = 1e12  # [Nm] a torque beyond is a simulation that has diverged
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Loop:
                     source = k - back
                     applied = np.where(source >= 0, torques[np.maximum(source, 0), columns], before)
                     advance(applied * gain, now + offset, length, count)
-            if k % EVERY == 0:
+            if k % PROGRESS_CYCLES == 0:
                 _check(tau, now)
                 if should_stop is not None and should_stop():
                     raise Cancelled("the simulation was stopped")
@@ -120,5 +120,5 @@ class Loop:
 
 
 def _check(tau: Array, now: float) -> None:
-    if not np.isfinite(tau).all() or np.abs(tau).max() > LARGEST:
+    if not np.isfinite(tau).all() or np.abs(tau).max() > LARGEST_TORQUE:
         raise ConvergenceError(f"the simulation diverged at {now:.3f} s")

@@ -1,4 +1,4 @@
-"""What is to be simulated: a robot, its true parameters, payloads, groups, controller and sensors."""
+"""A measurement set before its simulation: robot, true parameters, payloads, groups, controller, sensors."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Plan:
         extra: also write link positions and joint torques.
         note: where the true values come from, for truth.json.
         files: further files of the set: name -> text, or the path of a file to copy.
-        laws: (joint, law) of what the library does not have; truth.json does not tell of them.
+        laws: (joint, law) beside the library's; truth.json does not mention them.
     """
 
     name: str

@@ -62,9 +62,9 @@ class Plant:
     def pulls(
         self, time: float, y: list[float], carried: Sequence[float] | Array
     ) -> list[tuple[int, int, Pull]]:
-        """Joint, place of its states and torques of each law of one's own, at the state `y` (4n + …).
+        """Joint, index of its states, and torques of each extra law at the state `y` (4n + …).
 
-        `carried` (n,) is what the joints carry by the library's laws [Nm].
+        `carried` (n,) is the joint torque by the library's laws [Nm].
         """
         n, out = self.n, []
         at = 4 * n + len(self.presliding)

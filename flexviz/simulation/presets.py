@@ -159,7 +159,7 @@ def panda() -> Plan:
 def perturbed(inertial: Array, share: float, rng: np.random.Generator) -> Array:
     """Inertial parameters (n, 10) of bodies whose mass, centre and inertia are `share` away from `inertial`.
 
-    Masses and inertias are scaled, centres of mass moved along themselves, so the bodies stay possible ones.
+    Masses and inertias are scaled, centres of mass moved radially, so the bodies stay physically consistent.
     """
     new = np.array(inertial, dtype=float)
     for row in new:

@@ -10,8 +10,8 @@ import numpy as np
 from flexviz._pinocchio import pin
 from flexviz.simulation.plant import Array, Plant
 
-OSCILLATION = 0.3  # [rad] largest phase of the fastest vibration in one step
-DECAY = 1.8  # [-] largest step times the fastest decay rate
+LARGEST_PHASE = 0.3  # [rad] largest phase of the fastest vibration in one step
+LARGEST_DECAY = 1.8  # [-] largest step times the fastest decay rate
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class FastestMotion:
     @property
     def longest_step(self) -> float:
         """The longest integration step that resolves both [s]."""
-        return min(OSCILLATION / max(self.vibration, 1e-9), DECAY / max(self.decay, 1e-9))
+        return min(LARGEST_PHASE / max(self.vibration, 1e-9), LARGEST_DECAY / max(self.decay, 1e-9))
 
 
 def fastest(plant: Plant, positions: Array) -> FastestMotion:
@@ -68,7 +68,9 @@ def fastest(plant: Plant, positions: Array) -> FastestMotion:
 def substeps(plant: Plant, positions: Array, interval: float) -> int:
     """Number of integration steps in `interval` [s] that resolves the fastest motion."""
     motion = fastest(plant, positions)
-    return max(1, ceil(interval * motion.vibration / OSCILLATION), ceil(interval * motion.decay / DECAY))
+    return max(
+        1, ceil(interval * motion.vibration / LARGEST_PHASE), ceil(interval * motion.decay / LARGEST_DECAY)
+    )
 
 
 def _largest(inverse: Array, damping: Array) -> float:

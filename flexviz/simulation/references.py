@@ -74,7 +74,7 @@ class Fourier(Reference):
 
 @dataclass(frozen=True, eq=False)
 class Sampled(Reference):
-    """A recorded motion, joined by a cubic spline; before it, it comes in smoothly, after it, it rests."""
+    """A recorded motion as a cubic spline; smoothly extrapolated before its start, at rest after its end."""
 
     time: Array
     position: Array

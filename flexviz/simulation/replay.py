@@ -29,10 +29,10 @@ from flexviz.simulation.resimulating import smooth
 from flexviz.simulation.run import Run, to_run
 
 LONGEST_CYCLE = 0.001  # [s] in which the torque is held
-FASTEST = 2000.0  # [rad/s] stiffer joints are softened to this for the replay
+FASTEST_VIBRATION = 2000.0  # [rad/s] stiffer joints are softened to this for the replay
 PD_BAND = 2.0 * np.pi * 2.0  # [rad/s] of the stabilising PD
-START = 0.3  # [s] in which the first motion is a polynomial
-TRIAL = 0.1  # [s] compared to choose between starting at rest and starting in motion
+START_TIME = 0.3  # [s] in which the first motion is a polynomial
+TRIAL_TIME = 0.1  # [s] compared to choose between starting at rest and starting in motion
 
 
 def replay(
@@ -133,7 +133,7 @@ def _start(
 ) -> tuple[Array, Array]:
     """The state to start from: at rest, or moving as measured or as aimed at: what fits the start best."""
     n = robot.n
-    count = min(len(segment), max(8, round(START / segment.step)))
+    count = min(len(segment), max(8, round(START_TIME / segment.step)))
     own = segment.time[:count] - segment.time[0]
     candidates = [starting.at_rest(plant, aim[0], loop.kp)]
     theta0 = robot.to_pin(segment.theta[: min(4, count)]).mean(axis=0)
@@ -145,7 +145,7 @@ def _start(
         fits = [Polynomial.fit(own, column, min(degree, count - 1)) for column in motion.T]
         x = starting.moving(plant, lambda t, fits=fits: np.column_stack([fit(t) for fit in fits]), 0.02, 6)
         candidates.append((x, loop.target[0] - loop.kp * x[n : 2 * n] - loop.kd * x[3 * n : 4 * n]))
-    measured = robot.to_pin(segment.theta[: max(2, round(TRIAL / segment.step))])
+    measured = robot.to_pin(segment.theta[: max(2, round(TRIAL_TIME / segment.step))])
     cycles = (len(measured) - 1) * per_sample + 1
     errors = []
     for state, before in candidates:
@@ -171,16 +171,16 @@ def _resolvable(
     data = plant.model.createData()
     q = robot.to_pin(group.segments[0].theta[0])
     mobility = robot.from_pin(np.diag(pin.computeMinverse(plant.model, data, np.ascontiguousarray(q))))
-    least = np.maximum(1e-3 / mobility, model.motor_viscous_friction / FASTEST)
+    least = np.maximum(1e-3 / mobility, model.motor_viscous_friction / FASTEST_VIBRATION)
     least = least if kd is None else np.maximum(least, kd * cycle)  # else the controller itself is unstable
     inertia = np.maximum(model.motor_inertia, least)
-    stiffness = np.minimum(model.stiffness, FASTEST**2 / (mobility + 1.0 / inertia))
+    stiffness = np.minimum(model.stiffness, FASTEST_VIBRATION**2 / (mobility + 1.0 / inertia))
     softer, heavier = (stiffness < model.stiffness), (inertia > model.motor_inertia)
     model = replace(model, stiffness=stiffness, motor_inertia=inertia)
     plant, _ = make_plant(robot, model, group.bodies)
     vibration = rates.fastest(plant, q[None]).vibration
-    if vibration > 2.0 * FASTEST:
-        model = replace(model, stiffness=stiffness * (2.0 * FASTEST / vibration) ** 2)
+    if vibration > 2.0 * FASTEST_VIBRATION:
+        model = replace(model, stiffness=stiffness * (2.0 * FASTEST_VIBRATION / vibration) ** 2)
         softer[:] = True
     notes = []
     for what, which in (("stiffness lowered", softer), ("motor inertia raised", heavier)):

@@ -1,4 +1,4 @@
-"""A plan that repeats an existing measurement set in simulation: its robot, payloads and trajectories."""
+"""A plan that repeats a measurement set in simulation: its robot, payloads and trajectories."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Sampled
 from flexviz.simulation.sensors import Sensors
 
-BAND = 10.0  # [Hz] of the motor motion that becomes the reference where a set has none
+REFERENCE_BAND = 10.0  # [Hz] of the motor motion that becomes the reference where a set has none
 LONGEST_CYCLE = 0.001  # [s] of the simulated controller
 
 
 def plan_from_set(measurements: MeasurementSet) -> Plan:
     """A plan with the set's robot, payloads and trajectories.
 
-    The truth is what the set says (CAD inertias, `[initial]` values) or, where it says nothing, values in
-    proportion to the robot's inertia. Sensor noise is estimated from the recordings.
+    The truth is what the set gives (CAD inertias, `[initial]` values), otherwise values proportional to the
+    robot's inertia. Sensor noise is estimated from the recordings.
     """
     robot = measurements.robot
     inertia = inertia_along(robot, [group.segments[0].theta for group in measurements.groups])
@@ -59,7 +59,7 @@ def plan_from_set(measurements: MeasurementSet) -> Plan:
 
 
 def planned(group: Group) -> PlannedGroup:
-    """The group again, with its reference, or its smoothed motor motion as one."""
+    """The group with its reference, or with its smoothed motor motion as reference."""
     if not group.segments:
         raise InputError(f'group "{group.name}" has no usable samples', file=group.file)
     step = group.segments[0].step
@@ -83,15 +83,15 @@ def planned(group: Group) -> PlannedGroup:
 
 
 def smooth(theta: Array, step: float) -> Array:
-    """θ (N, n) low-passed at `BAND` without delay."""
-    margin = min(len(theta) - 1, round(3.0 / (BAND * step)))  # samples the filter needs to settle
-    if 0.4 / step <= BAND or margin < 10:
+    """θ (N, n) low-passed at `REFERENCE_BAND` without delay."""
+    margin = min(len(theta) - 1, round(3.0 / (REFERENCE_BAND * step)))  # samples the filter needs to settle
+    if 0.4 / step <= REFERENCE_BAND or margin < 10:
         return theta
-    return sosfiltfilt(butter(4, BAND, fs=1.0 / step, output="sos"), theta, axis=0, padlen=margin)
+    return sosfiltfilt(butter(4, REFERENCE_BAND, fs=1.0 / step, output="sos"), theta, axis=0, padlen=margin)
 
 
 def inertia_along(robot: Robot, motions: Sequence[Array]) -> Array:
-    """(n,) diagonal of the mass matrix along motions (N, n) [kg m²], a little at least."""
+    """Mean diagonal (n,) of the mass matrix along motions (N, n), bounded away from zero [kg m²]."""
     data = robot.model.createData()
     diagonal = []
     for motion in motions:
@@ -105,9 +105,9 @@ def inertia_along(robot: Robot, motions: Sequence[Array]) -> Array:
 def proportional(
     inertia: Array, stiffness: Array | None = None, motor_inertia: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Stiffness [Nm/rad], motor inertia [kg m²] and viscous friction [Nm s/rad], where they are not given.
+    """Stiffness [Nm/rad], motor inertia [kg m²] and viscous friction [Nm s/rad], where not given.
 
-    All (n,), in proportion to the link side's inertia [kg m²]: a joint that vibrates at 8 Hz.
+    All (n,), proportional to the link-side inertia [kg m²]: a joint that vibrates at 8 Hz.
     """
     b = 0.5 * inertia if motor_inertia is None else np.asarray(motor_inertia)
     k = (2 * np.pi * 8.0) ** 2 * inertia if stiffness is None else np.asarray(stiffness)

@@ -35,7 +35,7 @@ class Run:
         tau_joint: (N, n) torque in the joints, exact [Nm].
         theta_ref: (N, n) reference [rad].
         torque_hold: how long each torque is held [s].
-        note: what a reader should know about how it was simulated.
+        note: how it was simulated, for the reader.
     """
 
     time: Array

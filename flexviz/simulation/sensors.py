@@ -1,4 +1,4 @@
-"""What the sensors make of the true motion: quantised and noisy positions, noisy torques."""
+"""Sensors: quantised and noisy positions, noisy torques."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexviz.simulation.plant import Array
 
 @dataclass(frozen=True)
 class Sensors:
-    """Noise and resolution, one number or one a joint.
+    """Noise and resolution, one number or one per joint.
 
     Attributes:
         theta_noise: standard deviation of the motor position's noise [rad].

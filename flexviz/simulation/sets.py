@@ -59,7 +59,7 @@ def simulate_preset(
     overwrite: bool = False,
     table_format: str = "parquet",
 ) -> SimulatedSet:
-    """Simulate a preset, a robot's URDF, or a set anew, and write it to `out`: all of it, or nothing.
+    """Simulate a preset, a robot's URDF, or a set again, and write all of it to `out`, or nothing.
 
     Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
     """
@@ -77,7 +77,7 @@ def simulate_plan(
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> dict[str, Run]:
-    """Group name -> what its sensors recorded."""
+    """Group name -> its recording."""
     return record(plan, move(plan, seed, progress, should_stop), seed)
 
 

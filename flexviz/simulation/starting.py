@@ -12,7 +12,7 @@ from flexviz.simulation.plant import Array, Plant
 
 
 def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
-    """The state at rest in which the PD holds the arm near θ_d (n,), and the torque that it gives (n,) [Nm].
+    """The state at rest in which the PD holds the arm near θ_d (n,), and the PD's torque (n,) [Nm].
 
     Link: g(q) + f_l(q, 0) = τ_j. Motor: τ = τ_j + f_m(θ, 0). PDController: τ = k_p (θ_d − θ).
     """
