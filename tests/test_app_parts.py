@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flexviz.app.change import Change, ChangeSignal, Turn
+from flexviz.app.change import Changed, ChangeSignal, Turn
 from flexviz.app.clock import PlaybackClock
 from flexviz.app.events import LARGEST_QUEUE, Event, EventQueue
 from flexviz.app.input_checks import InputRule, check
@@ -145,16 +145,16 @@ def test_many_threads() -> None:
 
 def test_subscribers_hear_in_turn_and_of_nested_changes_afterwards() -> None:
     signal, heard = ChangeSignal(), []
-    signal.subscribe(Change.RESULT | Change.MESSAGE, lambda: heard.append("status"), Turn.STATUS)
+    signal.subscribe(Changed.RESULT | Changed.MESSAGE, lambda: heard.append("status"), Turn.STATUS)
 
     def draw_table() -> None:
         heard.append("table")
-        signal.tell(Change.MESSAGE)
+        signal.tell(Changed.MESSAGE)
 
-    signal.subscribe(Change.RESULT, draw_table, Turn.CONTROLS)
-    signal.subscribe(Change.RESULT, lambda: heard.append("plot"))
-    signal.subscribe(Change.JOINT, lambda: heard.append("joint"))
-    signal.tell(Change.RESULT)
+    signal.subscribe(Changed.RESULT, draw_table, Turn.CONTROLS)
+    signal.subscribe(Changed.RESULT, lambda: heard.append("plot"))
+    signal.subscribe(Changed.JOINT, lambda: heard.append("joint"))
+    signal.tell(Changed.RESULT)
     assert heard == ["plot", "table", "status", "status"]
 
 
@@ -164,11 +164,11 @@ def test_a_subscriber_that_fails_does_not_silence_the_signal() -> None:
     def fail() -> None:
         raise InputError("no")
 
-    signal.subscribe(Change.RESULT, fail)
-    signal.subscribe(Change.JOINT, lambda: heard.append("joint"))
+    signal.subscribe(Changed.RESULT, fail)
+    signal.subscribe(Changed.JOINT, lambda: heard.append("joint"))
     with pytest.raises(InputError):
-        signal.tell(Change.RESULT)
-    signal.tell(Change.JOINT)
+        signal.tell(Changed.RESULT)
+    signal.tell(Changed.JOINT)
     assert heard == ["joint"]
 
 

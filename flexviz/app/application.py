@@ -11,7 +11,7 @@ from typing import Any
 
 import viser
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.display import Display
 from flexviz.app.dock import Dock
 from flexviz.app.events import EventQueue
@@ -44,7 +44,7 @@ class Application:
         self.queue = EventQueue()
         self.page = Page(server, self.queue)
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
-        self.store = Store(self.tasks, self.page.alert, STEPS[0].title)
+        self.store = Store(opened, STEPS[0].title, self.tasks, self.page.alert)
         self.dock = Dock(self.store, self.page, STEPS)
         self.display = Display(self.store, server, self.queue)
         self.plots = PlotPanel(self.store, self.page)
@@ -52,7 +52,7 @@ class Application:
         self.idle = IdleWork(self.store)
         self._stopped = threading.Event()
         self._ticked = 0.0
-        self.store.open(opened)
+        self.store.tell(Changed.OPENED)
         self.store.clock.play()
         self.display.playback.start()
         self.tasks.start(LoadModules(WARM), lambda _: None, failed=lambda _: None)
@@ -73,12 +73,12 @@ class Application:
             self._act(action)
         if time.monotonic() - self._ticked >= TICK:
             self._ticked = time.monotonic()
-            self._act(self.store.tell, Change.TICK)
+            self._act(self.store.tell, Changed.TICK)
 
     def close(self) -> None:
         """End the loop, the playback and the worker; keep what is not saved."""
         self._stopped.set()
-        self.store.tell(Change.CLOSED)
+        self.store.tell(Changed.CLOSED)
         self.tasks.close()
 
     def _act(self, action: Callable[..., None], *arguments: Any) -> None:

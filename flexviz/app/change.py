@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Flag, IntEnum, auto
 
 
-class Change(Flag):
+class Changed(Flag):
     """What has changed in the store."""
 
     OPENED = auto()  # another measurement set or session
@@ -50,7 +50,7 @@ class Turn(IntEnum):
 @dataclass(frozen=True)
 class _Subscriber:
     stage: Turn
-    changes: Change
+    changes: Changed
     act: Callable[[], None]
 
 
@@ -59,15 +59,15 @@ class ChangeSignal:
 
     def __init__(self) -> None:
         self._subscribers: list[_Subscriber] = []
-        self._untold = Change(0)
+        self._untold = Changed(0)
         self._telling = False
 
-    def subscribe(self, changes: Change, act: Callable[[], None], stage: Turn = Turn.PLOTS) -> None:
+    def subscribe(self, changes: Changed, act: Callable[[], None], stage: Turn = Turn.PLOTS) -> None:
         """Call `act` after any of these changes, stage by stage and then in the order of subscription."""
         self._subscribers.append(_Subscriber(stage, changes, act))
         self._subscribers.sort(key=lambda subscriber: subscriber.stage)
 
-    def tell(self, change: Change) -> None:
+    def tell(self, change: Changed) -> None:
         """Tell the subscribers; what one of them changes is told once all have heard of this."""
         self._untold |= change
         if self._telling:
@@ -75,9 +75,9 @@ class ChangeSignal:
         self._telling = True
         try:
             while change := self._untold:
-                self._untold = Change(0)
+                self._untold = Changed(0)
                 for subscriber in self._subscribers:
                     if subscriber.changes & change:
                         subscriber.act()
         finally:
-            self._telling, self._untold = False, Change(0)
+            self._telling, self._untold = False, Changed(0)

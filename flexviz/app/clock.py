@@ -1,4 +1,4 @@
-"""The playback clock: where in the group's time one is. No viser here."""
+"""The playback clock: the instant of the selected group that is shown. No viser here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 class PlaybackClock:
-    """Runs from `start` to `end` [s] at `speed` and begins again; usable from any thread."""
+    """Runs from `start` to `end` [s] at `speed` and starts again; usable from any thread."""
 
     def __init__(self, now: Callable[[], float] = wall.monotonic) -> None:
         self._now = now
@@ -18,17 +18,17 @@ class PlaybackClock:
         self._start, self._end = 0.0, 1.0
         self._time = 0.0
         self._speed = 1.0
-        self.loop = True  # begin again at the end, or stand there
-        self._since: float | None = None  # wall time when it was set going, None while it stands
+        self.loop = True  # start again at the end, or stop there
+        self._since: float | None = None  # wall time when it was started, None while it is paused
 
     def span(self, start: float, end: float) -> None:
-        """A new group's time; keeps playing or standing, from its beginning."""
+        """Run over another group, from its beginning; playing or paused as before."""
         with self._lock:
             self._start, self._end = start, max(end, start + 1e-6)
             self._set(start)
 
     def play(self) -> None:
-        """Go on from where it stands."""
+        """Run."""
         with self._lock:
             if not self.loop and self._at() >= self._end:
                 self._set(self._start)
@@ -36,7 +36,7 @@ class PlaybackClock:
                 self._since = self._now()
 
     def pause(self) -> None:
-        """Stand still."""
+        """Pause."""
         with self._lock:
             self._time, self._since = self._at(), None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.events import Event, EventQueue
 from flexviz.app.playback import DrawnMotion, Playback
 from flexviz.app.scene import Scene
@@ -26,14 +26,14 @@ class Display:
         self.scene = Scene(server, lambda joint: queue.put(Event(self, self._click, joint)))
         self.playback = Playback(self.scene, store.clock)
         self._layout = store.view.layout
-        store.subscribe(Change.OPENED, self._build)
-        store.subscribe(Change.OPENED | Change.GROUP, self._carry)
-        store.subscribe(Change.OPENED | Change.GROUP | Change.RESULT, self._colour)
-        motion = Change.OPENED | Change.GROUP | Change.RESULT | Change.DERIVED
-        store.subscribe(motion | Change.VIEW, self._draw)
-        store.subscribe(Change.HIGHLIGHT, self._mark)
-        store.subscribe(Change.TICK, self.scene.tick)
-        store.subscribe(Change.CLOSED, self.playback.close)
+        store.subscribe(Changed.OPENED, self._build)
+        store.subscribe(Changed.OPENED | Changed.GROUP, self._carry)
+        store.subscribe(Changed.OPENED | Changed.GROUP | Changed.RESULT, self._colour)
+        motion = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED
+        store.subscribe(motion | Changed.VIEW, self._draw)
+        store.subscribe(Changed.HIGHLIGHT, self._mark)
+        store.subscribe(Changed.TICK, self.scene.tick)
+        store.subscribe(Changed.CLOSED, self.playback.close)
 
         @server.on_client_connect
         async def _(client: viser.ClientHandle) -> None:

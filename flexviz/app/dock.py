@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.commands import CTRL, SHIFT
 from flexviz.app.page import Page, off
 from flexviz.app.steps.step import WorkflowStep
@@ -48,13 +48,13 @@ class Dock:
         page.command("Choose the next joint", self._next_joint)
         page.command("Choose the next group", self._next_group)
         self.steps = tuple(kind(store, page, visible=kind.title == store.step) for kind in kinds)
-        shown = Change.OPENED | Change.ANALYSIS | Change.ACTIVITY
-        store.subscribe(Change.OPENED, self._opened, Turn.STATUS)
-        store.subscribe(Change.STEP, self._show_step, Turn.STATUS)
-        store.subscribe(shown | Change.JOINT | Change.GROUP, self._refresh, Turn.STATUS)
-        store.subscribe(Change.ACTIVITY | Change.PROGRESS, self._progress, Turn.STATUS)
-        store.subscribe(shown | Change.STEP | Change.MESSAGE, self._say, Turn.STATUS)
-        store.subscribe(shown | Change.STEP | Change.TICK, self._draw_line, Turn.STATUS)
+        shown = Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY
+        store.subscribe(Changed.OPENED, self._opened, Turn.STATUS)
+        store.subscribe(Changed.STEP, self._show_step, Turn.STATUS)
+        store.subscribe(shown | Changed.JOINT | Changed.GROUP, self._refresh, Turn.STATUS)
+        store.subscribe(Changed.ACTIVITY | Changed.PROGRESS, self._progress, Turn.STATUS)
+        store.subscribe(shown | Changed.STEP | Changed.MESSAGE, self._say, Turn.STATUS)
+        store.subscribe(shown | Changed.STEP | Changed.TICK, self._draw_line, Turn.STATUS)
 
     def _opened(self) -> None:
         measurements = self._store.measurements

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.state import Derived
 from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, MapResiduals, Replay
@@ -32,7 +32,7 @@ class IdleWork:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._under_way: dict[type[IdleTask[Any]], _UnderWay] = {}
-        missing = Change.OPENED | Change.GROUP | Change.RESULT | Change.DERIVED | Change.ACTIVITY
+        missing = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.ACTIVITY
         store.subscribe(missing, self._fill, Turn.WORK)
 
     def _fill(self) -> None:
@@ -71,14 +71,14 @@ class IdleWork:
         def done(result: Result) -> None:
             end()
             keep(result)
-            store.tell(Change.DERIVED)
+            store.tell(Changed.DERIVED)
 
         def failed(reason: str) -> None:
             end()
             entry.derived.failed.add(entry.entry)
             if store.derived_of(entry.derived.result) is entry.derived:
                 store.fail(f"the identified model could not be {what}: {reason}")
-                store.tell(Change.DERIVED)
+                store.tell(Changed.DERIVED)
 
         store.tasks.stop(kind)
         self._under_way[kind] = entry

@@ -61,7 +61,7 @@ class InputRule:
 
 
 def check(rule: InputRule, value: Any) -> Any:
-    """`value` as the control's own type; InputError where it is not acceptable."""
+    """`value` as the control's own type; InputError if it is not acceptable."""
     if rule.disabled:
         raise InputError("the control is disabled")
     if rule.kind == "number":
@@ -145,7 +145,7 @@ def guard_messages(server: viser.ViserServer) -> None:
 
 
 def guard_uploads(server: viser.ViserServer) -> None:
-    """Take uploads only for upload buttons, only so many, and only as large as they say and as is allowed."""
+    """Accept uploads only for upload buttons, a few at a time, and no larger than announced and allowed."""
     websocket, gui = server._websock_server, server.gui
     states = gui._current_file_upload_states
     websocket.unregister_handler(messages.FileTransferStartUpload, gui._handle_file_transfer_start)
@@ -177,7 +177,7 @@ def guard_uploads(server: viser.ViserServer) -> None:
 
 
 def upload_refusal(handle: Any, message: Any, running: int) -> str:
-    """Why an upload is not taken, or ""."""
+    """Why an upload is refused, or ""."""
     if not isinstance(handle, viser.GuiUploadButtonHandle) or handle.disabled:
         return "nothing is uploaded here"
     size, parts = message.size_bytes, message.part_count
@@ -215,7 +215,7 @@ def rule_of(handle: Any) -> InputRule:
 
 
 def _send_back(server: viser.ViserServer, client_id: Any, handle: Any) -> None:
-    """Show the browser that sent a bad value the true one again."""
+    """Restore the true value in the browser that sent a bad one."""
     client = server.get_clients().get(client_id)
     if client is not None and not handle._impl.is_button:
         update = messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle.value})

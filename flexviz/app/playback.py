@@ -1,4 +1,4 @@
-"""Playback: a thread that moves both robots 30 times a second, whatever else goes on."""
+"""Playback: a thread that moves both robots 30 times a second, whatever else is running."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class DrawnMotion:
 
 
 class Playback:
-    """Draws `drawn_motion` at the clock's time; draws nothing while nothing moves."""
+    """Draws `drawn_motion` at the clock's time; only while something moves."""
 
     def __init__(self, scene: Scene, clock: PlaybackClock) -> None:
         self._scene = scene

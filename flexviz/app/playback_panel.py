@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.clock import SPEEDS
 from flexviz.app.page import Page, off
 from flexviz.app.store import Store
@@ -71,10 +71,10 @@ class PlaybackPanel:
         page.command("Step back", lambda: self._press(BACK), "arrowleft", shared=True)
         page.command("Step forward", lambda: self._press(FORWARD), "arrowright", shared=True)
         page.command("Change the layout of the robots", self._other_layout)
-        store.subscribe(Change.OPENED | Change.GROUP, self._span, Turn.CONTROLS)
-        shown = Change.OPENED | Change.JOINT | Change.GROUP | Change.RESULT | Change.DERIVED
-        store.subscribe(shown | Change.VIEW, self._refresh, Turn.CONTROLS)
-        store.subscribe(Change.TICK, self._tick, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.GROUP, self._span, Turn.CONTROLS)
+        shown = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.RESULT | Changed.DERIVED
+        store.subscribe(shown | Changed.VIEW, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _set(self, name: str) -> Callable[[Any], None]:
         """What changes one field of the view's settings."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.page import Page
 from flexviz.app.residual_tab import ResidualTab
 from flexviz.app.store import Store
@@ -36,13 +36,15 @@ class PlotPanel:
         panel.dock_right()
         panel.set_width(RIGHT)
         self._stale = False  # there are iterations that are not drawn
-        selected = Change.OPENED | Change.JOINT | Change.GROUP
-        store.subscribe(selected | Change.OBSERVER, self._draw_states)
-        store.subscribe(selected | Change.RESULT | Change.DERIVED, self._draw_signals)
-        store.subscribe(selected | Change.RESULT | Change.DIAGNOSIS, self._draw_compare)
-        store.subscribe(Change.OPENED | Change.FIT, self._iterated)
-        store.subscribe(Change.OPENED | Change.RESULT | Change.ACTIVITY | Change.TICK, self._draw_convergence)
-        store.subscribe(Change.TICK, self._move)
+        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
+        store.subscribe(selected | Changed.OBSERVER, self._draw_states)
+        store.subscribe(selected | Changed.RESULT | Changed.DERIVED, self._draw_signals)
+        store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS, self._draw_compare)
+        store.subscribe(Changed.OPENED | Changed.FIT, self._iterated)
+        store.subscribe(
+            Changed.OPENED | Changed.RESULT | Changed.ACTIVITY | Changed.TICK, self._draw_convergence
+        )
+        store.subscribe(Changed.TICK, self._move)
 
     def _draw_states(self) -> None:
         """The observer's states of the selected joint in the selected group."""

@@ -1,7 +1,7 @@
 """Live recordings of the session: into a file in ./sessions, to a running Rerun viewer, or both.
 
 Each has a stream of its own, so that a viewer that goes away takes nothing from the file. One that is opened
-late begins with all that is known by then.
+late starts with all that is known by then.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.server import is_loopback
 from flexviz.app.state import FitProgress
 from flexviz.app.store import Store
@@ -70,12 +70,12 @@ class Recordings:
         self._maps: object = None
         self._fit: FitProgress | None = None
         self._iterations = 0  # of that fit
-        store.subscribe(Change.NEW_STATE, self._changed)
-        store.subscribe(Change.HISTORY, self._noted)
-        store.subscribe(Change.FIT, self._iterated)
-        store.subscribe(Change.DERIVED, self._derived)
-        store.subscribe(Change.TICK, self._tick)
-        store.subscribe(Change.CLOSED, self._close_all)
+        store.subscribe(Changed.NEW_STATE, self._changed)
+        store.subscribe(Changed.HISTORY, self._noted)
+        store.subscribe(Changed.FIT, self._iterated)
+        store.subscribe(Changed.DERIVED, self._derived)
+        store.subscribe(Changed.TICK, self._tick)
+        store.subscribe(Changed.CLOSED, self._close_all)
 
     # -- on and off ----------------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.page import Page
 from flexviz.app.state import Highlight
 from flexviz.app.store import Store
@@ -56,10 +56,10 @@ class ResidualTab:
             )
             self._about = gui.add_html("")
         self._charts = ChartColumn(page.server, tab)
-        store.subscribe(Change.OPENED, self._opened)
-        selected = Change.OPENED | Change.JOINT | Change.GROUP
-        store.subscribe(selected | Change.RESULT | Change.DIAGNOSIS | Change.DERIVED, self._draw)
-        store.subscribe(Change.TICK, self._move)
+        store.subscribe(Changed.OPENED, self._opened)
+        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
+        store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
+        store.subscribe(Changed.TICK, self._move)
 
     def _opened(self) -> None:
         self._variable.value = OFF

@@ -52,7 +52,7 @@ class RobotNodes:
         self._marked: Any = None
 
     def place(self, offset: np.ndarray) -> None:
-        """Stand at `offset` (3,) [m]."""
+        """Move to `offset` (3,) [m]."""
         self._frame.position = offset
 
     def pose(self, q: np.ndarray) -> None:
@@ -69,7 +69,7 @@ class RobotNodes:
             handle.color = COLOURS.body if body.joint is None else colours[body.joint]
 
     def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
-        """Show the payload's bodies as balls of their mass (density of stone)."""
+        """Show the payload's bodies as balls of their mass, with the density of stone."""
         for handle in self._payload:
             handle.remove()
         self._payload = []
@@ -162,7 +162,7 @@ class Scene:
         server.scene.configure_default_lights(cast_shadow=False)
 
     def build(self, robot: Robot, shape: RobotShape, stage: SceneLayout, layout: str) -> None:
-        """Put a new set's robot on the stage, twice."""
+        """Put both copies of a new set's robot on the stage."""
         self.clear()
         self._stage = stage
         size = 6.0 * max(stage.size, stage.width)
@@ -177,7 +177,7 @@ class Scene:
         self.place(layout)
 
     def place(self, layout: str) -> None:
-        """Stand the robots side by side or in one another."""
+        """Place the robots side by side or overlaid."""
         if self.measured is None or self.identified is None:
             return
         for nodes, offset in zip((self.measured, self.identified), self._stage.offsets(layout), strict=True):
@@ -208,7 +208,7 @@ class Scene:
         self._views.pop(client.client_id, None)
 
     def resized(self, client: viser.ClientHandle) -> None:
-        """Aim again when the canvas has another size (docks appear late) and nobody has looked around."""
+        """Aim again when the canvas has changed size (docks appear late) and nobody has moved the camera."""
         now = _aspect(client)
         if self.measured is None or abs(self._aimed.get(client.client_id, now) / now - 1.0) < SAME_ASPECT:
             return
@@ -216,7 +216,7 @@ class Scene:
             self.aim(client)
 
     def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
-        """Whether nobody has looked around in this browser."""
+        """Whether nobody has moved this browser's camera."""
         aimed = self._views.get(number)
         if aimed is None:
             return False
@@ -236,7 +236,7 @@ class Scene:
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
 
     def labels(self, measured: str, identified: str) -> None:
-        """Write what each robot shows, and by how much it is exaggerated, above it."""
+        """Write above each robot what it shows, and the factor of its exaggeration."""
         left, right = self._stage.label_places(self._layout)
         for name, text, at in (("measured", measured, left), ("identified", identified, right)):
             if name in self._labels:
@@ -265,7 +265,7 @@ class Scene:
             self.measured.mark(pieces)
 
     def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
-        """Both robots' joint positions (n,) [rad] and the torque's shares (n,), applied together."""
+        """Set both robots' joint positions (n,) [rad] and the torque's shares (n,) in one update."""
         if self.measured is None or self.identified is None:
             return
         with self._server.atomic():

@@ -42,7 +42,7 @@ def start_server(host: str = "127.0.0.1", port: int | None = None) -> viser.Vise
 
 
 def check_free(host: str, port: int) -> None:
-    """InputError where nothing can listen on this port of this host."""
+    """Raise InputError if nothing can listen on this port of this host."""
     try:
         family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind) as probe:

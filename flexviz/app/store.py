@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from flexviz.app.change import Change, ChangeSignal
+from flexviz.app.change import Changed, ChangeSignal
 from flexviz.app.clock import PlaybackClock
 from flexviz.app.runner import TaskRunner
 from flexviz.app.state import (
@@ -54,23 +54,27 @@ class Store(ChangeSignal):
         saved: the session as it was last saved.
     """
 
-    def __init__(self, tasks: TaskRunner, alert: Callable[[str], None], step: str = "") -> None:
-        """`alert` shows a failure to the user; `step` is the first step."""
+    def __init__(self, opened: Opened, step: str, tasks: TaskRunner, alert: Callable[[str], None]) -> None:
+        """`step` is the first step; `alert` shows a failure to the user."""
         super().__init__()
         self.tasks, self._alert = tasks, alert
         self.clock = PlaybackClock()
         self.step = step
         self.view = ViewSettings()
-        self.message = Message()
         self.activity: Activity | None = None
         self.saved: Session | None = None
         self.last_action = ""
+        self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
 
     def open(self, opened: Opened) -> None:
         """Show a set or session."""
         self.tasks.stop(SetTask)
+        self._begin(opened)
+        self.tell(Changed.OPENED)
+
+    def _begin(self, opened: Opened) -> None:
         self.opened, self.folder = opened, opened.folder
         self.session = opened.session or Session.of(opened.measurements)
         self.joint, self.group = 0, opened.measurements.groups[0]
@@ -80,7 +84,6 @@ class Store(ChangeSignal):
         self._derived = [Derived(None)]  # the present result's last
         self._motion: tuple[tuple[Any, ...], RobotMotion] | None = None
         self._span()
-        self.tell(Change.OPENED)
 
     @property
     def measurements(self) -> MeasurementSet:
@@ -97,7 +100,7 @@ class Store(ChangeSignal):
 
         def failed(reason: str) -> None:
             self.fail(reason)
-            self.tell(Change.FOLDER)  # whoever names what is open names the old one again
+            self.tell(Changed.FOLDER)  # whoever names what is open names the old one again
 
         self.say(f"opening {what or path.name}", "busy")
         self.tasks.start(OpenSet(path), self.open, failed=failed)
@@ -105,43 +108,43 @@ class Store(ChangeSignal):
     def set_folder(self, folder: Path | None) -> None:
         """The session is saved here from now on (None: under a name of its own)."""
         self.folder = folder
-        self.tell(Change.FOLDER)
+        self.tell(Changed.FOLDER)
 
     def mark_saved(self, session: Session, folder: Path) -> None:
         """This session has been saved there."""
         self.saved, self.folder = session, folder
-        self.tell(Change.SAVED | Change.FOLDER)
+        self.tell(Changed.SAVED | Changed.FOLDER)
 
     # -- the analysis --------------------------------------------------------------------------------
 
     def change(self, label: str, analysis: Analysis) -> None:
         """Go on to a new state of the analysis; changes with one label in a row count as one."""
-        self._go(label, self.session.then(label, analysis), Change.NEW_STATE)
+        self._go(label, self.session.then(label, analysis), Changed.NEW_STATE)
 
     def undo(self) -> None:
         """Go one state back."""
-        self._go(f"undone: {self.session.present.label}", self.session.undo(), Change.HISTORY)
+        self._go(f"undone: {self.session.present.label}", self.session.undo(), Changed.HISTORY)
 
     def redo(self) -> None:
         """Go one undone state forward."""
         session = self.session.redo()
-        self._go(f"redone: {session.present.label}", session, Change.HISTORY)
+        self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
-    def _go(self, action: str, session: Session, change: Change) -> None:
+    def _go(self, action: str, session: Session, change: Changed) -> None:
         before, self.session = self.analysis, session
         after = self.analysis
         if after.same_as(before):
             return
         self.last_action = action
-        if change & Change.HISTORY:
+        if change & Changed.HISTORY:
             self.message = Message(action)
-        change |= Change.ANALYSIS
+        change |= Changed.ANALYSIS
         if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
-            change |= Change.OBSERVER
+            change |= Changed.OBSERVER
         if after.identification is not before.identification:
-            change |= Change.RESULT
+            change |= Changed.RESULT
         if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
-            change |= Change.DIAGNOSIS
+            change |= Changed.DIAGNOSIS
         self.tell(change)
 
     def note_recording(self, file: Path) -> None:
@@ -201,11 +204,11 @@ class Store(ChangeSignal):
         """Show another joint, or another group, everywhere."""
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
-            self.tell(Change.JOINT)
+            self.tell(Changed.JOINT)
         if group is not None and group != self.group.name:
             self.group = self.measurements.group(group)
             self._span()
-            self.tell(Change.GROUP)
+            self.tell(Changed.GROUP)
 
     def _span(self) -> None:
         """Let the clock run over the selected group."""
@@ -220,29 +223,29 @@ class Store(ChangeSignal):
     def go(self, step: str) -> None:
         """Show another step's controls."""
         self.step = step
-        self.tell(Change.STEP)
+        self.tell(Changed.STEP)
 
     def set_view(self, view: ViewSettings) -> None:
         """Draw the robots like this."""
         self.view = view
-        self.tell(Change.VIEW)
+        self.tell(Changed.VIEW)
 
     def set_highlight(self, highlight: Highlight | None) -> None:
         """Mark these instants; None marks nothing."""
         if highlight is not None or self.highlight is not None:
             self.highlight = highlight
-            self.tell(Change.HIGHLIGHT)
+            self.tell(Changed.HIGHLIGHT)
 
     def set_check(self, sentence: str) -> None:
         """What the groups and effects can identify (HTML)."""
         if sentence != self.check:
             self.check = sentence
-            self.tell(Change.CHECK)
+            self.tell(Changed.CHECK)
 
     def say(self, text: str, tone: Tone = "") -> None:
         """Write the status line."""
         self.message = Message(text, tone)
-        self.tell(Change.MESSAGE)
+        self.tell(Changed.MESSAGE)
 
     def fail(self, reason: str) -> None:
         """Say what went wrong where nobody overlooks it; the app stays usable."""
@@ -275,7 +278,7 @@ class Store(ChangeSignal):
             try:
                 act()
             finally:
-                self.tell(Change.ACTIVITY)
+                self.tell(Changed.ACTIVITY)
 
         self.activity = Activity(task, share)
         self.say(begin, "busy")
@@ -286,18 +289,18 @@ class Store(ChangeSignal):
             failed=lambda reason: end(lambda: self.fail(reason)),
             stopped=lambda: end(lambda: self.say(stopped)),
         )
-        self.tell(Change.ACTIVITY)
+        self.tell(Changed.ACTIVITY)
 
     def report(self, news: Progress) -> None:
         """Show the progress of what the user waits for."""
         if news.iteration is not None:
             self.fit.iterations.append(news.iteration)
-            self.tell(Change.FIT)
+            self.tell(Changed.FIT)
             self.say(progress_text(self.fit.iterations), "busy")
             return
         if self.activity is not None:
             self.activity = replace(self.activity, share=news.share or 0.0)
-            self.tell(Change.PROGRESS)
+            self.tell(Changed.PROGRESS)
         self.say(news.text, "busy")
 
     def stop(self) -> None:
@@ -332,4 +335,4 @@ class Store(ChangeSignal):
         """A fit with these effects begins: what is computed in idle time makes room."""
         self.tasks.stop(IdleTask)
         self.fit = FitProgress(effects, single)
-        self.tell(Change.FIT)
+        self.tell(Changed.FIT)

@@ -30,7 +30,7 @@ MAIN = "measurements.toml"
 
 
 def safe_name(name: str) -> str:
-    """The last part of a file's name, with nothing in it that a path could be made of."""
+    """The last part of a file's name, with no character that could form a path."""
     last = re.split(r"[\\/]", name)[-1].strip()
     cleaned = _NAME.sub("_", last)[:120]
     if not cleaned.strip("._ ") or cleaned.startswith("."):
@@ -41,7 +41,7 @@ def safe_name(name: str) -> str:
 
 
 def new_folder(parent: Path, name: str) -> Path:
-    """A folder in `parent` that does not exist yet, called like `name`; not made."""
+    """The path of a new folder in `parent`, named after `name`; it is not created."""
     stem = _NAME.sub("_", name).strip("._ ")[:60] or "uploaded"
     number = 1
     folder = parent / stem
@@ -52,9 +52,9 @@ def new_folder(parent: Path, name: str) -> Path:
 
 
 def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPath]]:
-    """The files of a zip with the place each gets; InputError for anything that is not a plain set.
+    """The files of a zip with their target paths; InputError for anything that is not a plain set.
 
-    One folder around everything is left out.
+    A single folder around everything is dropped.
     """
     entries: list[tuple[zipfile.ZipInfo, PurePosixPath]] = []
     total = 0
@@ -91,7 +91,7 @@ def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPat
 
 
 def unpack(name: str, content: bytes, parent: Path) -> Path:
-    """Write a zip's set into a new folder in `parent`; returns the folder. Nothing stays where it fails."""
+    """Write a zip's set into a new folder in `parent`; returns the folder. A failure leaves nothing behind."""
     folder = new_folder(parent, Path(safe_name(name)).stem)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -111,7 +111,7 @@ def unpack(name: str, content: bytes, parent: Path) -> Path:
 
 
 def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None:
-    """Write one file, but not more than the zip says it has."""
+    """Write one file, at most as large as the zip declares."""
     left = info.file_size
     with archive.open(info) as source, target.open("xb") as sink:
         while chunk := source.read(min(2**20, left + 1)):
@@ -122,25 +122,25 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None
 
 
 class UploadFolder:
-    """Uploaded files on their way to a set, in a temporary folder until all that is named is there."""
+    """Uploaded files on their way to a set, in a temporary folder until every named file is there."""
 
     def __init__(self) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="flexviz-upload-")
         self._begin()
 
     def _begin(self) -> None:
-        """A new, empty folder; the old one's files stay, a robot that was chosen may lie there."""
+        """Start a new, empty folder; the old one stays, the chosen robot may be in it."""
         self.folder = new_folder(Path(self._temporary.name), "uploaded")
         self.folder.mkdir()
 
     @property
     def count(self) -> int:
-        """How many files are there."""
+        """The number of files."""
         return len(self._files())
 
     @property
     def no_set(self) -> bool:
-        """Whether neither a set's nor a session's file has come."""
+        """Whether neither a set's nor a session's file is there."""
         return not (self.folder / MAIN).is_file() and not (self.folder / SESSION_FILE).is_file()
 
     def put(self, name: str, content: bytes) -> Path:
@@ -161,7 +161,7 @@ class UploadFolder:
         return target
 
     def unpack(self, name: str, content: bytes) -> None:
-        """Take a zip instead of what is there."""
+        """Replace the files by those of a zip."""
         self.folder = unpack(name, content, Path(self._temporary.name))
 
     def named(self) -> list[str]:
@@ -181,7 +181,7 @@ class UploadFolder:
         return [name for name in dict.fromkeys(found) if isinstance(name, str)]
 
     def missing(self) -> list[str]:
-        """What is still needed: measurements.toml, then the files it names."""
+        """The missing files: measurements.toml, then the files it names."""
         if self.no_set:
             return [MAIN]
         return [name for name in self.named() if not (self.folder / name).is_file()]
@@ -192,7 +192,7 @@ class UploadFolder:
         return found[0] if len(found) == 1 else None
 
     def take(self, parent: Path) -> Path:
-        """Move the set into a new folder in `parent`, once it has been read; returns the folder."""
+        """Move the set into a new folder in `parent`, once it can be read; returns the folder."""
         try:
             open_session(self.folder)
         except InputError as error:
@@ -206,14 +206,14 @@ class UploadFolder:
         return folder
 
     def close(self) -> None:
-        """Remove what was not taken."""
+        """Remove the files that were not taken."""
         self._temporary.cleanup()
 
     def _files(self) -> list[Path]:
         return [file for file in self.folder.rglob("*") if file.is_file()]
 
     def _place(self, name: str) -> Path:
-        """Where a file belongs: a browser says nothing about folders, measurements.toml may."""
+        """Where a file belongs: a browser sends no folders, but measurements.toml may name some."""
         try:
             wanted = [entry for entry in self.named() if Path(entry).name == Path(name).name]
         except InputError:

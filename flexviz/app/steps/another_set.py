@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Change
+from flexviz.app.change import Changed
 from flexviz.app.page import Page, dim, warning
 from flexviz.app.store import Store
 from flexviz.app.uploads import UploadFolder
@@ -74,7 +74,7 @@ class AnotherSet:
                 "Quiz me", self._simulate,
                 hint="simulates a set with a hidden effect; the truth stays hidden until you ask for it",
             )  # fmt: skip
-        store.subscribe(Change.CLOSED, self._uploads.close)
+        store.subscribe(Changed.CLOSED, self._uploads.close)
 
     def _simulate(self) -> None:
         def progress(news: Progress) -> None:

@@ -6,7 +6,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.store import Store
 from flexviz.app.tasks import CheckParameters
@@ -34,10 +34,10 @@ class ParameterCheck:
         self._due: float | None = None
         self.button = page.button("Check", self._run)
         page.command("Check what can be identified", self._run)
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.NEW_STATE, self._new_state, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.ANALYSIS | Change.ACTIVITY, self._refresh, Turn.CONTROLS)
-        store.subscribe(Change.TICK, self._tick, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.NEW_STATE, self._new_state, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _opened(self) -> None:
         self._follows = False

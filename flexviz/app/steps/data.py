@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import warning
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
@@ -46,9 +46,9 @@ class DataStep(WorkflowStep):
         self.another = AnotherSet(store, page)
         page.watch(gui.add_checkbox("Dark theme", False), page.set_dark)
         page.style(label_width, self._choice, "7.6em")
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.FOLDER, self._list_sets, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.CHECK, self._show_check, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.FOLDER, self._list_sets, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.CHECK, self._show_check, Turn.CONTROLS)
 
     def _opened(self) -> None:
         """A new set: its facts, a row for each group."""

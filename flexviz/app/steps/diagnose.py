@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.commands import SHIFT
 from flexviz.app.page import dim, off
 from flexviz.app.steps.findings import HEIGHT, FindingList
@@ -43,7 +43,7 @@ class DiagnoseStep(WorkflowStep):
         page.command("Find what is missing in the model", self._look, "enter", SHIFT)
         page.command("Add the best finding and refit", lambda: self._add(0))
         page.command("Add all that is found", self._add_all)
-        self.store.subscribe(Change.GROUP, self._show_findings, Turn.CONTROLS)
+        self.store.subscribe(Changed.GROUP, self._show_findings, Turn.CONTROLS)
 
     def refresh(self) -> None:
         """Show the diagnosis, and what may be pressed."""

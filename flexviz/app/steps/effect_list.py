@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, dim
 from flexviz.app.store import Store
 from flexviz.app.style import wide_label
@@ -30,8 +30,8 @@ class EffectList:
                     gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
                     for name in names:
                         self._add(name)
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.ANALYSIS, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
 
     def _add(self, name: str) -> None:
         box = self._page.gui.add_checkbox(name, False, hint=effect_hint(EFFECTS[name]))

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, dim, off
 from flexviz.app.recordings import KINDS, Kind, RecordingEvent, Recordings
 from flexviz.app.store import Store
@@ -58,9 +58,9 @@ class Files:
         page.client_command("Send the session as a zip", self._download)
         page.client_command("Send a report", self._write_report)
         page.command("Begin or end a recording", self._toggle)
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.ANALYSIS, self._refresh, Turn.CONTROLS)
-        store.subscribe(Change.TICK, self._tick, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _opened(self) -> None:
         """A new set gets recordings of its own."""

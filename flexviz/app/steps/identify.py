@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.commands import CTRL
 from flexviz.app.page import dim, off
 from flexviz.app.steps.check import ParameterCheck
@@ -49,8 +49,8 @@ class IdentifyStep(WorkflowStep):
         )
         self._table = gui.add_html("")
         page.command("Run the identification", self._start, "enter", CTRL)
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.OPENED | Change.CHECK, self._show_check, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.CHECK, self._show_check, Turn.CONTROLS)
 
     def _opened(self) -> None:
         self._truth.visible = self.store.opened.truth is not None

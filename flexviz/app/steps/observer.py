@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import dim
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.steps.sweep import BandwidthSweep
@@ -54,7 +54,7 @@ class ObserverStep(WorkflowStep):
         self.sweep = BandwidthSweep(self.store, page, self._around, self._set_bandwidth)
         page.style(no_number_box, self._slider)
         page.command("Use the observer's own bandwidth", self._use_default)
-        self.store.subscribe(Change.JOINT, self.refresh, Turn.CONTROLS)
+        self.store.subscribe(Changed.JOINT, self.refresh, Turn.CONTROLS)
 
     def refresh(self) -> None:
         """Show the observer, its bandwidth and its numbers."""

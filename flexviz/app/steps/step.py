@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page
 from flexviz.app.store import Store
 
@@ -30,7 +30,7 @@ class WorkflowStep(ABC):
         self.folder = page.gui.add_folder(None, visible=visible)
         with self.folder:
             self.build()
-        store.subscribe(Change.OPENED | Change.ANALYSIS | Change.ACTIVITY, self.refresh, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY, self.refresh, Turn.CONTROLS)
 
     @abstractmethod
     def build(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.store import Store
 from flexviz.app.tasks import Sweep
@@ -47,8 +47,8 @@ class BandwidthSweep:
         self._charts = ChartColumn(page.server, self._folder)
         page.command("Sweep the bandwidth", self._run)
         page.command("Use the sweep's best bandwidth", self._use_best)
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        shown = Change.OPENED | Change.ANALYSIS | Change.ACTIVITY | Change.JOINT
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        shown = Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY | Changed.JOINT
         store.subscribe(shown, self._refresh, Turn.CONTROLS)
 
     def _opened(self) -> None:

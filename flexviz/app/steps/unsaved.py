@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.app.change import Change, Turn
+from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, warning
 from flexviz.app.store import Store
 from flexviz.app.workspace import unsaved_dir
@@ -25,11 +25,11 @@ class UnsavedWork:
             "Continue unsaved work", self._continue, color="orange", visible=False,
             hint="opens what was kept when flexviz ended without saving; Undo goes through its history",
         )  # fmt: skip
-        store.subscribe(Change.OPENED, self._opened, Turn.CONTROLS)
-        store.subscribe(Change.RESULT | Change.DIAGNOSIS, self._keep_at_once)
-        store.subscribe(Change.ANALYSIS, self._keep)
-        store.subscribe(Change.SAVED, self._saved)
-        store.subscribe(Change.CLOSED, self.keeper.close)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.RESULT | Changed.DIAGNOSIS, self._keep_at_once)
+        store.subscribe(Changed.ANALYSIS, self._keep)
+        store.subscribe(Changed.SAVED, self._saved)
+        store.subscribe(Changed.CLOSED, self.keeper.close)
 
     def _opened(self) -> None:
         """Is there unsaved work on what is open now?"""
