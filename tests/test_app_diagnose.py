@@ -9,6 +9,7 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
+from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.diagnosis import diagnose
 from flexviz.identification import identify
@@ -102,6 +103,7 @@ def test_a_stopped_search_changes_nothing(app: Application) -> None:
 def test_a_change_meanwhile_wins(app: Application) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Find the missing effect")
-    send(app, app.dock.steps[0]._roles["g1"], "Ignore")  # type: ignore[attr-defined]
+    (data,) = (step for step in app.dock.steps if isinstance(step, DataStep))
+    send(app, data._roles["t1p1"], "Ignore")
     wait(app)
     assert app.store.analysis.diagnosis is None and "have changed meanwhile" in status(app)

@@ -1,6 +1,6 @@
 """The page: controls whose changes go into the event queue, commands, tooltips and the style sheet.
 
-What the program itself sets on a control is no event.
+A value that the program itself sets causes no event.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPat
 
 
 def unpack(name: str, content: bytes, parent: Path) -> Path:
-    """Write a zip's set into a new folder in `parent`; returns the folder. A failure leaves nothing behind."""
+    """Write a zip's set into a new folder in `parent`; a failure leaves nothing behind."""
     folder = new_folder(parent, Path(safe_name(name)).stem)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
