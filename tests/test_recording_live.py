@@ -20,9 +20,9 @@ from flexviz.errors import FlexvizError, InputError
 from flexviz.model import EffectValue
 from flexviz.observers import make_observer
 from flexviz.recording import LiveRecording, check_recording, repair_recording
-from flexviz.recording.drawings import treads
+from flexviz.recording.drawings import step_names
 from flexviz.recording.stream import Stream, viewer_address
-from flexviz.recording.web import free_port, rerun_program
+from flexviz.recording.viewers import free_port, rerun_program
 from flexviz.simulation.run import Run
 from flexviz.view.residual_maps import MAP_COLUMNS
 from tests.found import DIAGNOSIS
@@ -132,10 +132,10 @@ def test_the_staircase_of_several_diagnoses() -> None:
         replace(beginning.model, effects=effects) for effects in ((), (friction,), (friction, gap), (gap,))
     ]
     steps = [replace(beginning, model=model) for model in models]
-    assert treads(steps) == [
+    assert step_names(steps) == [
         "as it is", "+ Coulomb friction on joint2", "+ Backlash on joint1", "without an effect"
     ]  # fmt: skip
-    assert treads(DIAGNOSIS.steps) == ["as it is", "+ Coulomb friction on joint2"]
+    assert step_names(DIAGNOSIS.steps) == ["as it is", "+ Coulomb friction on joint2"]
 
 
 def test_calls_from_many_threads(small: Any, tmp_path: Path) -> None:

@@ -17,10 +17,9 @@ import pytest
 
 from flexviz.cli import main
 from flexviz.errors import InputError
-from flexviz.recording import check_recording, native, read_recording, record_set
-from flexviz.recording.comparing import compare
-from flexviz.recording.native import has_display, show_in_window
-from flexviz.recording.web import free_port, web_viewer
+from flexviz.recording import check_recording, read_recording, record_set, viewers
+from flexviz.recording.comparing import compare_recordings
+from flexviz.recording.viewers import free_port, has_display, show_in_window, web_viewer
 from flexviz.session import save_session
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
@@ -128,12 +127,12 @@ def test_a_session_becomes_a_recording(session: Any, tmp_path: Path, capfd: Any,
 
 def test_differences(files: tuple[Path, Path]) -> None:
     a, b = (read_recording(file) for file in files)
-    found = compare(a, b)
+    found = compare_recordings(a, b)
     (row,) = found.notable
     assert row.name == "stiffness" and row.deviations == pytest.approx(10 / 2**0.5)
     assert found.rms[1] == pytest.approx((12.5) ** 0.5)
     assert found.only == (tuple(sorted(a.results[0]["effects"])), ())
-    assert not compare(a, a).notable and compare(a, a).only == ((), ())
+    assert not compare_recordings(a, a).notable and compare_recordings(a, a).only == ((), ())
 
 
 def test_side_by_side(files: tuple[Path, Path], tmp_path: Path, capfd: Any) -> None:
@@ -229,7 +228,7 @@ def test_a_window(tmp_path: Path, files: tuple[Path, Path], monkeypatch: pytest.
         f'#!/bin/sh\necho "$CI $*" > {tmp_path}/said\ncase "$1" in *b.rrd) echo bad >&2; exit 3;; esac\n'
     )
     program.chmod(program.stat().st_mode | stat.S_IEXEC)
-    monkeypatch.setattr(native, "rerun_program", lambda: program)
+    monkeypatch.setattr(viewers, "rerun_program", lambda: program)
     assert show_in_window([files[0]]) == ""
     said = (tmp_path / "said").read_text()
     assert said.startswith(f"1 {files[0]}") and "--bind 127.0.0.1" in said

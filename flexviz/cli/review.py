@@ -14,7 +14,7 @@ import typer
 from flexviz.errors import InputError
 
 if TYPE_CHECKING:
-    from flexviz.recording.reading import Recording
+    from flexviz.recording import Recording
 
 SOURCE = "A recording (*.rrd), or a session's folder."
 
@@ -143,25 +143,24 @@ def verdict(diagnosis: dict[str, Any]) -> str:
 
 def compared(a: Recording, b: Recording, out: Path) -> Path:
     """Say how two recordings differ and write them side by side into one."""
-    from flexviz.recording import comparing
+    from flexviz.recording import compare_recordings, merge_recordings
 
-    found = comparing.compare(a, b)
-    width = max(len(title) for title, _ in comparing.facts(found))
-    for title, (first, second) in comparing.facts(found):
+    found = compare_recordings(a, b)
+    width = max(len(title) for title in found.facts)
+    for title, (first, second) in found.facts.items():
         say(f"{title:{width}}  A: {first}   B: {second}")
     for row in found.notable:
         place = f" of {row.joint}" if row.joint else ""
         first, second = (f"{value:.5g}" for value in row.values)
         apart = f"{row.deviations:.3g} standard errors apart"
         say(f"{row.name}{place}: A {first}, B {second} {row.unit}, {apart}")
-    comparing.merge(found, out)
+    merge_recordings(found, out)
     return out
 
 
 def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -> None:
     """Open the recordings and wait until they are closed: a window, Ctrl+C for the page."""
-    from flexviz.recording.native import has_display, show_in_window
-    from flexviz.recording.web import web_viewer
+    from flexviz.recording import has_display, show_in_window, web_viewer
 
     if web is None:
         web = not has_display() or port is not None or not browser

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 from flexviz.recording.checking import Checked, TruncatedRecording, check_recording
-from flexviz.recording.files import Recorded
+from flexviz.recording.comparing import RecordingComparison, compare_recordings, merge_recordings
+from flexviz.recording.files import Recorded, repair_recording
 from flexviz.recording.live import LiveRecording
 from flexviz.recording.reading import Recording, read_recording
-from flexviz.recording.repairing import repair_recording
-from flexviz.recording.sessions import record_session
-from flexviz.recording.writing import RecordingFile, ending_tidily, record_set
+from flexviz.recording.viewers import has_display, show_in_window, web_viewer
+from flexviz.recording.writing import RecordingFile, ending_tidily, record_session, record_set
 
 __all__ = [
     "Checked",
     "LiveRecording",
     "Recorded",
     "Recording",
+    "RecordingComparison",
     "RecordingFile",
     "TruncatedRecording",
     "check_recording",
+    "compare_recordings",
     "ending_tidily",
+    "has_display",
+    "merge_recordings",
     "read_recording",
     "record_session",
     "record_set",
     "repair_recording",
+    "show_in_window",
+    "web_viewer",
 ]

@@ -1,4 +1,4 @@
-"""Whether a recording is whole: its footer, its chunks read back and counted, its own SHA-256 beside it."""
+"""Integrity of a recording: footer, number of chunks read back, SHA-256 in the file beside it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from rerun.chunk import RrdReader
 from flexviz.errors import InputError
 from flexviz.files import sha256_of
 
-CUT = ("no footer", "exceeds file size")  # what the reader says of a file that ends too early
+CUT = ("no footer", "exceeds file size")  # in the reader's message on a file that ends too early
 
 
 @dataclass(frozen=True)
 class Checked:
-    """What a recording holds.
+    """A checked recording.
 
-    Attributes
-    ----------
-    file: the recording.
-    chunks, rows: how many.
-    entities: their paths.
-    sha256: of the file.
-    confirmed: whether a SHA-256 lies beside it (and is the same).
+    Attributes:
+        file: the recording.
+        chunks, rows: how many.
+        entities: their paths.
+        sha256: of the file.
+        confirmed: whether the file beside it has the same SHA-256.
     """
 
     file: Path
@@ -38,7 +37,7 @@ class Checked:
 
 
 class TruncatedRecording(InputError):
-    """A recording that was not ended: the program that wrote it was killed, or the file was cut."""
+    """A recording without its end: the program that wrote it was killed, or the file was cut."""
 
 
 def sidecar(file: Path) -> Path:
@@ -49,13 +48,12 @@ def sidecar(file: Path) -> Path:
 def check_recording(path: str | Path) -> Checked:
     """Read a recording back.
 
-    The viewer's own check passes empty files and garbage, so every chunk is decoded here and counted against
-    the footer, and the SHA-256 is compared where it lies beside the file.
+    The viewer's own check accepts empty files and garbage, so every chunk is decoded here and counted against
+    the footer, and the SHA-256 is compared with that in the file beside it, if there is one.
 
-    Raises
-    ------
-    TruncatedRecording: it ends too early; `repair_recording` saves what is there.
-    InputError: it is damaged, empty, or no recording.
+    Raises:
+        TruncatedRecording: it ends too early; `repair_recording` saves the rest.
+        InputError: it is damaged, empty, or no recording.
     """
     file = Path(path)
     try:
@@ -71,7 +69,7 @@ def check_recording(path: str | Path) -> Checked:
     if found != expected:
         raise InputError("is damaged: its SHA-256 is not the one written beside it", file=file)
     if chunks == 0:
-        raise InputError("is empty: a Rerun recording with data would be right", file=file)
+        raise InputError("is empty, expected a Rerun recording with data", file=file)
     if chunks != promised:
         raise InputError(f"is damaged: its footer lists {promised} chunks, {chunks} are there", file=file)
     return Checked(file, chunks, rows, entities, found, beside)
@@ -79,10 +77,10 @@ def check_recording(path: str | Path) -> Checked:
 
 @contextmanager
 def _read_errors(file: Path) -> Iterator[None]:
-    """Whatever a damaged file makes the reader raise, or warn of, as one InputError."""
+    """Turn the reader's errors and warnings on a damaged file into one InputError."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # a file without its end is only a warning for the reader
+            warnings.simplefilter("error")  # a truncated file is only a warning for the reader
             yield
     except Exception as error:
         text = " ".join(str(error).split())

@@ -1,9 +1,9 @@
-"""Two recordings held against each other: their newest results in numbers, and both in one recording."""
+"""Two recordings compared: their newest results in numbers, and both side by side in one recording."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,29 +11,38 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
-from flexviz.recording.compare_layout import compare_blueprint
-from flexviz.recording.paths import APPLICATION, result_path
+from flexviz.charts import COLOURS, rgb
+from flexviz.recording.layout import document, page, plot, scene_view
+from flexviz.recording.paths import (
+    APPLICATION,
+    TAU_STATES,
+    THETA_STATES,
+    TITLES,
+    diagnosis_path,
+    observer_path,
+    result_path,
+)
 from flexviz.recording.reading import Recording
-from flexviz.recording.texts import escaped
+from flexviz.recording.texts import bandwidth_text, escaped, table
 from flexviz.view import total_rms
 from flexviz.wording import number
 
 SIDES = ("A", "B")
 SCALARS = "Scalars:scalars"
-NOTABLE = 3.0  # standard errors
+NOTABLE = 3.0  # standard errors: larger differences are rarely chance, even among a hundred parameters
+Views = list[rrb.Container | rrb.View]
 
 
 @dataclass(frozen=True)
-class Row:
-    """One parameter in both; NaN where one of them does not have it.
+class ParameterDifference:
+    """One parameter in both recordings; NaN where one of them does not have it.
 
-    Attributes
-    ----------
-    name, joint, unit: which one.
-    values, stds: in A and in B [unit].
-    deviations: their difference in standard errors of the difference; NaN where that is not known.
+    Attributes:
+        name, joint, unit: which one.
+        values, stds: in A and in B [unit].
     """
 
     name: str
@@ -44,6 +53,7 @@ class Row:
 
     @property
     def deviations(self) -> float:
+        """The difference in standard errors of the difference; NaN if unknown."""
         spread = math.hypot(*self.stds)
         difference = abs(self.values[0] - self.values[1])
         if math.isnan(difference) or math.isnan(spread):
@@ -52,103 +62,84 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class RecordingComparison:
     """The newest results of two recordings.
 
-    Attributes
-    ----------
-    a, b: the recordings.
-    rows: every parameter that at least one of them has.
-    rms, rms_validation: root of the mean square over the joints [Nm], in A and B; NaN where there is none.
-    only: effects that only A has, and that only B has.
+    Attributes:
+        a, b: the recordings.
+        rows: every parameter that at least one of them has.
+        rms, rms_validation: root mean square over the joints [Nm] in A and B; NaN if there is none.
+        only: effects that only A has, and that only B has.
+        facts: title -> texts for A and for B: set, model, effects, observer, errors, verdict.
     """
 
     a: Recording
     b: Recording
-    rows: tuple[Row, ...]
+    rows: tuple[ParameterDifference, ...]
     rms: tuple[float, float]
     rms_validation: tuple[float, float]
     only: tuple[tuple[str, ...], tuple[str, ...]]
+    facts: dict[str, tuple[str, str]]
 
     @property
-    def notable(self) -> list[Row]:
-        """The parameters that differ by more than chance would, the largest difference first."""
+    def notable(self) -> list[ParameterDifference]:
+        """The parameters that differ by more than `NOTABLE`, the largest difference first."""
         return [row for row in sorted(self.rows, key=_rank) if row.deviations > NOTABLE]
 
 
-def compare(a: Recording, b: Recording) -> Comparison:
-    """Hold the newest results of two recordings against each other."""
+def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
+    """Compare the newest results of two recordings."""
     results = [recording.results[-1] if recording.results else {} for recording in (a, b)]
     tables = [{_key(p): p for p in result.get("parameters", ())} for result in results]
     rows = tuple(
-        Row(key[0], key[1], one.get("unit", ""), _pair(tables, key, "value"), _pair(tables, key, "std"))
+        ParameterDifference(
+            key[0], key[1], one.get("unit", ""), _pair(tables, key, "value"), _pair(tables, key, "std")
+        )
         for key, one in (tables[0] | tables[1]).items()
     )
-    residuals = [result.get("residual", {}) for result in results]
+    errors = [result.get("residual", {}) for result in results]
+    rms, rms_validation = (_both(_total(e.get(name)) for e in errors) for name in ("rms", "rms_validation"))
     effects = [set(result.get("effects", ())) for result in results]
-    first, second = (
-        tuple(sorted(mine - other)) for mine, other in ((effects[0], effects[1]), (effects[1], effects[0]))
-    )
-    return Comparison(
-        a,
-        b,
-        rows,
-        rms=_both(_total(residual.get("rms")) for residual in residuals),
-        rms_validation=_both(_total(residual.get("rms_validation")) for residual in residuals),
-        only=(first, second),
-    )
+    only = _both(tuple(sorted(effects[side] - effects[1 - side])) for side in (0, 1))
+    facts = {
+        "set": (a.set_name, b.set_name),
+        "model": _both(result.get("label") or "–" for result in results),
+        "effects": _both(", ".join(result.get("effects", ())) or "none" for result in results),
+        "observer": _both(_observer(result.get("observer", {})) for result in results),
+        "fitted": _both(", ".join(result.get("groups", ())) or "–" for result in results),
+        "rms fit [Nm]": _both(number(value, 4) for value in rms),
+        "rms validation [Nm]": _both(number(value, 4) for value in rms_validation),
+        "verdict": _both(r.diagnoses[-1]["verdict"] if r.diagnoses else "–" for r in (a, b)),
+    }
+    return RecordingComparison(a, b, rows, rms, rms_validation, only, facts)
 
 
-def comparison_text(found: Comparison) -> str:
+def comparison_text(found: RecordingComparison) -> str:
     """The comparison as Markdown."""
     names = [f"{side}: {escaped(r.file.name)}" for side, r in zip(SIDES, (found.a, found.b), strict=True)]
-    lines = [f"# {names[0]} and {names[1]}", "", "| | A | B |", "|---|---|---|"]
-    for title, cells in facts(found):
-        lines.append(f"| {title} | {escaped(cells[0])} | {escaped(cells[1])} |")
-    if found.rows:
-        lines += ["", "| parameter | joint | A | B | unit | difference |", "|---|---|---|---|---|---|"]
-        for row in sorted(found.rows, key=_rank):
-            apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
-            mark = "**" if row.deviations > NOTABLE else ""
-            a, b = (number(value, 5) for value in row.values)
-            lines.append(
-                f"| {escaped(row.name)} | {escaped(row.joint or '')} | {a} | {b} | {row.unit} | "
-                f"{mark}{apart}{mark} |"
-            )
+    lines = [f"# {names[0]} and {names[1]}", ""]
+    lines += table(["", "A", "B"], ([title, *map(escaped, cells)] for title, cells in found.facts.items()))
+    rows = []
+    for row in sorted(found.rows, key=_rank):
+        apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
+        mark = "**" if row.deviations > NOTABLE else ""
+        values = (number(value, 5) for value in row.values)
+        rows.append([escaped(row.name), escaped(row.joint or ""), *values, row.unit, f"{mark}{apart}{mark}"])
+    if rows:
+        lines += ["", *table(["parameter", "joint", "A", "B", "unit", "difference"], rows)]
     return "\n".join(lines)
 
 
-def facts(found: Comparison) -> list[tuple[str, tuple[str, str]]]:
-    """What there is to know of each beside the parameters: title, and what stands for A and for B."""
-
-    def of(recording: Recording) -> dict[str, Any]:
-        return recording.results[-1] if recording.results else {}
-
-    a, b = of(found.a), of(found.b)
-    observers = [result.get("observer", {}) for result in (a, b)]
-    out = [
-        ("set", (found.a.set_name, found.b.set_name)),
-        ("model", (a.get("label") or "–", b.get("label") or "–")),
-        ("effects", _both(", ".join(result.get("effects", ())) or "none" for result in (a, b))),
-        ("observer", _both(f"{o.get('name', '–')} {_bandwidth(o.get('bandwidth'))}" for o in observers)),
-        ("fitted", _both(", ".join(result.get("groups", ())) or "–" for result in (a, b))),
-        ("rms fit [Nm]", _both(number(value, 4) for value in found.rms)),
-        ("rms validation [Nm]", _both(number(value, 4) for value in found.rms_validation)),
-    ]
-    verdicts = [r.diagnoses[-1]["verdict"] if r.diagnoses else "–" for r in (found.a, found.b)]
-    return [*out, ("verdict", _both(verdicts))]
-
-
-def merge(found: Comparison, out: Path) -> None:
-    """Write both recordings and their comparison in one, side by side: entities /A/…, /B/…, /comparison."""
+def merge_recordings(found: RecordingComparison, out: Path) -> None:
+    """Write both recordings and their comparison side by side: entities /A/…, /B/…, /comparison."""
     recordings = (found.a, found.b)
     largest: dict[str, float] = {}
     for recording in recordings:
-        for group, value in largest_residuals(recording).items():
+        for group, value in _largest_residuals(recording).items():
             largest[group] = max(largest.get(group, 0.0), value)
     stream = rr.RecordingStream(f"{APPLICATION} comparison")
-    # first of all the layout: the viewer shows a file while it loads
-    stream.save(out, default_blueprint=compare_blueprint(recordings, largest))
+    # the layout first: the viewer shows a file while it loads
+    stream.save(out, default_blueprint=_blueprint(recordings, largest))
     stream.send_recording_name(f"{found.a.file.stem} and {found.b.file.stem}")
     text = rr.TextDocument(comparison_text(found), media_type=rr.MediaType.MARKDOWN)
     stream.log("/comparison", text, static=True)
@@ -160,7 +151,7 @@ def merge(found: Comparison, out: Path) -> None:
     stream.disconnect()
 
 
-def largest_residuals(recording: Recording) -> dict[str, float]:
+def _largest_residuals(recording: Recording) -> dict[str, float]:
     """Group -> the largest residual of the newest result [Nm]."""
     found: dict[str, float] = {}
     for group in recording.groups:
@@ -173,6 +164,92 @@ def largest_residuals(recording: Recording) -> dict[str, float]:
         if values:
             found[group] = max(values)
     return found
+
+
+# -- the layout ----------------------------------------------------------------------------------------------
+
+
+def _blueprint(recordings: Sequence[Recording], largest: dict[str, float]) -> rrb.Blueprint:
+    """A on the left, B on the right; `largest`: group -> largest residual [Nm], the scale of both sides."""
+    groups = list(dict.fromkeys(group for recording in recordings for group in recording.groups))
+    sides = list(zip(SIDES, recordings, strict=True))
+    scenes = [
+        rrb.Horizontal(
+            *(scene_view(f"/{side}", f"{side} 3D {group}", group, r.eye, r.centre) for side, r in sides),
+            name=f"3D {group}",
+        )
+        for group in groups
+    ]
+    residuals = [
+        rrb.Horizontal(
+            *(_residual(side, recording, group, largest[group]) for side, recording in sides),
+            name=f"Where it fails {group}",
+        )
+        for group in groups
+        if group in largest
+    ]
+    rows: Views = [rrb.Tabs(*scenes, name="3D")]
+    if residuals:
+        rows.append(rrb.Tabs(*residuals, name="Where it fails"))
+    rows.append(_details(sides, groups))
+    return page(rrb.Vertical(*rows, row_shares=[3, 2, 3] if residuals else [1, 1]), loop_mode="all")
+
+
+def _residual(side: str, recording: Recording, group: str, largest: float) -> rrb.TimeSeriesView:
+    """The newest result's residual in one group."""
+    origin = f"/{side}" + result_path(len(recording.results), "groups", group, "residual")
+    top = 1.05 * largest or 1.0
+    return plot(f"{side} residual [Nm] {group}", origin, ["$origin/**"], span=(-top, top))
+
+
+def _details(sides: Sequence[tuple[str, Recording]], groups: Sequence[str]) -> rrb.Container:
+    """The differences, convergence, verdicts, descriptions, and the states one over the other."""
+    views: Views = [document("/comparison", "Differences")]
+    curves = [
+        plot(
+            f"{side} {name}",
+            f"/{side}" + result_path(len(r.results), "optimiser"),
+            [f"$origin/{entity}"],
+            legend=False,
+        )
+        for side, r in sides
+        if r.results
+        for name, entity in (("cost, log10", "log10_cost"), ("parameters / last value", "relative"))
+    ]
+    if curves:
+        views.append(rrb.Horizontal(*curves, name="Convergence"))
+    verdicts = [
+        document(f"/{side}" + diagnosis_path(len(r.diagnoses), "verdict"), f"{side} verdict")
+        for side, r in sides
+        if r.diagnoses
+    ]
+    if verdicts:
+        views.append(rrb.Horizontal(*verdicts, name="Verdicts"))
+    views.append(
+        rrb.Horizontal(*(document(f"/{side}/about", f"{side} about") for side, _ in sides), name="About")
+    )
+    views.append(rrb.Tabs(*(_states(sides, group) for group in groups), name="States"))
+    return rrb.Tabs(*views, name="Differences and more")
+
+
+def _states(sides: Sequence[tuple[str, Recording]], group: str) -> rrb.Container:
+    """All observer states of one group, B in colour over A in grey."""
+    views = []
+    for name in (*THETA_STATES, *TAU_STATES):
+        contents: list[str] = []
+        overrides: dict[str, Any] = {}
+        for side, recording in sides:
+            for joint in recording.joints if recording.observer is not None else ():
+                entity = f"/{side}" + observer_path(str(recording.observer), group, name, joint)
+                contents.append(entity)
+                if side == SIDES[0]:
+                    style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"A {joint}", widths=3.0)
+                    overrides[entity] = style.visualizer()
+        views.append(plot(TITLES[name], "/", contents, legend=False, overrides=overrides))
+    return rrb.Grid(*views, grid_columns=4, name=f"States {group}")
+
+
+# -- parts ---------------------------------------------------------------------------------------------------
 
 
 def _under(prefix: str, chunk: Chunk) -> Chunk:
@@ -188,7 +265,7 @@ def _pair(tables: list[dict[Any, dict[str, Any]]], key: Any, name: str) -> tuple
     return _both(math.nan if value is None else float(value) for value in values)
 
 
-def _rank(row: Row) -> float:
+def _rank(row: ParameterDifference) -> float:
     return math.inf if math.isnan(row.deviations) else -row.deviations
 
 
@@ -196,10 +273,9 @@ def _total(rms: list[float] | None) -> float:
     return math.nan if rms is None else total_rms(np.asarray(rms))
 
 
-def _bandwidth(value: float | list[float] | None) -> str:
-    if value is None:
-        return ""
-    return ", ".join(f"{w:.4g}" for w in np.atleast_1d(value)) + " rad/s"
+def _observer(observer: dict[str, Any]) -> str:
+    bandwidth = observer.get("bandwidth")
+    return f"{observer.get('name', '–')} {'' if bandwidth is None else bandwidth_text(bandwidth)}"
 
 
 def _both(values: Iterable[Any]) -> tuple[Any, Any]:

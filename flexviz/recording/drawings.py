@@ -1,4 +1,4 @@
-"""What a diagnosis shows: where the model fails, how the error falls, what an effect takes away."""
+"""Drawings of a diagnosis: where the model fails, the error step by step, evidence."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import rerun as rr
 
 from flexviz.charts import COLOURS
 from flexviz.recording.charts import send_charts, send_map
-from flexviz.recording.columns import send_line
 from flexviz.recording.paths import TIME, diagnosis_path, path
+from flexviz.recording.signals import send_line
 from flexviz.recording.stream import Stream
 from flexviz.view import MAP_COLUMNS, free_chart, map_charts, map_of, staircase_chart
 from flexviz.wording import effect_text_name, finding_name
@@ -19,10 +19,10 @@ from flexviz.wording import effect_text_name, finding_name
 if TYPE_CHECKING:
     from flexviz.diagnosis import Finding, FreeCurve, ResidualMap, Step
 
-EVIDENCE = 3  # findings whose evidence is sent
+MAX_EVIDENCE = 3  # findings whose evidence is sent
 
 
-def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequence[ResidualMap]) -> None:
+def send_maps(stream: Stream, where: str, joints: tuple[str, ...], maps: Sequence[ResidualMap]) -> None:
     """Where a model fails: `where`/map of all joints, and `where`/curves/<joint>."""
     if not maps:
         return
@@ -33,18 +33,18 @@ def send_maps(recording: Stream, where: str, joints: tuple[str, ...], maps: Sequ
             if one is not None:
                 shares[i, j] = max(one.explained, 0.0)
     title = "share of each joint's residual that each variable explains, out of sample"
-    send_map(recording, f"{where}/map", title, joints, list(MAP_COLUMNS.values()), shares)
+    send_map(stream, f"{where}/map", title, joints, list(MAP_COLUMNS.values()), shares)
     for joint in joints:
-        send_charts(recording, where + path("curves", joint), map_charts(maps, joint), columns=3)
+        send_charts(stream, where + path("curves", joint), map_charts(maps, joint), columns=3)
 
 
-def send_staircase(recording: Stream, where: str, steps: Sequence[Step]) -> None:
+def send_staircase(stream: Stream, where: str, steps: Sequence[Step]) -> None:
     """The error of every group after each added effect."""
-    send_charts(recording, f"{where}/staircase", [staircase_chart(steps, ticks=treads(steps))])
+    send_charts(stream, f"{where}/staircase", [staircase_chart(steps, ticks=step_names(steps))])
 
 
-def treads(steps: Sequence[Step]) -> list[str]:
-    """What each step has added; of steps of several diagnoses the models tell."""
+def step_names(steps: Sequence[Step]) -> list[str]:
+    """What each step has added, by its finding or, for steps of several diagnoses, by its model."""
     names: list[str] = []
     before: set[str] = set()
     for place, step in enumerate(steps):
@@ -57,13 +57,13 @@ def treads(steps: Sequence[Step]) -> list[str]:
     return names
 
 
-def send_free_curve(recording: Stream, where: str, curve: FreeCurve | None) -> None:
-    """A curve for what no effect explains."""
-    send_charts(recording, f"{where}/free", [free_chart(curve)])
+def send_free_curve(stream: Stream, where: str, curve: FreeCurve | None) -> None:
+    """The free curve fitted to the unexplained residual."""
+    send_charts(stream, f"{where}/free", [free_chart(curve)])
 
 
-def send_evidence(recording: Stream, number: int, rank: int, finding: Finding) -> None:
-    """The residual of a finding's joint before the effect was added, and what the effect takes from it."""
+def send_evidence(stream: Stream, number: int, rank: int, finding: Finding) -> None:
+    """The residual of a finding's joint before the effect is added, and what the effect absorbs of it."""
     evidence = finding.evidence
     if evidence is None:
         return
@@ -75,4 +75,4 @@ def send_evidence(recording: Stream, number: int, rank: int, finding: Finding) -
         ):
             entity = diagnosis_path(number, "evidence", str(rank), group, name)
             label = f"{name} {evidence.joint}"
-            send_line(recording, entity, [index], np.asarray(values[first:last]), label, colour, width)
+            send_line(stream, entity, [index], np.asarray(values[first:last]), label, colour, width)

@@ -1,17 +1,16 @@
-"""A recording that grows with an analysis: start it, tell it each result as it comes, close it.
+"""A recording that grows with an analysis.
 
     recording = LiveRecording(measurements, "demo.rrd")            # a file; and, or, viewer="9876"
     recording.observer(make_observer("butterworth-zero-phase"))
     recording.started("with Coulomb friction")                     # a solve begins
     result = identify(measurements, progress=recording.progress)  # every iteration as it comes
     recording.identified(result)
-    recording.replayed("g1", run)                                  # the identified model's own motion
+    recording.replayed("g1", run)                                  # the identified model's simulated motion
     recording.diagnosed(diagnosis)
     recording.close()
 
-Every call but `flush` and `close` puts its piece into a queue and returns at once; one thread writes the
-pieces in their order and flushes at the latest a second after each. What was flushed
-survives the end of the program, however it ends.
+Every call but `flush` and `close` puts its content into a queue and returns at once; one thread writes the
+queue in order and flushes within a second. Flushed content survives the end of the program, however it ends.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer
 from flexviz.progress import Progress
 from flexviz.recording.files import Recorded, Target
-from flexviz.recording.recorder import SAMPLES, TICK, Recorder
+from flexviz.recording.recorder import FLUSH_INTERVAL, MAX_SAMPLES, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
@@ -40,20 +39,19 @@ if TYPE_CHECKING:
     from flexviz.progress import Iteration
     from flexviz.simulation import Run
 
-PATIENCE = 120.0  # [s] that `flush` and `close` wait for what is still to be written
+WRITE_TIMEOUT = 120.0  # [s] that `flush` and `close` wait for the queue
 
 
 class LiveRecording:
     """A growing recording of one measurement set; all methods may be called from any thread.
 
-    A failure (a full disk, a result that does not fit the set) never reaches the caller of a method but
-    `flush` and `close`: it ends the recording, is kept in `failure`, and `on_failure` is told.
+    A failure (a full disk, a result that does not fit the set) is raised by `flush` and `close` only: it ends
+    the recording, is kept in `failure` and passed to `on_failure`.
 
-    Attributes
-    ----------
-    file: where it is written, or None.
-    failure: why nothing is written any more; empty while all is well.
-    lost_viewer: why the viewer gets nothing any more; empty while it does.
+    Attributes:
+        file: where it is written, or None.
+        failure: why the recording has ended; empty while it goes on.
+        lost_viewer: why the viewer receives nothing; empty while it does.
     """
 
     def __init__(
@@ -62,22 +60,21 @@ class LiveRecording:
         file: str | Path | None = None,
         *,
         viewer: str | None = None,
-        samples: int = SAMPLES,
+        samples: int = MAX_SAMPLES,
         on_failure: Callable[[str], None] | None = None,
     ) -> None:
         """Open it and record the set's own signals and the measured robot.
 
-        Parameters
-        ----------
-        file: written from the start, at its own place; one that is there already is kept until this is done:
-            this one is then written beside it (`file` says where) and moved there by `close`.
-        viewer: a running viewer: "" the usual place on this machine, a port, host:port, or an address.
-        samples: recorded at most of each signal and group.
-        on_failure: called once, from the recording's thread, with the reason in one line.
+        Args:
+            measurements: the set.
+            file: written from the start. An older file stays until this one is done: until then it is
+                written beside it (see `file`), `close` moves it.
+            viewer: a running viewer: "" for the default, a port, host:port, or an address.
+            samples: recorded at most, per signal and group.
+            on_failure: called once, from the recording's thread, with the reason in one line.
 
-        Raises
-        ------
-        InputError: neither file nor viewer, the file's folder does not exist, no viewer answers.
+        Raises:
+            InputError: neither file nor viewer, the file's folder does not exist, no viewer answers.
         """
         if file is None and viewer is None:
             raise InputError("a recording needs a file or a viewer")
@@ -107,11 +104,11 @@ class LiveRecording:
     # -- what is recorded ----------------------------------------------------------------------------
 
     def observer(self, observer: Observer) -> None:
-        """All states of an observer; nothing where it has been recorded already."""
+        """All states of an observer, unless they are recorded already."""
         self._put(partial(self._recorder.observe, observer, self._flush))
 
     def started(self, label: str = "") -> None:
-        """A solve begins: the iterations and the result that follow belong to it."""
+        """Begin a solve: the iterations and the result that follow belong to it."""
         self._begun = time.monotonic()
         self._put(partial(self._recorder.start, label))
 
@@ -126,25 +123,19 @@ class LiveRecording:
         self._put(partial(self._recorder.iteration, iteration, seconds))
 
     def identified(self, result: Identification, label: str = "") -> None:
-        """A result: residuals, parameters, and the iterations that were not told one by one.
-
-        `label` says in a few words what the model is, e.g. "with coulomb_friction:joint2".
-        """
+        """A result: residuals, parameters, iterations not sent yet; `label`: its model in a few words."""
         self._put(partial(self._recorder.result, result, label))
 
     def replayed(self, group: str, run: Run) -> None:
-        """The newest result's model simulated along a group: its signals, and the second robot."""
+        """The newest result's model simulated in a group: its signals, and the second robot."""
         self._put(partial(self._recorder.run, group, run))
 
     def mapped(self, maps: Sequence[ResidualMap]) -> None:
-        """Where the newest result's model fails, as the diagnosis sees it."""
+        """Where the newest result's model fails."""
         self._put(partial(self._recorder.maps, tuple(maps)))
 
     def diagnosed(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
-        """A verdict with its findings, evidence, maps and staircase.
-
-        `steps`: the models on the way to this one, where the diagnosis itself has not gone it.
-        """
+        """A diagnosis; `steps`: the models before it, if it has only one itself."""
         self._put(partial(self._recorder.diagnosis, diagnosis, tuple(steps)))
 
     def note(self, text: str) -> None:
@@ -153,12 +144,11 @@ class LiveRecording:
 
     # -- its end -------------------------------------------------------------------------------------
 
-    def flush(self, timeout: float = PATIENCE) -> None:
-        """Wait until everything told so far is in the file.
+    def flush(self, timeout: float = WRITE_TIMEOUT) -> None:
+        """Wait until everything so far is in the file.
 
-        Raises
-        ------
-        FlexvizError: the recording has failed, or is not done after `timeout` [s].
+        Raises:
+            FlexvizError: the recording has failed, or takes longer than `timeout` [s].
         """
         done = threading.Event()
         self._put(lambda: (self._recorder.flush(), done.set()))
@@ -169,12 +159,11 @@ class LiveRecording:
         if self.failure:
             raise FlexvizError(self.failure)
 
-    def close(self, timeout: float = PATIENCE) -> Recorded | None:
-        """Write what is left and the end of the file, check it, move it to its place; None without a file.
+    def close(self, timeout: float = WRITE_TIMEOUT) -> Recorded | None:
+        """Write the rest, check the file and move it to its place; None without a file.
 
-        Raises
-        ------
-        FlexvizError: the recording has failed, or is not done after `timeout` [s].
+        Raises:
+            FlexvizError: the recording has failed, or takes longer than `timeout` [s].
         """
         with self._lock:
             closed, self._closed = self._closed, True
@@ -203,7 +192,7 @@ class LiveRecording:
                 self._queue.put(piece)
 
     def _flush(self, what: str, share: float) -> None:
-        """A part of a long piece is done."""
+        """Write what is done of a long piece."""
         self._recorder.flush()
 
     def _work(self) -> None:
@@ -211,15 +200,15 @@ class LiveRecording:
         try:
             while True:
                 try:
-                    piece = self._queue.get(timeout=TICK if dirty else None)
+                    piece = self._queue.get(timeout=FLUSH_INTERVAL if dirty else None)
                 except queue.Empty:
                     piece = self._recorder.flush
                 if piece is None:
                     break
                 piece()
                 dirty = piece != self._recorder.flush
-                if dirty and time.monotonic() - flushed > TICK:
-                    self._stream.flush()  # iterations that wait for more are left waiting
+                if dirty and time.monotonic() - flushed > FLUSH_INTERVAL:
+                    self._stream.flush()  # iterations still being gathered stay in memory
                     flushed = time.monotonic()
             self._recorder.flush()
             self._stream.close()
@@ -236,7 +225,7 @@ class LiveRecording:
         )
         with self._lock:
             self.failure = f"the recording has ended: {reason}"
-            while not self._queue.empty():  # nobody waits for what is not written any more
+            while not self._queue.empty():  # it will not be written
                 self._queue.get_nowait()
         try:
             self._stream.close()

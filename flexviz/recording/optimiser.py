@@ -1,4 +1,4 @@
-"""The optimiser's way: cost, step and every parameter of each iteration."""
+"""The optimiser's iterations: cost, step and every parameter."""
 
 from __future__ import annotations
 
@@ -10,47 +10,48 @@ import numpy as np
 import rerun as rr
 
 from flexviz.charts import rgb
-from flexviz.recording.columns import send_line, series
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, result_path
+from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
     from flexviz.progress import Iteration
 
-BATCH = 0.25  # [s] iterations are gathered before they are sent; so that a solve is not slowed down,
-SHARE = 0.02  # they wait while sending would take more than this share of the program's processor time,
-COST = 0.005  # [s] that it takes, until that is known
-LONGEST = 4.0  # [s] but no longer than this
-RELATIVE = 10.0  # parameters farther from their last value than this factor are drawn there
+# so that sending does not slow a solve down, iterations are gathered at least for MIN_WAIT, longer while
+# sending would take more than MAX_LOAD of the program's processor time, but at most for MAX_WAIT
+MIN_WAIT, MAX_WAIT = 0.25, 4.0  # [s]
+MAX_LOAD = 0.02
+FIRST_COST = 0.005  # [s] of processor time, assumed for the first sending
+RELATIVE_LIMIT = 10.0  # larger ratios of a parameter to its last value are drawn there
 
 
 class Optimiser:
-    """The iterations of one solve, gathered a little and sent as they come, or all at once.
+    """The iterations of one solve, sent in small batches as they come, or all at once.
 
     They are on `iteration`, counted from 1, and on `time`: seconds since the start.
     """
 
-    def __init__(self, recording: Stream, number: int) -> None:
-        self._recording = recording
+    def __init__(self, stream: Stream, number: int) -> None:
+        self._stream = stream
         self._number = number
         self.sent: list[Iteration] = []
         self._seconds: list[float] = []
         self._waiting: list[tuple[Iteration, float]] = []
         self._last = time.monotonic()
         self._used = time.process_time()
-        self._cost = COST  # [s] processor time of the last sending
+        self._cost = FIRST_COST  # [s] processor time of the last sending
 
     def add(self, iteration: Iteration, seconds: float) -> bool:
-        """One more, `seconds` [s] after the solve began; says whether what was waiting has been sent."""
+        """Add one, `seconds` [s] after the solve began; returns whether the waiting ones have been sent."""
         self._waiting.append((iteration, seconds))
         passed, used = time.monotonic() - self._last, time.process_time() - self._used
-        due = passed > LONGEST or (passed > BATCH and used > self._cost / SHARE)
+        due = passed > MAX_WAIT or (passed > MIN_WAIT and used > self._cost / MAX_LOAD)
         if due:
             self.flush()
         return due
 
     def flush(self) -> None:
-        """Send what is waiting."""
+        """Send the waiting iterations."""
         begun = time.thread_time()
         waiting, self._waiting = self._waiting, []
         self.send([iteration for iteration, _ in waiting], [seconds for _, seconds in waiting])
@@ -58,7 +59,7 @@ class Optimiser:
         self._cost = time.thread_time() - begun
 
     def send(self, iterations: Sequence[Iteration], seconds: Sequence[float]) -> None:
-        """More of them, with the time of each since the solve began [s]."""
+        """Send iterations with their times since the solve began [s]."""
         if not iterations:
             return
         first = len(self.sent)
@@ -67,23 +68,24 @@ class Optimiser:
         rows = list(range(first, len(self.sent)))
         for colour, name in enumerate(("cost", "step")):
             values = np.array([float(getattr(iteration, name)) for iteration in iterations])
-            self._line(("optimiser", name), rows, values)  # in the table, not drawn
+            where, indexes = result_path(self._number, "optimiser"), self._indexes(rows)
+            send_line(self._stream, f"{where}/{name}", indexes, values)  # in the table, not drawn
             usable = np.isfinite(values) & (values > 0.0)
             logarithm = np.log10(np.where(usable, values, np.nan))
-            style = (f"log10 {name}", series(colour)) if first == 0 else ("", "")
-            self._line(("optimiser", f"log10_{name}"), rows, logarithm, *style)
+            style = (f"log10 {name}", series_colour(colour)) if first == 0 else ("", "")
+            send_line(self._stream, f"{where}/log10_{name}", indexes, logarithm, *style)
         stages = rr.TextLog.columns(text=[iteration.stage for iteration in iterations])
         where = result_path(self._number, "optimiser", "stage")
-        self._recording.send_columns(where, self._indexes(rows), stages)
+        self._stream.send_columns(where, self._indexes(rows), stages)
         for name in parameter_names(iterations):
             inside, values = self._values(name, rows)
             entity = parameter_path(self._number, name)
-            send_line(self._recording, entity, self._indexes(inside), values)
+            send_line(self._stream, entity, self._indexes(inside), values)
 
     def finish(self, iterations: Sequence[Iteration], seconds: float) -> None:
-        """The solve is over after `seconds` [s]: those that were not sent, and all relative to the last.
+        """End the solve after `seconds` [s]: the iterations not sent yet, and all relative to the last.
 
-        Those that came before this are evenly spread over the time where they were not sent one by one.
+        Iterations that were not sent one by one are spread evenly over the time.
         """
         self.flush()
         rest = list(iterations[len(self.sent) :])
@@ -95,16 +97,16 @@ class Optimiser:
         relative = np.full((len(self.sent), len(names)), np.nan)
         for place, name in enumerate(names):
             rows, values = self._values(name, range(len(self.sent)))
-            relative[rows, place] = np.clip(values / (values[-1] or 1.0), -RELATIVE, RELATIVE)
+            relative[rows, place] = np.clip(values / (values[-1] or 1.0), -RELATIVE_LIMIT, RELATIVE_LIMIT)
         entity = result_path(self._number, "optimiser", "relative")
-        colours = [rgb(series(place)) for place in range(len(names))]
+        colours = [rgb(series_colour(place)) for place in range(len(names))]
         style = rr.SeriesLines(names=[name.replace(":", " ") for name in names], colors=colours, widths=1.5)
-        self._recording.log(entity, style, static=True)
+        self._stream.log(entity, style, static=True)
         indexes = self._indexes(range(len(self.sent)))
-        self._recording.send_columns(entity, indexes, rr.Scalars.columns(scalars=relative))
+        self._stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=relative))
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
-        """Where a parameter is moved, and its values."""
+        """The rows in which a parameter is estimated, and its values."""
         inside = [row for row in rows if name in self.sent[row].names]
         values = [self.sent[row].values[self.sent[row].names.index(name)] for row in inside]
         return inside, np.array(values, dtype=float)
@@ -116,18 +118,7 @@ class Optimiser:
             rr.TimeColumn(TIME, duration=seconds),
         ]
 
-    def _line(
-        self,
-        where: tuple[str, ...],
-        rows: Sequence[int],
-        values: np.ndarray,
-        name: str = "",
-        colour: str = "",
-    ) -> None:
-        entity = result_path(self._number, *where)
-        send_line(self._recording, entity, self._indexes(rows), values, name, colour)
-
 
 def parameter_names(iterations: Sequence[Iteration]) -> list[str]:
-    """Every parameter that some iteration moves."""
+    """Every parameter that some iteration estimates."""
     return list(dict.fromkeys(name for iteration in iterations for name in iteration.names))

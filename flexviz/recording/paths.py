@@ -1,8 +1,8 @@
-"""Where things lie in a recording: entity paths and timelines.
+"""The contents of a recording: entity paths and timelines.
 
-    /about                                            text: the set, what was found, step by step
-    /log                                              text: what happened, line by line
-    /groups/<group>/about                             text: what the group is, how its model was simulated
+    /about                                            text: the set and all results
+    /log                                              text: one line per event
+    /groups/<group>/about                             text: the group, how its model was simulated
     /groups/<group>/measured/<signal>/<joint>         as recorded: theta, tau, and q, tau_joint, theta_ref
     /groups/<group>/robots/<robot>/<body>             "measured" and "identified" in 3D; the newest result's
     /observers/<observer>/<group>/<state>/<joint>     theta_0 … theta_4, tau_0 … tau_2, disturbance
@@ -71,7 +71,7 @@ def group_path(group: str, *parts: str) -> str:
 
 
 def observer_name(observer: Observer) -> str:
-    """An observer with its bandwidth: "eso-50", "eso-40-60" with one a joint."""
+    """An observer with its bandwidth: "eso-50"; with one per joint: "eso-40-60"."""
     return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
 
 

@@ -1,4 +1,4 @@
-"""What a recording says about itself: its properties, results and verdicts, read back from the file."""
+"""A recording's properties, results and diagnoses, read back from the file."""
 
 from __future__ import annotations
 
@@ -20,18 +20,17 @@ VIEW = "/__properties/view"
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording's content in words and numbers; signals and motion stay in the file.
+    """A recording's properties and results; signals and motion stay in the file.
 
-    Attributes
-    ----------
-    file: where it is.
-    set_name, robot: what was recorded.
-    simulated: whether a simulator wrote the measurement set.
-    joints, groups: their names.
-    results: each as `identify --json` writes it, with its "label" and the model's "effects"; oldest first.
-    diagnoses: each as `diagnose --json` writes it; oldest first.
-    observer: name of the observer whose states were recorded last, or None.
-    eye, centre: (3,) where one looks from, and at what [m].
+    Attributes:
+        file: where it is.
+        set_name, robot: what was recorded.
+        simulated: whether a simulator wrote the measurement set.
+        joints, groups: their names.
+        results: as `identify --json` writes them, with "label" and "effects" of the model; oldest first.
+        diagnoses: as `diagnose --json` writes them; oldest first.
+        observer: name of the observer whose states were recorded last, or None.
+        eye, centre: (3,) of the view [m].
     """
 
     file: Path
@@ -48,11 +47,10 @@ class Recording:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read what a whole recording (`check_recording`) says about itself.
+    """Read properties and results of a whole recording (see `check_recording`).
 
-    Raises
-    ------
-    InputError: flexviz has not written it.
+    Raises:
+        InputError: the recording is not by flexviz.
     """
     file = Path(path)
     properties: dict[str, Any] = {}
@@ -72,8 +70,8 @@ def read_recording(path: str | Path) -> Recording:
     missing = [name for name in ("set", "robot", "simulated", "joints", "groups") if name not in properties]
     if missing:
         raise InputError(
-            f"is no recording of flexviz (its {missing[0]} is not recorded); one that `flexviz record` or "
-            "the app has written would be right",
+            f"is no recording of flexviz (its {missing[0]} is not recorded), expected one written by "
+            "`flexviz record` or the app",
             file=file,
         )
     return Recording(

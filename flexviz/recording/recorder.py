@@ -1,4 +1,4 @@
-"""What an analysis consists of, sent to an open recording piece by piece, whole pieces at a time."""
+"""The content of an analysis, sent to an open recording piece by piece."""
 
 from __future__ import annotations
 
@@ -15,21 +15,15 @@ from flexviz import __version__
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
-from flexviz.recording.columns import stride_for
-from flexviz.recording.drawings import EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
+from flexviz.recording.drawings import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.layout import Shown, blueprint
 from flexviz.recording.optimiser import Optimiser
-from flexviz.recording.paths import (
-    ABOUT,
-    LOG,
-    diagnosis_path,
-    group_path,
-    observer_name,
-    result_path,
-)
+from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
 from flexviz.recording.scene import Stage, send_robot, set_stage
+from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, measured_motion, robot_shape, with_replay
+from flexviz.wording import verdict_text
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
@@ -37,14 +31,14 @@ if TYPE_CHECKING:
     from flexviz.progress import Iteration
     from flexviz.simulation import Run
 
-SAMPLES = 10_000  # recorded at most of each signal and group
-TICK = 1.0  # [s] at most between two flushes while a solve runs
-Check = Callable[[str, float], None]  # is told what is done next and the share that is done; may raise
+MAX_SAMPLES = 10_000  # per signal and group
+FLUSH_INTERVAL = 1.0  # [s] at most between two flushes while a solve runs
+Check = Callable[[str, float], None]  # called with the next part and the share that is done; may raise
 
 
 @dataclass(eq=False)
 class Solve:
-    """One result, on its way or done; `label` says what its model is."""
+    """One result, running or done; `label` describes its model."""
 
     number: int
     label: str
@@ -54,12 +48,12 @@ class Solve:
 
 
 class Recorder:
-    """Sends everything that belongs to one measurement set; calls may come in any order after `begin`."""
+    """Sends the analysis of one measurement set; after `begin` the order of calls is free."""
 
     def __init__(
-        self, measurements: MeasurementSet, stream: Stream, samples: int = SAMPLES, both: bool = True
+        self, measurements: MeasurementSet, stream: Stream, samples: int = MAX_SAMPLES, both: bool = True
     ) -> None:
-        """`both`: room for an identified robot beside the measured one."""
+        """`both`: leave room for an identified robot beside the measured one."""
         self.measurements = measurements
         self.stream = stream
         self.samples = samples
@@ -75,7 +69,7 @@ class Recorder:
         self._drawn: set[tuple[str, str]] = set()  # robots whose shape was sent: group, name
         self._groups = {group.name: group for group in measurements.groups}
 
-    # -- what is known at the start ------------------------------------------------------------------
+    # -- the measurement set -------------------------------------------------------------------------
 
     def begin(self, check: Check = lambda what, share: None) -> None:
         """The set, its signals and the measured robot in every group."""
@@ -115,11 +109,11 @@ class Recorder:
         self.note(f"measurement set {measurements.name}")
 
     def session(self, **values: Any) -> None:
-        """What the recording comes from: settings, steps, notes; each a text, a number, or a list."""
+        """Properties of the session: settings, steps, notes; each a text, a number, or a list."""
         self.stream.property("session", **values)
 
     def observe(self, observer: Observer, check: Check = lambda what, share: None) -> None:
-        """All states of an observer in every group; nothing where they are there already."""
+        """All states of an observer in every group, unless they are recorded already."""
         name = observer_name(observer)
         if name in self._observers:
             return
@@ -133,7 +127,7 @@ class Recorder:
     # -- results -------------------------------------------------------------------------------------
 
     def start(self, label: str = "") -> Solve:
-        """A solve begins; what comes after this belongs to it."""
+        """Begin a solve: iterations and result that follow belong to it."""
         number = len(self.solves) + 1
         solve = Solve(number, label, Optimiser(self.stream, number))
         self.solves.append(solve)
@@ -143,12 +137,15 @@ class Recorder:
 
     def iteration(self, iteration: Iteration, seconds: float) -> None:
         """One iteration of the newest solve, `seconds` [s] after it began."""
-        if self._newest().optimiser.add(iteration, seconds) and time.monotonic() - self._flushed > TICK:
+        if (
+            self._newest().optimiser.add(iteration, seconds)
+            and time.monotonic() - self._flushed > FLUSH_INTERVAL
+        ):
             self.stream.flush()
             self._flushed = time.monotonic()
 
     def result(self, result: Identification, label: str = "") -> None:
-        """What the newest solve, or where that is done already a new one, has found."""
+        """The result of the newest solve, or of a new one if that is done."""
         if not self.solves or self.solves[-1].result is not None:
             self.start(label)
         solve = self.solves[-1]
@@ -166,7 +163,7 @@ class Recorder:
         self.arrange()
 
     def run(self, group: str, run: Run) -> None:
-        """The newest result's model, simulated along a group."""
+        """The newest result's model, simulated in a group."""
         solve = self._newest()
         motion = with_replay(self._motions[group], run)
         joints = self.measurements.joints
@@ -175,7 +172,7 @@ class Recorder:
         self._describe_group(self._groups[group], motion)
 
     def no_run(self, group: str, reason: str) -> None:
-        """Why the newest result's model could not be simulated along a group."""
+        """Why the newest result's model could not be simulated in a group."""
         self._describe_group(self._groups[group], self._motions[group], reason)
 
     def maps(self, maps: Sequence[ResidualMap]) -> None:
@@ -186,7 +183,7 @@ class Recorder:
         self.arrange()
 
     def diagnosis(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
-        """A verdict with everything it stands on; `steps`: the models on the way, where it has only one."""
+        """A diagnosis with its evidence; `steps`: the models before it, if it has only one itself."""
         self.diagnoses.append(diagnosis)
         number, joints = len(self.diagnoses), self.measurements.joints
         where = diagnosis_path(number)
@@ -195,24 +192,23 @@ class Recorder:
         send_staircase(self.stream, where, steps or diagnosis.steps)
         send_maps(self.stream, where, joints, diagnosis.maps)
         send_free_curve(self.stream, where, diagnosis.free_curve)
-        for rank, finding in enumerate(diagnosis.findings[:EVIDENCE], 1):
+        for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
             send_evidence(self.stream, number, rank, finding)
-        self.note(f"diagnosis {number}: {texts.verdict(diagnosis)}")
+        self.note(f"diagnosis {number}: {verdict_text(diagnosis)}")
         self._describe()
         self.arrange()
 
     def flush(self) -> None:
-        """Have everything until now in the file."""
+        """Write everything so far."""
         if self.solves:
             self.solves[-1].optimiser.flush()
-        layout = self.layout() if self._rearranged else None
-        if layout is not None:
+        if self._rearranged and (layout := self.layout()):
             self.stream.blueprint(layout)
             self._rearranged = False
         self.stream.flush()
         self._flushed = time.monotonic()
 
-    # -- words and layout ----------------------------------------------------------------------------
+    # -- texts and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """A line in the log."""
@@ -220,29 +216,25 @@ class Recorder:
         self.stream.text(LOG, "\n".join(self._lines))
 
     def arrange(self) -> None:
-        """Show the newest of everything from the next flush on."""
+        """Show the newest content from the next flush on."""
         self._rearranged = True
 
     def layout(self) -> rrb.Blueprint | None:
-        """What shows the newest of everything; None before anything is there."""
+        """The layout for the newest content; None before `begin`."""
         if self._stage is None:
             return None
         newest = self.solves[-1] if self.solves else None
+        first = self.solves[0].result if self.solves else None
         shown = Shown(
             observer=next(reversed(self._observers.values()), None),
             result=None if newest is None else newest.number,
-            label="" if newest is None else newest.label,
             residuals=() if newest is None or newest.result is None else tuple(newest.result.residuals),
-            first=self._first_residuals(),
+            first=self.measurements.joints if first is not None and first.residuals else (),
             mapped=newest is not None and newest.mapped,
             diagnosis=self.diagnoses[-1] if self.diagnoses else None,
             diagnoses=len(self.diagnoses),
         )
         return blueprint(self.measurements, self._stage, shown)
-
-    def _first_residuals(self) -> tuple[str, ...]:
-        first = self.solves[0].result if self.solves else None
-        return self.measurements.joints if first is not None and first.residuals else ()
 
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()

@@ -1,83 +1,151 @@
-"""Signals of a group: as measured, as the observer gives them, the residual, the simulated model's."""
+"""Signals of a group, sent as whole columns: measured, observer states, residual, simulated model."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS
+from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer, ObserverStates
-from flexviz.recording.columns import send_signal, stride_for
-from flexviz.recording.paths import DISTURBANCE, TAU_STATES, THETA_STATES, observer_name
+from flexviz.recording.paths import DISTURBANCE, TAU_STATES, THETA_STATES, TIME, observer_name, path
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.simulation import Run
 
+Array = NDArray[Any]
+GAP = 2.5  # an interval longer than this many median intervals breaks the line
 
-def send_measured(recording: Stream, measurements: MeasurementSet, group: Group, most: int) -> None:
-    """The signals as they were recorded (after resampling of jitter)."""
+
+def send_measured(stream: Stream, measurements: MeasurementSet, group: Group, most: int) -> None:
+    """The signals as recorded, after resampling of jitter; at most about `most` samples."""
     where, joints = ("groups", group.name, "measured"), measurements.joints
     stride = stride_for(group.samples, most)
     time = np.concatenate([segment.time[::stride] for segment in group.segments])
     for name in ("theta", "tau"):
         values = np.concatenate([getattr(segment, name)[::stride] for segment in group.segments])
-        send_signal(recording, (*where, name), joints, time, values, "measured", COLOURS.reference)
+        send_signal(stream, (*where, name), joints, time, values, "measured", COLOURS.reference)
     stride = stride_for(len(group.time), most)
     for name in ("q", "tau_joint", "theta_ref"):
         optional = getattr(group, name)
         if optional is not None:
-            send_signal(recording, (*where, name), joints, group.time[::stride], optional[::stride], name)
+            send_signal(stream, (*where, name), joints, group.time[::stride], optional[::stride], name)
 
 
 def send_states(
-    recording: Stream, measurements: MeasurementSet, group: Group, observer: Observer, most: int
+    stream: Stream, measurements: MeasurementSet, group: Group, observer: Observer, most: int
 ) -> None:
-    """All observer states; those within the transients apart, so that they do not spoil the plots' scale."""
+    """All observer states; the transients are separate entities, outside the scale of the plots."""
     stride = stride_for(group.samples, most)
     parts = [observer.states(segment, measurements.torque_hold) for segment in group.segments]
     where = ("observers", observer_name(observer), group.name)
     for kind, inside in (((), True), (("transients",), False)):
         kept = [np.flatnonzero(part.valid == inside)[::stride] for part in parts]
         time = np.concatenate([part.time[rows] for part, rows in zip(parts, kept, strict=True)])
-        for name in (*THETA_STATES, *TAU_STATES, DISTURBANCE):
-            columns = [state(part, name) for part in parts]
-            if any(column is None for column in columns):
-                continue
-            values = np.concatenate([column[rows] for column, rows in zip(columns, kept, strict=True)])  # type: ignore[index]
-            send_signal(recording, (*where, *kind, name), measurements.joints, time, values, observer.name)
+        for name in state_names(observer):
+            columns = [_state(part, name)[rows] for part, rows in zip(parts, kept, strict=True)]
+            values = np.concatenate(columns)
+            send_signal(stream, (*where, *kind, name), measurements.joints, time, values, observer.name)
 
 
-def state(states: ObserverStates, name: str) -> np.ndarray | None:
-    """One of the states by its entity's name: (N, n), or None where the observer has none."""
+def state_names(observer: Observer) -> tuple[str, ...]:
+    """The entities of an observer's states."""
+    return (*THETA_STATES, *TAU_STATES, *((DISTURBANCE,) if observer.has_disturbance_state else ()))
+
+
+def _state(states: ObserverStates, name: str) -> Array:
+    """The state (N, n) with this entity name."""
     if name == DISTURBANCE:
+        assert states.disturbance is not None
         return states.disturbance
     kind, _, order = name.partition("_")
     return getattr(states, kind)[int(order)]
 
 
 def send_residual(
-    recording: Stream, joints: tuple[str, ...], number: int, group: str, result: Identification, most: int
+    stream: Stream, joints: tuple[str, ...], number: int, group: str, result: Identification, most: int
 ) -> None:
-    """The residual of the identification equation, with what belongs to it."""
-    series = result.residuals.get(group)
-    if series is None:
-        return
+    """The residual of the identification equation, with torque and link position."""
+    series = result.residuals[group]
     where, stride = ("results", str(number), "groups", group), stride_for(len(series.time), most)
     for name in ("residual", "torque", "q"):
-        values = getattr(series, name)[::stride]
-        send_signal(recording, (*where, name), joints, series.time[::stride], values)
+        send_signal(stream, (*where, name), joints, series.time[::stride], getattr(series, name)[::stride])
 
 
-def send_run(
-    recording: Stream, joints: tuple[str, ...], number: int, group: str, run: Run, most: int
-) -> None:
+def send_run(stream: Stream, joints: tuple[str, ...], number: int, group: str, run: Run, most: int) -> None:
     """The simulated motion of the identified model."""
-    stride = stride_for(len(run.time), most)
-    where = ("results", str(number), "groups", group, "simulated")
+    where, stride = ("results", str(number), "groups", group, "simulated"), stride_for(len(run.time), most)
     for name in ("theta", "q", "tau"):
         values = getattr(run, name)[::stride]
-        send_signal(recording, (*where, name), joints, run.time[::stride], values, "simulated")
+        send_signal(stream, (*where, name), joints, run.time[::stride], values, "simulated")
+
+
+def send_signal(
+    stream: Stream,
+    where: Sequence[str],
+    joints: Sequence[str],
+    time: Array,
+    values: Array,
+    label: str = "",
+    colour: str | None = None,
+) -> None:
+    """One signal of every joint: entity `where`/<joint> on the timeline `time`.
+
+    Args:
+        stream: the open recording.
+        where: parts of the path.
+        joints: their names.
+        time: (N,) [s].
+        values: (N, n); a joint whose values are all NaN is skipped.
+        label: follows the joint's name in the legend.
+        colour: of every line; None: one colour per joint.
+    """
+    time, values = broken_at_gaps(np.asarray(time, dtype=float), np.asarray(values, dtype=float))
+    if len(time) == 0:
+        return
+    index = rr.TimeColumn(TIME, duration=time)
+    for j, joint in enumerate(joints):
+        if not np.isnan(values[:, j]).all():
+            name = f"{joint} {label}".strip()
+            send_line(stream, path(*where, joint), [index], values[:, j], name, colour or series_colour(j))
+
+
+def send_line(
+    stream: Stream,
+    entity: str,
+    indexes: Sequence[rr.TimeColumn],
+    values: Array,
+    name: str = "",
+    colour: str = "",
+    width: float = 1.5,
+) -> None:
+    """All values (N,) of one line of a plot; its style, too, if it has a name."""
+    if name:
+        stream.log(entity, rr.SeriesLines(names=name, colors=rgb(colour), widths=width), static=True)
+    stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=np.ascontiguousarray(values)))
+
+
+def stride_for(samples: int, most: int) -> int:
+    """The stride that leaves at most about `most` of the samples."""
+    return max(1, -(-samples // most))
+
+
+def broken_at_gaps(time: Array, values: Array) -> tuple[Array, Array]:
+    """`time` (N,) and `values` (N, n) with a NaN row inside every gap, so that no line crosses it."""
+    if len(time) < 3:
+        return time, values
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    middle = (time[gaps] + time[gaps - 1]) / 2
+    return np.insert(time, gaps, middle), np.insert(values, gaps, np.nan, axis=0)
+
+
+def series_colour(number: int) -> str:
+    """The colour of the number-th line."""
+    return COLOURS.series[number % len(COLOURS.series)]

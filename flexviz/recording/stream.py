@@ -1,7 +1,7 @@
 """An open recording: what is logged goes to a file, to a running viewer, or to both.
 
-The file gets everything up to the last `flush`, whatever happens to the program; `close` adds its footer. A
-viewer that goes away is left alone, the file goes on.
+The file holds everything up to the last `flush`, whatever happens to the program; `close` adds the footer. If
+a viewer goes away, the file goes on.
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ from flexviz.recording.paths import APPLICATION
 
 VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where a viewer started with `rerun` listens
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
-REACH = 2.0  # [s] a viewer may take to answer
-FLUSH = 30.0  # [s] a disk may take
+VIEWER_TIMEOUT = 2.0  # [s]
+DISK_TIMEOUT = 30.0  # [s]
 
 
 def viewer_address(text: str) -> str:
-    """The address of a running viewer, complete: from "", a port, host:port or a whole one.
+    """The complete address of a running viewer from "", a port, host:port or an address.
 
-    Raises
-    ------
-    InputError: it is none of these, or nothing answers there.
+    Raises:
+        InputError: it is none of these, or nothing answers there.
     """
     if not text:
         whole = VIEWER
@@ -44,9 +43,9 @@ def viewer_address(text: str) -> str:
     except ValueError:
         host, port, parts = None, 0, urlsplit("")
     if host is None or parts.scheme not in SCHEMES:
-        raise InputError(f'"{text}" is no address of a Rerun viewer; {VIEWER}, or its port, would be right')
+        raise InputError(f'"{text}" is no address of a Rerun viewer, expected {VIEWER} or its port')
     try:
-        socket.create_connection((host, port), timeout=REACH).close()
+        socket.create_connection((host, port), timeout=VIEWER_TIMEOUT).close()
     except OSError:
         raise InputError(
             f"no Rerun viewer answers at {host}:{port}: start one with `rerun`, or leave the viewer out"
@@ -55,12 +54,11 @@ def viewer_address(text: str) -> str:
 
 
 class Stream:
-    """An open recording; every method of Rerun's that is used here, towards the file and the viewer.
+    """An open recording: Rerun's methods, applied to the file and the viewer.
 
-    Attributes
-    ----------
-    entities: every entity that was logged.
-    lost: why the viewer gets nothing any more; empty while it does, or where there is none.
+    Attributes:
+        entities: every entity that was logged.
+        lost: why the viewer receives nothing; empty while it does, or without one.
     """
 
     def __init__(self, name: str, target: Target | None, viewer: str | None = None) -> None:
@@ -69,7 +67,7 @@ class Stream:
         self.entities: set[str] = set()
         self.lost = ""
         identity = uuid4()
-        application = f"{APPLICATION} {name}"  # what the viewer keeps a changed layout for
+        application = f"{APPLICATION} {name}"  # the viewer stores changed layouts by it
         self._file: rr.RecordingStream | None = None
         self._viewer: rr.RecordingStream | None = None
         if target is not None:
@@ -84,23 +82,23 @@ class Stream:
         return [stream for stream in (self._file, self._viewer) if stream is not None]
 
     def name(self, text: str) -> None:
-        """What the viewer calls the recording."""
+        """Name the recording in the viewer."""
         for stream in self._open:
             stream.send_recording_name(text)
 
     def property(self, name: str, **values: Any) -> None:
-        """Something about the recording as a whole; an empty list is left out."""
+        """A property of the whole recording; empty lists are left out."""
         given = {key: value for key, value in values.items() if not isinstance(value, list) or value}
         for stream in self._open:
             stream.send_property(name, rr.AnyValues(drop_untyped_nones=True, **given))
 
     def blueprint(self, layout: rrb.Blueprint) -> None:
-        """What the viewer shows from now on."""
+        """The viewer's layout from now on."""
         for stream in self._open:
             stream.send_blueprint(layout, make_active=True, make_default=True)
 
     def log(self, entity: str, *what: Any, static: bool = False) -> None:
-        """Log at the present time of the stream, or for all times."""
+        """Log at the stream's present time, or for all times."""
         self.entities.add(entity)
         for stream in self._open:
             stream.log(entity, *what, static=static)
@@ -113,32 +111,31 @@ class Stream:
             stream.send_columns(entity, indexes, columns)
 
     def text(self, entity: str, markdown: str) -> None:
-        """A text for all times; a later one takes its place."""
+        """A text for all times; a later one replaces it."""
         self.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
     def flush(self) -> None:
-        """Have everything that was logged until now in the file.
+        """Write everything logged so far.
 
-        Raises
-        ------
-        OSError: the file cannot be written.
+        Raises:
+            OSError: the file cannot be written.
         """
         if self._file is not None:
             try:
-                self._file.flush(timeout_sec=FLUSH)
+                self._file.flush(timeout_sec=DISK_TIMEOUT)
             except (RuntimeError, ValueError) as error:
                 raise OSError(str(error)) from None
             if self._target is not None:
                 self._target.appear()
         if self._viewer is not None:
             try:
-                self._viewer.flush(timeout_sec=REACH)
+                self._viewer.flush(timeout_sec=VIEWER_TIMEOUT)
             except (RuntimeError, ValueError) as error:
                 self.lost = str(error)
-                self._viewer = None  # its connection ends with it
+                self._viewer = None  # this ends its connection
 
     def close(self) -> None:
-        """Write the footer and let go of the viewer. A closed stream takes nothing any more."""
+        """Write the footer and disconnect the viewer; a closed stream ignores further calls."""
         streams, self._file, self._viewer = self._open, None, None
         for stream in streams:
             stream.disconnect()

@@ -1,4 +1,4 @@
-"""One file for one analysis: a recording that is begun, filled and ended in order, whatever happens."""
+"""Record a measurement set or a session into a file, which is ended in order whatever happens."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.recording.files import Recorded, Target
-from flexviz.recording.recorder import SAMPLES, Check, Recorder
+from flexviz.recording.recorder import MAX_SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
     from flexviz.identification import Identification
     from flexviz.progress import Iteration
+    from flexviz.session import Session
 
 
 class RecordingFile:
-    """A file that is being recorded, as a context manager; `written` says afterwards what it holds.
+    """A recording file as a context manager; `written` describes the finished file.
 
-    Left in order it is whole. Left by Cancelled, Ctrl+C or SIGTERM it is ended and kept as it is, marked as
-    incomplete. Left by another error it is removed. A program that is killed leaves what was flushed: every
-    step of the recording is.
+    After Cancelled, Ctrl+C or SIGTERM the file is ended and kept, marked as incomplete. After another error
+    it is removed. A killed program leaves what was flushed, which every step is.
     """
 
     def __init__(
@@ -39,12 +39,12 @@ class RecordingFile:
         measurements: MeasurementSet,
         out: str | Path,
         *,
-        samples: int = SAMPLES,
+        samples: int = MAX_SAMPLES,
         both: bool = True,
         progress: ProgressCallback | None = None,
         should_stop: StopCallback | None = None,
     ) -> None:
-        """`both`: leave room for the identified robot; the others as of `record_set`."""
+        """`both`: leave room for the identified robot; the rest as in `record_set`."""
         self.measurements = measurements
         self.written: Recorded | None = None
         self._progress = progress
@@ -78,12 +78,7 @@ class RecordingFile:
         return isinstance(error, Cancelled)
 
     def step(self, what: str, share: float) -> None:
-        """Something is done: it is flushed, told, and the user may stop.
-
-        Raises
-        ------
-        Cancelled: the user has stopped it.
-        """
+        """Flush and report progress; raises Cancelled if the user has stopped it."""
         self.recorder.flush()
         if self._should_stop is not None and self._should_stop():
             raise Cancelled("stopped by the user")
@@ -91,7 +86,7 @@ class RecordingFile:
             self._progress(Progress(what, min(share, 1.0)))
 
     def part(self, first: float, last: float) -> Check:
-        """`step` for a part of the work that goes from the share `first` to `last` of all of it."""
+        """`step` for the part of the work from the share `first` to `last`."""
         return lambda what, share: self.step(what, first + (last - first) * share)
 
     def started(self, label: str = "") -> None:
@@ -104,8 +99,8 @@ class RecordingFile:
         self.recorder.iteration(iteration, time.monotonic() - self._started)
 
     def simulate(self, result: Identification, check: Check) -> None:
-        """The newest result's model, simulated along every group."""
-        from flexviz.simulation import replay
+        """The newest result's model, simulated in every group."""
+        from flexviz import simulation
 
         measurements = self.measurements
         for number, group in enumerate(measurements.groups):
@@ -116,7 +111,7 @@ class RecordingFile:
 
             tell(Progress())
             try:
-                run = replay(
+                run = simulation.replay(
                     measurements.robot,
                     result.model,
                     group,
@@ -126,7 +121,7 @@ class RecordingFile:
                     progress=tell,
                     should_stop=self._should_stop,
                 )
-            except ConvergenceError as error:  # a bad model may diverge: everything else is worth seeing
+            except ConvergenceError as error:  # a bad model may diverge; everything else is recorded
                 self.recorder.no_run(group.name, str(error))
                 continue
             self.recorder.run(group.name, run)
@@ -139,21 +134,20 @@ def record_set(
     observer: Observer | None = None,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
-    samples: int = SAMPLES,
+    samples: int = MAX_SAMPLES,
     diagnosis: Diagnosis | None = None,
     label: str = "",
 ) -> Recorded:
-    """Record a measurement set and what was found from it in the file `out`.
+    """Write a measurement set and its results to the file `out`.
 
-    Parameters
-    ----------
-    identification: its residuals, iterations and simulated motion are recorded; None: only what was measured.
-    observer: whose states are recorded; None: the identification's, or the default one.
-    progress: called as parts are recorded.
-    should_stop: when it says so, what was recorded until then is kept; `complete` is False.
-    samples: recorded at most of each signal and group.
-    diagnosis: a verdict that belongs to it.
-    label: what the identified model is, in a few words.
+    Args:
+        identification: its residuals, iterations and simulated motion; None: measurements only.
+        observer: whose states are recorded; None: the identification's, or the default.
+        progress: called as parts are recorded.
+        should_stop: stops it; what was recorded until then is kept, with `complete` False.
+        samples: recorded at most, per signal and group.
+        diagnosis: of the identification.
+        label: of the identified model, in a few words.
     """
     with (
         RecordingFile(
@@ -179,6 +173,44 @@ def record_set(
     return file.written
 
 
+def record_session(
+    session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback | None = None
+) -> Recorded:
+    """Write a session with every result of its history to the file `out`; the newest one is simulated."""
+    steps = session.steps
+    with RecordingFile(measurements, out, progress=progress) as file, ending_tidily():
+        recorder = file.recorder
+        recorder.begin(file.part(0.0, 0.15))
+        newest = steps[-1].analysis.identification
+        recorder.observe(chosen_observer(newest), file.part(0.15, 0.35))
+        recorder.session(
+            observer=steps[-1].analysis.observer,
+            effects=list(steps[-1].analysis.effects),
+            steps=[step.label for step in steps],
+            notes=[note.text for note in session.notes],
+        )
+        results: list[int] = []
+        verdicts: list[int] = []
+        for step in steps:
+            recorder.note(step.label)
+            result, diagnosis = step.analysis.identification, step.analysis.diagnosis
+            if result is not None and id(result) not in results:
+                results.append(id(result))
+                effects = ", ".join(step.analysis.effects)
+                recorder.result(result, f"with {effects}" if effects else "as it is")
+            if diagnosis is not None and id(diagnosis) not in verdicts:
+                verdicts.append(id(diagnosis))
+                recorder.diagnosis(diagnosis, [one.step for one in step.analysis.model_steps])
+            file.step(step.label, 0.4)
+        for note in session.notes:
+            recorder.note(note.text)
+        if newest is not None:
+            file.simulate(newest, file.part(0.45, 1.0))
+        file.step("writing", 1.0)
+    assert file.written is not None
+    return file.written
+
+
 def chosen_observer(identification: Identification | None) -> Observer:
     """The identification's observer, or the default one."""
     if identification is None:
@@ -188,7 +220,7 @@ def chosen_observer(identification: Identification | None) -> Observer:
 
 @contextmanager
 def ending_tidily() -> Iterator[None]:
-    """Let a request to terminate (SIGTERM) unwind the program, so that the recording is ended in order."""
+    """Turn SIGTERM into SystemExit, so that a recording is ended in order."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

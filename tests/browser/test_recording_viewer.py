@@ -16,7 +16,7 @@ from flexviz.charts import COLOURS, rgb
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.recording import record_set
-from flexviz.recording.web import free_port, web_viewer
+from flexviz.recording.viewers import free_port, web_viewer
 from flexviz.resources import sessions_dir
 
 pytestmark = pytest.mark.browser

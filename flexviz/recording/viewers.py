@@ -1,17 +1,19 @@
-"""Rerun's web viewer on this machine, with nothing fetched from anywhere else.
+"""Rerun's viewer on this machine: its own window, or its web page with nothing fetched from elsewhere.
 
-The page comes with Rerun; it loads fonts and sends statistics elsewhere. Here it is served with those
-links taken out and a content security policy that lets the browser talk to this address only, and with the
-recordings beside it. One HTTP server on the loopback address, nothing else stays running.
+Rerun's page loads fonts and sends statistics. Here it is served without those links, with a content security
+policy that lets the browser talk to this address only, and with the recordings beside it. One HTTP server on
+the loopback address, nothing else stays running.
 """
 
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shutil
 import socket
 import subprocess
+import sys
 import threading
 import time
 import urllib.request
@@ -35,12 +37,13 @@ POLICY = (
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
     "connect-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'"
 )
-START = 20.0  # [s] the viewer's own server may take to answer
+START_TIMEOUT = 20.0  # [s] for the viewer's own server to answer
+NO_STATISTICS = {"CI": "1"}  # with it the viewer sends none
 OUTSIDE = re.compile(rb"<link\b[^>]*https?://[^>]*>", re.IGNORECASE)
 
 
 def rerun_program() -> Path:
-    """The viewer itself; what is called `rerun` beside Python only starts it and leaves it running."""
+    """The viewer itself; the `rerun` script beside Python only starts it and leaves it running."""
     import rerun_cli
 
     program = Path(rerun_cli.__file__).parent / "rerun"
@@ -49,12 +52,36 @@ def rerun_program() -> Path:
     return program
 
 
+def has_display() -> bool:
+    """Whether a window can be opened here."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def show_in_window(recordings: Sequence[Path]) -> str:
+    """Open the recordings in Rerun's window and wait until it is closed; returns why it failed, or ""."""
+    command = [str(rerun_program()), *(str(file) for file in recordings), "--new", "--bind", HOST]
+    viewer = subprocess.Popen(
+        command, env=os.environ | NO_STATISTICS, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        _, said = viewer.communicate()
+    except BaseException:
+        viewer.terminate()
+        viewer.wait()
+        raise
+    if viewer.returncode == 0:
+        return ""
+    lines = [line for line in said.splitlines() if line.strip()]
+    return lines[-1] if lines else f"it ended with code {viewer.returncode}"
+
+
 def free_port(wanted: int | None = None) -> int:
     """`wanted`, or any port that is free.
 
-    Raises
-    ------
-    InputError: the wanted one is taken.
+    Raises:
+        InputError: the wanted one is taken.
     """
     with socket.socket() as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -66,21 +93,21 @@ def free_port(wanted: int | None = None) -> int:
 
 
 def viewer_page() -> dict[str, bytes]:
-    """The files of the viewer's page, which it serves itself for a moment."""
+    """The files of the viewer's page, fetched from its own server, which then ends."""
     port, data = free_port(), free_port()
     command = [str(rerun_program()), "--serve-web", "--bind", HOST, "--port", str(data)]
     server = subprocess.Popen(
         [*command, "--web-viewer-port", str(port)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
-        end = time.monotonic() + START
+        end = time.monotonic() + START_TIMEOUT
         while not _answers(port):
             if server.poll() is not None or time.monotonic() > end:
                 raise FlexvizError("Rerun's web viewer does not start; `rerun --serve-web` says why")
             time.sleep(0.05)
         content = {}
         for path in FILES:
-            with urllib.request.urlopen(f"http://{HOST}:{port}{path}", timeout=START) as answer:
+            with urllib.request.urlopen(f"http://{HOST}:{port}{path}", timeout=START_TIMEOUT) as answer:
                 content[path] = answer.read()
     finally:
         server.terminate()
@@ -96,11 +123,10 @@ def _answers(port: int) -> bool:
 
 @contextlib.contextmanager
 def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[str]:
-    """Serve the viewer with these recordings; gives the page's address.
+    """Serve the viewer with these recordings; yields the page's address.
 
-    Raises
-    ------
-    InputError: the port is taken.
+    Raises:
+        InputError: the port is taken.
     """
     port = free_port(port) if port is not None else _usual_port()
     files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
@@ -139,7 +165,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path = unquote(urlsplit(self.path).path)
-        if self.headers.get("Host") not in self.server.hosts:  # a name that was bent to this machine
+        if self.headers.get("Host") not in self.server.hosts:  # another name resolved to this machine
             self.send_error(403)
         elif path in self.server.page:
             content = self.server.page[path]
@@ -157,7 +183,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(200)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(length))
-        self.send_header("rerun-final-length", str(length))  # what the page's progress counts to
+        self.send_header("rerun-final-length", str(length))  # for the page's progress
         self.send_header("Content-Security-Policy", POLICY)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Referrer-Policy", "no-referrer")
