@@ -13,8 +13,8 @@ from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.scene.motion import measured_motion, scene_labels, with_replay
-from flexviz.scene.torque import PIECES, WIDEST, torque_arrow, torque_axes
-from flexviz.view.identifiability import NAMED, check_html
+from flexviz.scene.torque import ARC_ANGLE, ARC_PIECES, torque_arrow, torque_axes
+from flexviz.view.tables import MAX_NAMED, check_html
 
 
 def test_an_arrow_turns_as_its_joint_does() -> None:
@@ -29,10 +29,10 @@ def test_an_arrow_turns_as_its_joint_does() -> None:
             turned @ (np.cos(0.3) * axis.across + np.sin(0.3) * axis.along), axis.across, atol=1e-6
         )
         points = torque_arrow(axis, 0.5, 0.2)
-        assert points.shape == (PIECES + 2, 2, 3) and np.isfinite(points).all()
-        assert np.allclose(np.linalg.norm(points[:PIECES], axis=2), 0.2, atol=1e-6)
-        end = points[PIECES - 1, 1] / 0.2
-        assert np.arctan2(end @ axis.along, end @ axis.across) == pytest.approx(0.5 * WIDEST, abs=1e-5)
+        assert points.shape == (ARC_PIECES + 2, 2, 3) and np.isfinite(points).all()
+        assert np.allclose(np.linalg.norm(points[:ARC_PIECES], axis=2), 0.2, atol=1e-6)
+        end = points[ARC_PIECES - 1, 1] / 0.2
+        assert np.arctan2(end @ axis.along, end @ axis.across) == pytest.approx(0.5 * ARC_ANGLE, abs=1e-5)
         assert np.isfinite(torque_arrow(axis, 0.0, 0.2)).all()
 
 
@@ -71,6 +71,6 @@ def test_a_check_names_what_is_weak() -> None:
         parameters=[parameter("stiffness", "yes"), parameter("mass", "no")], combinations=()
     )
     assert "All 1 parameters" in check_html(good)
-    many = [parameter("stiffness", "weak"), *[parameter("backlash.half_width", "no")] * (NAMED + 3)]
+    many = [parameter("stiffness", "weak"), *[parameter("backlash.half_width", "no")] * (MAX_NAMED + 3)]
     text = check_html(SimpleNamespace(parameters=many, combinations=[parameter("x", "yes")]))  # type: ignore[arg-type]
     assert "Weak: K joint1" in text and "and 3 others" in text and "1 of 1 combinations" in text

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 class DiagnosisRound:
     """One look at what is missing.
 
-    Attributes
-    ----------
-    model: the model that was looked at, with its errors.
-    diagnosis: what was found; None where it is not kept any more.
-    added: the effects that were added to come here, as text.
+    Attributes:
+        model: the model that was looked at, with its errors.
+        diagnosis: what was found; None where it is not kept any more.
+        added: the effects that were added to come here, as text.
     """
 
     model: ModelStep
@@ -40,16 +39,15 @@ class DiagnosisRound:
 class ReportContent:
     """Everything a report tells about.
 
-    Attributes
-    ----------
-    measurements: the set.
-    session: its history, notes and recordings.
-    folder: where the session is saved; None for one that is not.
-    fingerprint: of the set as it is now.
-    rounds: the looks that led to the present model, the first model first; empty before any.
-    diagnosis: of the present model; None before any.
-    identification: of the present model; None where there is none or it is out of date.
-    changed: files of the set that are not what the results were computed from.
+    Attributes:
+        measurements: the set.
+        session: its history, notes and recordings.
+        folder: where the session is saved; None for one that is not.
+        fingerprint: of the set as it is now.
+        rounds: the looks that led to the present model, the first model first; empty before any.
+        diagnosis: of the present model; None before any.
+        identification: of the present model; None where there is none or it is out of date.
+        changed: files of the set that are not what the results were computed from.
     """
 
     measurements: MeasurementSet

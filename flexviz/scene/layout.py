@@ -1,4 +1,4 @@
-"""Where the robots stand and where one looks from, so that the motion is seen as large as possible."""
+"""Where the robots stand and where the camera is, so that the motion is seen as large as possible."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ LAYOUTS = ("Side by side", "Overlaid")
 class SceneLayout:
     """Placement for one set.
 
-    Attributes
-    ----------
-    right: (3,) horizontal unit vector to the viewer's right.
-    towards: (3,) unit vector from the scene to the viewer.
-    centre: (3,) middle of one robot's motion [m], in its own frame.
-    size: half the height of one robot's motion as it is seen [m].
-    width: half its extent along `right` [m].
-    depth: half its extent towards the viewer [m].
-    floor: height of the grid [m].
+    Attributes:
+        right: (3,) horizontal unit vector to the viewer's right.
+        towards: (3,) unit vector from the scene to the viewer.
+        centre: (3,) middle of one robot's motion [m], in its own frame.
+        size: half the height of one robot's motion as it is seen [m].
+        width: half its extent along `right` [m].
+        depth: half its extent towards the viewer [m].
+        floor: height of the grid [m].
     """
 
     right: Array

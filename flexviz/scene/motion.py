@@ -22,17 +22,16 @@ NICE = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 class RobotMotion:
     """What is drawn of one group, at M instants for n joints.
 
-    Attributes
-    ----------
-    group: its name.
-    time: (M,) [s].
-    theta: (M, n) measured motor positions [rad].
-    deflection: (M, n) θ − q that belongs to the measured motion [rad], or None where nothing is known.
-    deflection_source: where that comes from, for the label.
-    model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None before a simulation.
-    model_note: how the model was simulated, for the label.
-    link: (M, n) measured link positions q [rad], or None without link encoders.
-    torque: (M, n) measured torque [Nm].
+    Attributes:
+        group: its name.
+        time: (M,) [s].
+        theta: (M, n) measured motor positions [rad].
+        deflection: (M, n) θ − q that belongs to the measured motion [rad], or None where nothing is known.
+        deflection_source: where that comes from, for the label.
+        model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None if unknown.
+        model_note: how the model was simulated, for the label.
+        link: (M, n) measured link positions q [rad], or None without link encoders.
+        torque: (M, n) measured torque [Nm].
     """
 
     group: str

@@ -26,12 +26,11 @@ FACES = 3000  # faces a link may have before it is thinned
 class BodyMesh:
     """The shape that moves with one joint.
 
-    Attributes
-    ----------
-    joint: index of the joint that moves it, or None for the base.
-    link: the link whose pose places it.
-    vertices: (V, 3) in that link's frame [m].
-    faces: (F, 3) indices of vertices.
+    Attributes:
+        joint: index of the joint that moves it, or None for the base.
+        link: the link whose pose places it.
+        vertices: (V, 3) in that link's frame [m].
+        faces: (F, 3) indices of vertices.
     """
 
     joint: int | None
@@ -44,12 +43,11 @@ class BodyMesh:
 class RobotShape:
     """A whole robot: its bodies, its size, and how to look at it.
 
-    Attributes
-    ----------
-    bodies: the base first, then the joints' bodies in the set's order (those that have a shape).
-    tip: the link whose path is drawn as a trail.
-    reach: largest distance of a link from the base [m].
-    missing: why meshes of the URDF are not drawn, one sentence each.
+    Attributes:
+        bodies: the base first, then the joints' bodies in the set's order (those that have a shape).
+        tip: the link whose path is drawn as a trail.
+        reach: largest distance of a link from the base [m].
+        missing: why meshes of the URDF are not drawn, one sentence each.
     """
 
     bodies: tuple[BodyMesh, ...]

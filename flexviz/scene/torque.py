@@ -1,4 +1,4 @@
-"""Torque as a bent arrow around each joint's axis: it turns as the torque does, and far where it is large."""
+"""Torque as an arc around each joint's axis, in the torque's direction and as long as it is large."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
-PIECES = 16  # of an arc
-WIDEST = 1.6 * np.pi  # angle of the largest torque
+ARC_PIECES = 16
+ARC_ANGLE = 1.6 * np.pi  # of the largest torque [rad]
 ARROW_RADIUS = 0.16  # of the robot's reach
 
 
@@ -19,10 +20,9 @@ ARROW_RADIUS = 0.16  # of the robot's reach
 class TorqueAxis:
     """Where a joint turns, seen from the link that it moves.
 
-    Attributes
-    ----------
-    link: whose pose carries the arrow.
-    across, along: (3,) unit vectors across the axis; the joint turns from `across` to `along`.
+    Attributes:
+        link: whose pose carries the arrow.
+        across, along: (3,) unit vectors across the axis; the joint turns from `across` to `along`.
     """
 
     link: str
@@ -31,7 +31,7 @@ class TorqueAxis:
 
 
 def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
-    """One axis a joint of the set; None where a joint moves no link."""
+    """The axis of each joint of the set; None where it has none to bend an arrow around."""
     neutral = np.zeros(robot.n)
     poses = robot.link_poses(neutral)
     found: list[TorqueAxis | None] = []
@@ -43,15 +43,9 @@ def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
         turned = neutral.copy()
         turned[joint] = 1e-4
         rotation = poses[link][:3, :3].T @ robot.link_poses(turned)[link][:3, :3]
-        axis = np.array(
-            [
-                rotation[2, 1] - rotation[1, 2],
-                rotation[0, 2] - rotation[2, 0],
-                rotation[1, 0] - rotation[0, 1],
-            ]
-        )
+        axis = Rotation.from_matrix(rotation).as_rotvec()
         size = float(np.linalg.norm(axis))
-        if size < 1e-8:  # a prismatic joint has no axis to bend an arrow around
+        if size < 1e-8:  # prismatic
             found.append(None)
             continue
         axis /= size
@@ -62,9 +56,9 @@ def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
 
 
 def torque_arrow(axis: TorqueAxis, share: float, radius: float) -> NDArray[np.float32]:
-    """Segments (PIECES + 2, 2, 3) [m] of an arrow that turns by `share` (−1 … 1) of the widest angle."""
+    """Segments (ARC_PIECES + 2, 2, 3) [m] of an arrow that turns by `share` (−1 … 1) of the widest angle."""
     share = float(np.clip(share, -1.0, 1.0))
-    angle = np.linspace(0.0, share * WIDEST, PIECES + 1)
+    angle = np.linspace(0.0, share * ARC_ANGLE, ARC_PIECES + 1)
     points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))
     tip, direction = points[-1], points[-1] - points[-2]
     size = float(np.linalg.norm(direction))

@@ -3,10 +3,10 @@
 Nothing here knows a browser. The app renders it, report and recording print it, tests read it.
 """
 
-from flexviz.view.effect_card import card_html
 from flexviz.view.effects import (
     COMMON_EFFECTS,
     addable_effects,
+    card_html,
     effect_hint,
     effects_note,
     more_effects,
@@ -22,8 +22,6 @@ from flexviz.view.fit_charts import (
     sweep_charts,
     sweep_html,
 )
-from flexviz.view.identifiability import check_html, listed
-from flexviz.view.next_step import next_step, steps_done
 from flexviz.view.residual_maps import (
     MAP_COLUMNS,
     free_chart,
@@ -49,11 +47,20 @@ from flexviz.view.status import (
     joint_colours,
     joint_rms,
     legend_html,
+    next_step,
     status_html,
     step_line_html,
+    steps_done,
     total_rms,
 )
-from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
+from flexviz.view.tables import (
+    check_html,
+    parameter_names,
+    parameters_html,
+    set_html,
+    truth_html,
+    truth_values,
+)
 from flexviz.view.time_charts import (
     evidence_chart,
     numbers_html,
@@ -86,7 +93,6 @@ __all__ = [
     "joint_rms",
     "leading_map",
     "legend_html",
-    "listed",
     "map_chart",
     "map_charts",
     "map_html",
@@ -97,6 +103,7 @@ __all__ = [
     "numbers_html",
     "observer_for",
     "observer_numbers",
+    "parameter_names",
     "parameters_html",
     "progress_text",
     "range_html",

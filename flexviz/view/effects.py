@@ -1,13 +1,18 @@
-"""The effects a person can add to a model by name, in the order and with the words of the screen."""
+"""Effects on the screen: which ones can be added, what they are, and the card that explains one."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
+from functools import cache
+from xml.etree import ElementTree
 
 from flexviz.effects import EFFECTS, Effect
+from flexviz.resources import data_dir
+from flexviz.wording import bounds_text, enters_text, escape, parameter_text
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
-"""The ones always in sight."""
+"""Always shown; the others are folded away."""
 
 KINDS = {
     "motor": "Motor side",
@@ -19,12 +24,12 @@ KINDS = {
 
 
 def addable_effects() -> tuple[str, ...]:
-    """Names of the effects that can be added by name: not those that happen at an instant nobody named."""
+    """Names of the effects that can be added by name: all but episodes, whose instants must be found."""
     return tuple(name for name, effect in EFFECTS.items() if effect.scope != "episode")
 
 
 def more_effects() -> dict[str, tuple[str, ...]]:
-    """Kind -> names of the effects that are not among the common ones."""
+    """Kind -> names of the less common effects."""
     groups: dict[str, tuple[str, ...]] = {}
     for where, kind in KINDS.items():
         names = tuple(n for n in addable_effects() if EFFECTS[n].where == where and n not in COMMON_EFFECTS)
@@ -33,12 +38,12 @@ def more_effects() -> dict[str, tuple[str, ...]]:
 
 
 def effect_hint(effect: Effect) -> str:
-    """What an effect is, in a few sentences."""
+    """An effect in a few sentences."""
     return f"{effect.title}. {effect.explanation} {effect.equation}"
 
 
 def why_fixed(effect: str, own: Iterable[str], payloads: bool) -> str:
-    """Why an effect can be neither added nor taken out, or ""."""
+    """Why an effect can be neither added nor removed; empty where it can."""
     if effect in own:
         return "the measurement set names it, so it stays in"
     if EFFECTS[effect].scope == "payload" and not payloads:
@@ -47,7 +52,7 @@ def why_fixed(effect: str, own: Iterable[str], payloads: bool) -> str:
 
 
 def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
-    """What else to know about these effects of the model, one sentence each."""
+    """Remarks on the effects of the model, one sentence each."""
     chosen = tuple(dict.fromkeys(name.partition(":")[0] for name in (*own, *names)))
     notes = []
     if own:
@@ -61,3 +66,51 @@ def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
         ):
             notes.append(f"{name} makes sense beside {effect.beside}.")
     return " ".join(notes)
+
+
+# -- the explanation card ---------------------------------------------------------------------------------
+
+MAX_PICTURE = 60_000  # bytes of a picture
+
+
+@cache
+def picture(name: str) -> str:
+    """The effect's picture as SVG, shipped with the documentation; empty where there is none."""
+    file = data_dir("docs/effects") / f"{name}.svg"
+    if name not in EFFECTS or not file.is_file() or file.stat().st_size > MAX_PICTURE:
+        return ""
+    text = file.read_text(encoding="utf-8")
+    try:
+        ElementTree.fromstring(text)
+    except ElementTree.ParseError:
+        return ""
+    return re.sub(r' width="480" height="\d+"', ' width="100%"', text, count=1)
+
+
+def card_html(name: str) -> str:
+    """The card of one effect, initially folded."""
+    effect = EFFECTS.get(name)
+    if effect is None:
+        return ""
+    rows = "".join(
+        f"<tr><td>{escape(parameter_text(p))}</td><td>{escape(bounds_text(p))}</td>"
+        f"<td>{escape(p.explanation)}</td></tr>"
+        for p in effect.parameters
+    )
+    return (
+        f'<div class="fv"><details class="fv-card"><summary>What is {escape(lower(effect.title))}?</summary>'
+        f"<p>{escape(effect.explanation)}</p>"
+        f'<pre class="fv-equation">{escape(effect.equation)}</pre>'
+        f'<p class="fv-dim">{escape(enters_text(effect))}</p>'
+        f'<table class="fv-table fv-left">{rows}</table>'
+        f"{picture(name)}"
+        f"<p><b>In a residual.</b> {escape(effect.signature)}</p>"
+        f"<p><b>What confirms it.</b> {escape(effect.confirm)}</p>"
+        f'<p class="fv-dim">{escape(effect.reference)}</p></details></div>'
+    )
+
+
+def lower(title: str) -> str:
+    """A title inside a sentence; people's names keep their capital."""
+    names = ("Coulomb", "Stribeck")
+    return title if title.startswith(names) else title[:1].lower() + title[1:]

@@ -39,7 +39,7 @@ def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
     cost = positive([iteration.cost for iteration in iterations])
     step = positive([iteration.step for iteration in iterations])
     if len(step) > 1 and iterations[0].step <= 0:
-        step[0] = step[1]  # nothing was stepped to the start
+        step[0] = step[1]  # the start has no step
     cost, step = np.resize(cost, count), np.resize(step, count)
     log = ChartAxis(logarithmic=True)
     drawn = scaled_parameters(iterations, x)
@@ -83,7 +83,7 @@ def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartS
 
 
 def rank(name: str) -> int:
-    """How early a parameter is drawn; the order does not change while a fit runs."""
+    """Rank of a parameter in the legend; it does not change while a fit runs."""
     parameter = name.partition(":")[0]
     if parameter in FIRST_DRAWN:
         return FIRST_DRAWN.index(parameter)
@@ -128,7 +128,7 @@ def sweep_bandwidths(
 
 
 def judged(result: SweepResult) -> Array:
-    """(M, n) rms [Nm] the minimum is looked for in: held out, or fitted where nothing is held out."""
+    """(M, n) rms [Nm] to be minimised: of the validation groups, else of the fitted ones."""
     return result.rms_fit if np.isnan(result.rms_validation).any() else result.rms_validation
 
 
@@ -188,7 +188,7 @@ def scaled(largest: float) -> tuple[float, str]:
 
 
 def sweep_html(result: SweepResult, joint: int, name: str) -> str:
-    """Where the minimum lies, for this joint and over all."""
+    """Where the minimum lies, for this joint and over all joints."""
     errors = judged(result)
     kind = "fit" if errors is result.rms_fit else "validation"
     least = int(np.argmin(errors[:, joint]))
@@ -199,7 +199,7 @@ def sweep_html(result: SweepResult, joint: int, name: str) -> str:
     if errors.shape[1] > 1:
         text += f" All joints together: {number(result.best, 3)} rad/s."
     if len(errors) > 1 and result.best in (result.bandwidths.min(), result.bandwidths.max()):
-        text += " That is the end of the sweep: use it and sweep again."
+        text += " That is the end of the sweep's range: use it and sweep again."
     return f'<div class="fv">{text}</div>'
 
 
@@ -216,7 +216,7 @@ ERROR_FLOOR = 1e-6  # [Nm] least value of a logarithmic axis
 
 
 def step_errors(steps: Sequence[Step], joint: int | None) -> dict[str, tuple[list[float], bool]]:
-    """Name -> (error [Nm] at each step, held out?) of every group; fit and validation where groups lack.
+    """Name -> (error [Nm] at each step, held out?) of every group; fit and validation if groups are unknown.
 
     `joint` None: root of the mean square over the joints.
     """
@@ -298,7 +298,7 @@ def staircase_chart(
 
 
 def staircase_html(model_steps: Sequence[ModelStep]) -> str:
-    """The steps in words and numbers."""
+    """The errors of the steps as a table."""
     if not model_steps:
         return ""
     rows = []

@@ -20,7 +20,8 @@ from flexviz.charts import (
     css,
     no_chart,
 )
-from flexviz.wording import NORMAL_95, escape, number, short_names
+from flexviz.statistics import NORMAL_95
+from flexviz.wording import escape, number, short_names
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import FreeCurve, ResidualMap
@@ -85,7 +86,7 @@ def _cell(one: ResidualMap | None, joint: str, variable: str) -> str:
 
 
 def notable(one: ResidualMap) -> bool:
-    """Whether a variable explains more than chance does, and enough to be worth a look."""
+    """Whether a variable explains clearly more than chance."""
     return one.explained > NORMAL_95 * one.explained_std and one.explained >= NOTABLE_SHARE
 
 
@@ -215,7 +216,7 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
 
 
 def free_html(curve: FreeCurve | None) -> str:
-    """What the curve is, and what it is not."""
+    """What the free curve explains, and that it is a stopgap."""
     if curve is None:
         return ""
     share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, Chart, ChartAxis, ChartSeries, Ribbon, no_chart, thin
+from flexviz.statistics import NORMAL_95
 from flexviz.view.residual_maps import HEIGHT
-from flexviz.wording import NORMAL_95, escape, number
+from flexviz.wording import escape, number
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification

@@ -1,12 +1,14 @@
-"""Where one is: the step line, the status line, and the legend of what the scene shows."""
+"""Step line, status line, the next thing to do, and the legend of the scene."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
+from flexviz.session import Analysis
 from flexviz.wording import escape, number, short_names
 
 if TYPE_CHECKING:
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
-    """1 Data → 2 Observer → …: where one is, what is done, and what comes next."""
+    """1 Data → 2 Observer → …: the current step, the completed ones, and what comes next."""
     parts = []
     for number_, name in enumerate(steps, start=1):
         if name == current:
@@ -26,7 +28,7 @@ def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] =
 
 
 def error_text(result: Identification | None) -> str:
-    """The error in one number: on the validation groups where there are any, else on the fitted ones."""
+    """The error in one number: of the validation groups if there are any, else of the fitted ones."""
     if result is None:
         return "no model yet"
     for name, values in (
@@ -40,18 +42,18 @@ def error_text(result: Identification | None) -> str:
 
 
 def total_rms(per_joint: np.ndarray) -> float:
-    """One number of several joints' rms [Nm]: the root of their mean square."""
+    """Root mean square over the joints' rms values [Nm]."""
     return float(np.sqrt(np.mean(np.square(per_joint))))
 
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:
-    """The status line: the step, what goes on, and the error; `tone` is "", "busy" or "bad"."""
+    """The status line: the step, what is running, and the error; `tone` is "", "busy" or "bad"."""
     extra = f" · {escape(message)}" if message else ""
     return f'<div class="fv fv-status {tone}">Step {escape(step)}{extra} · {escape(error)}</div>'
 
 
 def joint_rms(result: Identification | None, group: str) -> np.ndarray | None:
-    """(n,) rms residual of each joint in a group [Nm], or None where it is not known."""
+    """(n,) rms residual of each joint in a group [Nm], or None if unknown."""
     series = None if result is None else result.residuals.get(group)
     if series is None or not len(series.time):
         return None
@@ -94,3 +96,45 @@ def legend_html(
         f"{number(float(np.max(rms)), 2)}</div>"
         f'<div class="fv-joints">{cells}</div></div>'
     )
+
+
+# -- what to do next --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class NextStep:
+    """The next thing to do.
+
+    Attributes:
+        step: the step it is done in.
+        button: the button that does it; empty where there is none.
+        text: a sentence for the step line (HTML).
+    """
+
+    step: str
+    button: str
+    text: str
+
+
+def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
+    """What a newcomer should do now."""
+    if running:
+        return NextStep(current, "", "Working: <b>Stop</b> ends it early.")
+    if not analysis.groups_with("fit"):
+        return NextStep("Data", "", "Next: set a group to <b>Fit</b> in step Data.")
+    if not analysis.diagnosis_up_to_date:
+        where = "press" if current == "Diagnose" else "step Diagnose, then"
+        return NextStep("Diagnose", "find", f"Next: {where} <b>Find the missing effect</b>.")
+    diagnosis = analysis.diagnosis
+    if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
+        where = "press" if current == "Diagnose" else "step Diagnose, then"
+        return NextStep("Diagnose", "add", f"Next: {where} <b>Add and refit</b> and watch the error fall.")
+    if len(analysis.model_steps) > 1:
+        return NextStep("", "", "Done: the tab <b>Compare</b> shows how the error fell.")
+    return NextStep("", "", "Done: the tab <b>Where it fails</b> shows what is left.")
+
+
+def steps_done(analysis: Analysis) -> tuple[str, ...]:
+    """The completed steps."""
+    done = ("Data", "Observer", "Identify") if analysis.identification is not None else ()
+    return (*done, "Diagnose") if analysis.diagnosis is not None else done

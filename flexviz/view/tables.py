@@ -1,4 +1,4 @@
-"""Tables as HTML: the set's groups and the identified parameters."""
+"""Tables as HTML: the measurement set, the identified parameters, and what the data can identify."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from flexviz.charts import COLOURS
 from flexviz.measurements import MeasurementSet
+from flexviz.statistics import NORMAL_95
 from flexviz.wording import (
     INERTIAL,
     MARKS,
-    NORMAL_95,
     SYMBOLS,
     escape,
     number,
@@ -29,7 +29,7 @@ GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.p
 
 
 def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
-    """What a set holds, in a few lines; `missing` says which meshes its robot lacks."""
+    """A summary of a measurement set; `missing` says which meshes its robot lacks."""
     kind = '<span class="fv-tag">simulated data</span>' if measurements.simulated else ""
     rates = sorted({round(1.0 / segment.step) for g in measurements.groups for segment in g.segments})
     rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
@@ -52,7 +52,7 @@ def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
 def parameters_html(
     result: Identification | None, truth: dict[tuple[str, str | None], float] | None = None
 ) -> str:
-    """The parameter table: start, value ± 95 %, unit, identifiable, tied to; truth where asked for."""
+    """The parameter table: start, value ± 95 %, unit, identifiable, tied to; the truth on request."""
     if result is None:
         return '<div class="fv fv-dim">The parameters appear here after Run.</div>'
     main = [p for p in result.parameters if p.name not in INERTIAL]
@@ -116,7 +116,7 @@ def _rows(
 
 
 def _order(parameters: Sequence[ParameterEstimate], joint: str | None) -> int:
-    """Where a joint first appears; parameters of no joint come last."""
+    """Rank of a joint by first appearance; parameters without a joint come last."""
     joints = list(dict.fromkeys(p.joint for p in parameters))
     return len(joints) if joint is None else joints.index(joint)
 
@@ -141,7 +141,7 @@ def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float
 
 
 def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
-    """The effects a simulated set was made with, where they are asked for."""
+    """The effects a simulated set was made with, on request."""
     if truth is None:
         return ""
     hidden = [(name, place, value) for (name, place), value in truth.items() if "." in name]
@@ -151,9 +151,53 @@ def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
         f"{plain_name(name)}{f' of {place}' if place else ''} {number(value)}"
         for name, place, value in hidden
     )
-    return f'<div class="fv fv-truth">Truth: hidden were {escape(listed)}.</div>'
+    return f'<div class="fv fv-truth">Truth: the hidden effects were {escape(listed)}.</div>'
 
 
 def _minutes(measurements: MeasurementSet) -> str:
     seconds = sum(group.duration for group in measurements.groups)
     return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"
+
+
+# -- what the data can identify ---------------------------------------------------------------------------
+
+MAX_NAMED = 8  # parameters in a sentence
+
+
+def parameter_name(p: ParameterEstimate) -> str:
+    """ "K joint1"."""
+    return f"{SYMBOLS.get(p.name, plain_name(p.name))} {p.joint or ''}".strip()
+
+
+def parameter_names(parameters: Sequence[ParameterEstimate]) -> str:
+    """Their names, the first MAX_NAMED of them."""
+    names = [parameter_name(p) for p in parameters[:MAX_NAMED]]
+    more = len(parameters) - MAX_NAMED
+    return ", ".join(names) + (f" and {plural(more, 'other')}" if more > 0 else "")
+
+
+def check_html(result: Identification | None) -> str:
+    """How many parameters can be identified, and which cannot; inertial ones are counted only.
+
+    Single inertial parameters are seldom identifiable, their combinations are what counts.
+    """
+    if result is None:
+        return ""
+    main = [p for p in result.parameters if p.name not in INERTIAL]
+    weak = [p for p in main if p.identifiable == "weak"]
+    no = [p for p in main if p.identifiable == "no"]
+    if not weak and not no:
+        text = f"All {len(main)} parameters of joints and effects can be identified."
+    else:
+        good = len(main) - len(weak) - len(no)
+        text = f"{good} of {len(main)} parameters of joints and effects can be identified."
+    lines = [f"<div>{text}</div>"]
+    if weak:
+        lines.append(f'<div class="fv-warn">Weak: {escape(parameter_names(weak))}.</div>')
+    if no:
+        lines.append(f'<div class="fv-warn">Not identifiable: {escape(parameter_names(no))}.</div>')
+    combinations = getattr(result, "combinations", ())
+    if combinations:
+        good = sum(c.identifiable == "yes" for c in combinations)
+        lines.append(f'<div class="fv-dim">Inertia: {good} of {len(combinations)} combinations.</div>')
+    return f'<div class="fv"><b>Checked with these groups and effects</b>{"".join(lines)}</div>'

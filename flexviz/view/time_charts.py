@@ -108,11 +108,10 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None) -> Chart:
 class ObserverNumbers:
     """How an observer treats a signal.
 
-    Attributes
-    ----------
-    lag: delay of slow motion [s].
-    noise_gain: (5,) from the noise of θ to the noise of each derivative [1, 1/s, … 1/s⁴].
-    note: what else to know, one sentence.
+    Attributes:
+        lag: delay of slow motion [s].
+        noise_gain: (5,) from the noise of θ to the noise of each derivative [1, 1/s, … 1/s⁴].
+        note: what else to know, one sentence.
     """
 
     lag: float
@@ -121,13 +120,13 @@ class ObserverNumbers:
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:
-    """The segment with only one joint's columns, so that only this one is filtered."""
+    """The segment with one joint's columns only, so that no other is filtered."""
     columns = slice(joint, joint + 1)
     return replace(segment, theta=segment.theta[:, columns], tau=segment.tau[:, columns])
 
 
 def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: int) -> Observer:
-    """The observer as it treats one joint (its own bandwidth where there is one a joint)."""
+    """The observer as it treats one joint (with its own bandwidth where each joint has one)."""
     own = bandwidth if bandwidth is None or np.ndim(bandwidth) == 0 else np.asarray(bandwidth)[joint]
     return make_observer(name, None if own is None else float(own))  # type: ignore[arg-type]
 
@@ -184,7 +183,7 @@ def measured(segments: Sequence[Segment], joint: int, name: str) -> Array:
 
 
 def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED) -> tuple[list[Segment], str]:
-    """The segments, or of a long recording `longest` samples around `at` [s], and a sentence about it."""
+    """The segments, or `longest` samples of a long recording around `at` [s] with a sentence saying so."""
     if sum(len(segment) for segment in segments) <= longest:
         return list(segments), ""
     index = max((i for i, segment in enumerate(segments) if segment.time[0] <= at), default=0)
@@ -196,21 +195,21 @@ def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED)
 
 
 def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
-    """Which instants x lie outside the start-up and end transients, and a sentence about what is left out."""
+    """Which instants x lie between the transients at both ends, and a sentence about the omitted ones."""
     inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
     if np.count_nonzero(inside) < 2:
-        return np.ones(len(x), bool), "At this bandwidth everything is start-up transient."
+        return np.ones(len(x), bool), "At this bandwidth the whole recording is transient."
     start, end = float(valid[0] - x[0]), float(x[-1] - valid[-1])
     if start + end < 1e-6:
         return inside, ""
     return (
         inside,
-        f"Derivatives leave out the transients: {start:.2f} s at the start, {end:.2f} s at the end.",
+        f"Transients are omitted from the derivatives: {start:.2f} s at the start, {end:.2f} s at the end.",
     )
 
 
 def observer_numbers(observer: Observer, step: float) -> ObserverNumbers:
-    """Lag and noise gain at a sampling step [s], with a sentence about them."""
+    """Lag and noise gain at a sampling step [s]."""
     if observer.zero_phase:
         note = "zero phase: runs forward and backward, delays nothing"
     elif observer.name == "eso":

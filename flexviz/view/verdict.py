@@ -1,4 +1,4 @@
-"""A diagnosis in sentences: the verdict, and each finding with its numbers, ties and hiding places."""
+"""A diagnosis as HTML: the verdict, and each finding with its numbers, ties and absorbing parameters."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from flexviz.wording import (
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
 
-LIKELY = 0.5  # confidence from which a finding is put forward
-ABSORBED = 3  # parameters named at most
+LIKELY_CONFIDENCE = 0.5  # from which a finding stands out
+NAMED_PARAMETERS = 3  # parameters named at most
 
 
 def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
-    """The verdict in its box, with what else a reader should know."""
+    """The verdict in its box, with notes and warnings."""
     if diagnosis is None:
         return (
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
-            "where that has not been done, looks at what is left, and tries every effect that is known.</div>"
+            "where that has not been done, examines the residual, and tries every known effect.</div>"
         )
     said = [note for note in diagnosis.notes if diagnosis.free_curve is None or note.kind != "free-curve"]
     notes = "".join(
         f'<div class="fv-dim">{escape(note.text[:1].upper() + note.text[1:])}.</div>' for note in said
     )
     if diagnosis.stopped:
-        notes += '<div class="fv-warn">Stopped before the end: this is what was found until then.</div>'
+        notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
     if not up_to_date:
         notes += (
             '<div class="fv-warn">The model or the groups have changed since: press Find the missing effect.'
@@ -47,15 +47,15 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
 
 
 def heading_html(diagnosis: Diagnosis | None) -> str:
-    """What is to be thought of findings where none is missing credibly."""
+    """Heading of the findings where none of them is credible."""
     if diagnosis is None or diagnosis.verdict == "missing" or not diagnosis.findings:
         return ""
-    return '<div class="fv fv-dim">Tried, but not credible for what is left:</div>'
+    return '<div class="fv fv-dim">Tried, but not credible explanations of the residual:</div>'
 
 
 def finding_html(finding: Finding, rank: int, full: bool) -> str:
-    """A finding: name, values, share, confidence; the full one with ties and what had taken it up."""
-    likely = " fv-likely" if finding.confidence >= LIKELY else ""
+    """A finding: name, values, share, confidence; with `full` also its ties and what had absorbed it."""
+    likely = " fv-likely" if finding.confidence >= LIKELY_CONFIDENCE else ""
     values = values_text(finding)
     lines = [f"<div><b>{rank}. {escape(finding_name(finding))}</b></div>"]
     lines.append(
@@ -68,8 +68,8 @@ def finding_html(finding: Finding, rank: int, full: bool) -> str:
     lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
     absorbed = getattr(finding, "absorbed", ()) if full else ()
     if absorbed:
-        named = "; ".join(absorbed_text(entry) for entry in absorbed[:ABSORBED])
-        more = len(absorbed) - ABSORBED
+        named = "; ".join(absorbed_text(entry) for entry in absorbed[:NAMED_PARAMETERS])
+        more = len(absorbed) - NAMED_PARAMETERS
         named += f"; and {plural(more, 'other')}" if more > 0 else ""
-        lines.append(f'<div class="fv-dim">Had been taken up by {escape(named)}.</div>')
+        lines.append(f'<div class="fv-dim">Had been absorbed by {escape(named)}.</div>')
     return f'<div class="fv fv-finding{likely}">{"".join(lines)}</div>'

@@ -25,7 +25,6 @@ from flexviz.wording.findings import (
 from flexviz.wording.numbers import (
     INERTIAL,
     MARKS,
-    NORMAL_95,
     SYMBOLS,
     escape,
     number,
@@ -41,7 +40,6 @@ __all__ = [
     "BEGINNINGS",
     "INERTIAL",
     "MARKS",
-    "NORMAL_95",
     "SCOPES",
     "SYMBOLS",
     "absorbed_text",

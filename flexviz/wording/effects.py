@@ -1,4 +1,4 @@
-"""An effect in words and as JSON: what command line, documents and app say about it."""
+"""An effect in words and as JSON, for command line, documents and app."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 from flexviz.effects import Effect, ParameterSpec, is_user_defined
 
 ENTERS = {
-    "torque": "u is taken off the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
-    "deflection": "u is what the link side gains: q = θ − s/K + u",
+    "torque": "u is subtracted from the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
+    "deflection": "u is added to the link position: q = θ − s/K + u",
     "residual": "u is a torque on the link side: r = s − Y Γ − f_lv q̇ − u",
 }
 SIMULATED = {
@@ -35,9 +35,9 @@ def enters_text(effect: Effect) -> str:
 
 
 def simulated_text(effect: Effect) -> str:
-    """What the simulator does with it, as a sentence."""
+    """How the simulator treats it, as a sentence."""
     if is_user_defined(effect.name) and effect.simulation(effect.sizes()) is None:
-        return "Not simulated: its class says nothing about that."
+        return "Not simulated: its class does not define a simulation."
     sign = " sign(v) is taken as tanh(v / 0.005 rad/s)." if "sign(" in effect.equation else ""
     return (effect.simulated or SIMULATED.get(effect.where, "")) + sign
 
@@ -58,7 +58,7 @@ def bounds_text(parameter: ParameterSpec) -> str:
 
 
 def relation_text(effect: Effect) -> str:
-    """What it needs or replaces on its joint, as a sentence; empty where it stands alone."""
+    """Which effect it needs or replaces on its joint; empty if neither."""
     parts = []
     if effect.beside:
         parts.append(f"Only beside {effect.beside}.")
@@ -68,7 +68,7 @@ def relation_text(effect: Effect) -> str:
 
 
 def effect_json(effect: Effect) -> dict[str, Any]:
-    """Everything that is said about an effect; a missing bound is None."""
+    """Everything known about an effect; a missing bound is None."""
     return {
         "name": effect.name,
         "title": effect.title,

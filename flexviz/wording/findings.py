@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from flexviz.effects import EFFECTS
-from flexviz.wording.numbers import NORMAL_95, number, plain_name, unit_text, with_error
+from flexviz.statistics import NORMAL_95
+from flexviz.wording.numbers import number, plain_name, unit_text, with_error
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 ALONG = {
@@ -21,7 +22,7 @@ ALONG = {
 INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
     name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 }
-SMALLEST_SHARE = 0.005  # a place that explains less is not worth naming
+SMALLEST_SHARE = 0.005  # a location that explains less is not named
 
 
 class FindingLike(Protocol):
@@ -103,7 +104,7 @@ class AbsorbedLike(Protocol):
 
 
 def effect_title(name: str) -> str:
-    """The effect's plain_name; of one that is not in the library its name in words."""
+    """The effect's title; for one that is not in the library, its name in words."""
     effect = EFFECTS.get(name)
     return effect.title if effect is not None else plain_name(name)
 
@@ -127,7 +128,7 @@ def effect_text_name(text: str) -> str:
 
 
 def share_text(share: float) -> str:
-    """0.994 as "99 %"; what would round to nothing or to certainty is said so."""
+    """0.62 as "62 %"; never 0 or 100 %."""
     if share < 0.01:
         return "< 1 %"
     if share > 0.99:
@@ -167,15 +168,15 @@ def values_text(finding: FindingLike) -> str:
 
 
 def tie_text(tie: TieLike) -> str:
-    """What a finding cannot be told from, and what would decide."""
+    """The effect that a finding is hard to tell from, and what would decide."""
     other = effect_title(tie.effect) + where_text(tie.joint)
-    text = f"Hardly told from {other} (signatures alike to {share_text(min(abs(tie.correlation), 1.0))})."
+    text = f"Hard to tell from {other} (signatures similar to {share_text(min(abs(tie.correlation), 1.0))})."
     breaks = getattr(tie, "breaks", "")
     return f"{text} {breaks}".strip()
 
 
 def absorbed_text(absorbed: AbsorbedLike) -> str:
-    """A parameter that had taken the effect up."""
+    """A parameter that had absorbed the effect: its value before and after."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)
     return f"{name}{place}: {number(absorbed.before)} → {number(absorbed.after)} {unit}".rstrip()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import html
 import math
 
-from flexviz.statistics import NORMAL_95 as NORMAL_95
-
 
 def number(value: float | None, digits: int = 4) -> str:
     """A value with `digits` significant digits, without needless zeros: 1000, 0.01234, 3.2e-07, –."""
@@ -22,12 +20,12 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """A unit as it is written; nothing for a pure number."""
+    """The unit, or nothing for a pure number."""
     return "" if unit == "-" else unit
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:
-    """A value and its ± as two texts, both cut where the error's second digit stands.
+    """A value and its ± as two texts, both rounded to the error's second digit.
 
     >>> with_error(1000.234, 0.82)
     ('1000.23', '0.82')
@@ -43,7 +41,7 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
 
 def escape(text: object) -> str:
-    """Text from a file or a person, safe inside HTML."""
+    """Untrusted text, safe inside HTML."""
     return html.escape(str(text), quote=True)
 
 
@@ -66,13 +64,13 @@ SYMBOLS = {
 def plain_name(name: str) -> str:
     """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
     effect, dot, parameter = name.partition(".")
-    if parameter in effect.split("_"):  # coulomb_friction.coulomb says it twice
+    if parameter in effect.split("_"):  # as in coulomb_friction.coulomb
         dot = parameter = ""
     return f"{effect} {dot and '· '}{parameter}".strip().replace("_", " ")
 
 
 def short_names(names: tuple[str, ...]) -> list[str]:
-    """Names without the words they all begin with: panda_joint1, panda_joint2 -> joint1, joint2."""
+    """Names without their common prefix: panda_joint1, panda_joint2 -> joint1, joint2."""
     first = names[0] if len(names) > 1 else ""
     cuts = [i + 1 for i, character in enumerate(first) if character in "_/"]
     shared = [cut for cut in cuts if all(name[:cut] == first[:cut] for name in names)]

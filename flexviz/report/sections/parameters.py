@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, table
 from flexviz.report.content import ReportContent
-from flexviz.wording import INERTIAL, MARKS, NORMAL_95, number, plain_name, plural, unit_text, with_error
+from flexviz.statistics import NORMAL_95
+from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
 
 WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
 TIES = 3  # named at most

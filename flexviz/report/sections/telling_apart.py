@@ -6,7 +6,7 @@ from flexviz.diagnosis import Finding, ResidualLocation
 from flexviz.effects import EFFECTS
 from flexviz.report.blocks import Block, Items, Paragraph, Section, table
 from flexviz.report.content import ReportContent
-from flexviz.view import listed
+from flexviz.view import parameter_names
 from flexviz.wording import (
     ALONG,
     INERTIAL,
@@ -17,8 +17,8 @@ from flexviz.wording import (
     where_text,
 )
 
-NAMED = 4  # places of what is unexplained
-MIN_SHARE = 0.05
+MAX_PLACES = 4  # of unexplained residual
+MIN_SHARE = 0.05  # of a residual; less is not worth an experiment
 FOLLOW = {
     "position": "slow motion of {joint} over its whole range, in both directions",
     "position × direction": "slow motion of {joint} over its whole range, in both directions",
@@ -32,7 +32,7 @@ FOLLOW = {
 
 
 def telling_apart(content: ReportContent) -> Section | None:
-    """Ties, confirmations, and what to record next; None before any diagnosis."""
+    """Ties, confirmations, and what to record next; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     found = [finding for _, finding in content.added if finding is not None]
@@ -63,7 +63,7 @@ def telling_apart(content: ReportContent) -> Section | None:
 
 
 def next_experiments(content: ReportContent, found: list[Finding]) -> list[str]:
-    """A sentence each, the most urgent first."""
+    """One sentence per experiment, the most urgent first."""
     out = [
         f"{finding_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
         for f in found
@@ -87,14 +87,14 @@ def effect_name(text_: str) -> str:
 
 
 def _places(where: tuple[ResidualLocation, ...]) -> list[ResidualLocation]:
-    """The leading variable of each joint, of the joints where it is worth following."""
+    """The leading variable of each joint with a structured residual."""
     first: dict[str, ResidualLocation] = {}
     for place in where:
         if place.explained >= MIN_SHARE and place.variable in FOLLOW:
             best = first.get(place.joint)
             if best is None or place.explained > best.explained:
                 first[place.joint] = place
-    return list(first.values())[:NAMED]
+    return list(first.values())[:MAX_PLACES]
 
 
 def _follow(place: ResidualLocation) -> str:
@@ -107,7 +107,9 @@ def _undetermined(content: ReportContent) -> list[Block]:
     weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
     if not weak:
         return []
-    words = f"Parameters of joints and effects that these data do not determine well: {listed(weak)}."
+    words = (
+        f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
+    )
     return [Paragraph(words)]
 
 
