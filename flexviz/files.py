@@ -66,7 +66,7 @@ def sha256_of(file: Path) -> str:
 
 
 def as_json(data: Any) -> str:
-    """JSON text of numbers, texts, lists and tables; what is not finite is null, tuples are lists."""
+    """JSON text of numbers, texts, lists and tables; NaN and infinity become null, tuples lists."""
     return json.dumps(_finite(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -28,9 +28,9 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexviz.errors import InputError
-from flexviz.importing import import_logs
+from flexviz.importing import formats, import_logs
 from flexviz.importing.formats import find_logs, open_log
-from flexviz.importing.formats.base import ReadOptions
+from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.measurements import read_set
 
 DATA = truth(rows=1000)
@@ -287,3 +287,20 @@ def test_folder_of_logs(tmp_path: Path) -> None:
     assert [source.path.name for source in find_logs([tmp_path])] == ["a.csv", "b.csv"]
     with pytest.raises(InputError, match="given twice"):
         find_logs([tmp_path, tmp_path / "a.csv"])
+
+
+def test_a_format_is_one_entry_of_the_registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every suffix and mark belongs to one format, and a new format needs nothing but its entry."""
+    marks = [mark for known in formats.FORMATS for mark in (*known.suffixes, known.mark) if mark]
+    assert len(set(marks)) == len(marks)
+    assert all(known.suffixes or known.mark for known in formats.FORMATS)
+
+    def read(path: Path, options: ReadOptions) -> Log:
+        values = np.array(path.read_text().split("|"), dtype=float)
+        return Log(path, "pipes", (LogTable("", {"x": values}),))
+
+    pipes = LogFormat("pipes", read, suffixes=(".pipes",))
+    monkeypatch.setattr(formats, "FORMATS", (*formats.FORMATS, pipes))
+    (tmp_path / "a.pipes").write_text("|".join(map(str, range(50))))
+    assert [source.path.name for source in find_logs([tmp_path])] == ["a.pipes"]
+    assert open_log(tmp_path / "a.pipes", ReadOptions()).columns["x"].rows == 50

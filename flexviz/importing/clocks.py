@@ -145,8 +145,8 @@ class TimeGuess:
     """The likely time of the signals."""
 
     keys: dict[str, Any]  # of [time] in a mapping; {} where the format itself knows the time
-    reason: str  # for these keys; what is missing where they could not be found
-    # column -> its own time column, where that is another one
+    reason: str  # for the keys, or what is missing
+    # column -> its own time column, where it differs
     own: dict[str, str] = field(default_factory=dict)
     found: bool = True  # False where no column looks like a time
 

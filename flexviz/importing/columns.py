@@ -185,7 +185,7 @@ def candidates(families: Sequence[ColumnFamily], name: str, taken: Sequence[Colu
 
 
 def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> float:
-    """How likely a family is the signal, 0: not at all. More joints count most, then what the name says."""
+    """How likely a family is the signal; 0: impossible. More joints count most, then the name."""
     said = family.meaning
     likely = 0.0
     if name == "theta" and said.quantity == "position" and not said.reference:
@@ -193,7 +193,7 @@ def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> floa
     elif name == "q" and said.quantity == "position" and not said.reference:
         theta = next((f.meaning.side for f in taken if f.meaning.quantity == "position"), None)
         likely = {"link": 3.0, None: 2.0, "motor": 0.0}[said.side]
-        likely = 0.0 if said.side is None and theta is None else likely  # nothing tells which side either is
+        likely = 0.0 if said.side is None and theta is None else likely  # neither name tells its side
     elif name == "theta_ref" and said.quantity == "position" and said.reference:
         likely = {"motor": 2.0, None: 2.0, "link": 1.0}[said.side]
     elif name == "tau" and said.quantity in ("torque", "current"):

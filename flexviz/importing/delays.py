@@ -109,7 +109,7 @@ def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
 
 
 def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) -> tuple[float, float] | None:
-    """Delay and standard error [s] of one joint, from a start that is right to a step or two."""
+    """Delay and standard error [s] of one joint, from a start within two steps of it."""
     std = np.inf
     for _ in range(DELAY_ROUNDS):
         start = max(theta.time[0], tau.time[0], q.time[0] - delay)

@@ -95,7 +95,7 @@ def inspect_logs(
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
-    """Guess [time]; column -> its own time column where that is another one."""
+    """Guess [time]; column -> its own time column where it differs."""
     # where nothing was recognised, the signals are likely in the table with the most columns
     widest = max((list(table.columns) for table in log.tables), key=len, default=[])
     guess = guess_time(log, used or widest[:1])

@@ -108,7 +108,7 @@ class Mapping(SetHeader):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The joints, in the order of the set to be."""
+        """The joints, in the set's order."""
         return tuple(self.joints)
 
     def signals(self) -> list[tuple[str, str, SignalColumn]]:

@@ -272,7 +272,7 @@ def torque_change(mapping: Mapping, joint: str, slope: float) -> ColumnChange | 
 
 
 def merged(found: Sequence[Issue], mapping: Mapping) -> list[Issue]:
-    """The same unit on several joints as one, and on all where most have it and the mapping says the same."""
+    """One issue for the same unit on several joints, extended to joints stated alike where most have it."""
     result = [issue for issue in found if issue.kind != "unit" or not issue.fixes]
     alike: dict[tuple[tuple[str, str, str | float | int], ...], list[Issue]] = {}
     for issue in found:

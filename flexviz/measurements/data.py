@@ -90,7 +90,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class MeasurementSet:
-    """A robot, its groups, and what is roughly known about its joints (n joints, in the set's order).
+    """A robot, its groups, and rough start values of its joints (n joints, in the set's order).
 
     Attributes:
         path: the set's folder.

@@ -18,7 +18,7 @@ from flexviz.measurements.tables import column_names, read_columns, require
 from flexviz.measurements.unit_checks import check_optional, check_units
 from flexviz.robot import PayloadBody, Robot, is_library_robot
 
-TRUTH = "truth.json"  # its presence says that the set is simulated; it is never opened here
+TRUTH = "truth.json"  # present in simulated sets; never opened here
 LARGEST_BODY = 10.0  # [m] payloads beyond this size or distance can only be in a wrong unit
 
 log = logging.getLogger("flexviz.measurements")

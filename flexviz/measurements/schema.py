@@ -62,7 +62,7 @@ class GroupEntry(StrictTable):
 
 
 class SetHeader(StrictTable):
-    """What is known of a set beside its data."""
+    """The keys that measurement sets and mappings of logs share."""
 
     format: int
     robot: Text

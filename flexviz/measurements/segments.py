@@ -109,7 +109,7 @@ def deviation(time: Array, start: float, step: float) -> float:
 
 
 def decimal_resolution(time: Array, step: float) -> float:
-    """10^-k when every instant is written with k decimals and that is coarse beside the step, else 0 [s]."""
+    """10^-k where every instant has k decimals, which are finer than the step; else 0 [s]."""
     for decimals in _DECIMALS:
         unit = 10.0**-decimals
         if unit > 0.7 * step:  # with unit = step, a lost sample would pass for rounding
