@@ -4,7 +4,7 @@ from math import tanh
 
 import numpy as np
 
-from flexviz.effects import Instant, JointMotion, LinearEffect, ParameterSpec, smooth_sign
+from flexviz.effects import JointMotion, JointState, LinearEffect, ParameterSpec, smooth_sign
 
 
 class DirectionalFriction(LinearEffect):
@@ -37,7 +37,7 @@ class DirectionalFriction(LinearEffect):
         """The same for the simulator: the torque at one instant."""
         forward, backward = values.tolist()
 
-        def torque(at: Instant) -> float:
+        def torque(at: JointState) -> float:
             sign = tanh(at.theta_velocity / 0.005)
             return 0.5 * (forward * (sign + 1.0) + backward * (sign - 1.0))
 

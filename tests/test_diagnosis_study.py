@@ -21,10 +21,9 @@ from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
 from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.diagnosis.confidence import probability
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, JointState
 from flexviz.equation import Layout
 from flexviz.measurements import read_set
-from flexviz.simulation import JointState
 from flexviz.simulation.effect_laws import LAWS
 
 

@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.simulation import ExtraLaw, JointState, MotionScale, Plan, Pull
+from flexviz.effects import JointState
+from flexviz.simulation import ExtraLaw, MotionScale, Plan, Pull
 
 Array = NDArray[np.float64]
 

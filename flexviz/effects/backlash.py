@@ -1,4 +1,4 @@
-"""Play between the teeth: within the gap no torque is transmitted."""
+"""Backlash."""
 
 from __future__ import annotations
 

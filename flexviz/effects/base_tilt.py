@@ -1,4 +1,4 @@
-"""The robot does not stand level."""
+"""Base tilt."""
 
 from __future__ import annotations
 

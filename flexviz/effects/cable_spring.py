@@ -1,4 +1,4 @@
-"""Cables, hoses or a balancer that pull the joint towards a rest angle."""
+"""Cable spring."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dry friction between motor and gear: a constant torque against the motor's motion."""
+"""Coulomb friction."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from flexviz.effects.terms import (
     EffectTarget,
     Entry,
     Guess,
-    Instant,
+    JointState,
     ParameterSpec,
     Scope,
     Terms,
@@ -210,7 +210,7 @@ class Effect(ABC):
         """Parameters that make it clearly visible on a joint without dominating it."""
         return tuple(float(value) for value in self.sizes())
 
-    def simulation(self, values: Array) -> Callable[[Instant], float] | None:
+    def simulation(self, values: Array) -> Callable[[JointState], float] | None:
         """Its torque at one instant, for the simulator; None if it cannot be simulated.
 
         Only user-defined effects are asked: the library's are written down once more in the simulator. Motor

@@ -1,4 +1,4 @@
-"""A push on the arm during part of one run."""
+"""External contact."""
 
 from __future__ import annotations
 

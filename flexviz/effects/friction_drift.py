@@ -1,4 +1,4 @@
-"""Viscous friction of a cold gear that warms up during each run."""
+"""Friction drift."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Damping of the transmission, parallel to its spring."""
+"""Joint damping."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dry friction in the link's bearing, behind the elastic transmission."""
+"""Coulomb friction at the link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gear friction proportional to the transmitted torque."""
+"""Load-dependent friction."""
 
 from __future__ import annotations
 

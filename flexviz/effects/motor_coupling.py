@@ -1,4 +1,4 @@
-"""The neighbouring motor's acceleration felt in this joint."""
+"""Motor coupling."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The payload is heavier or lighter than stated."""
+"""Payload error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction that grows with the square of the speed."""
+"""Quadratic friction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A gear that grows stiffer as it is wound up."""
+"""Stiffness hardening."""
 
 from __future__ import annotations
 

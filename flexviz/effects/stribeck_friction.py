@@ -1,4 +1,4 @@
-"""The extra friction at creeping speed, before the lubricant carries."""
+"""Stribeck friction."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,28 +138,24 @@ class Guess:
     label: str = ""
 
 
-class Instant(Protocol):
-    """One joint at one instant, as the simulator shows it to a user-defined effect.
+class JointState(NamedTuple):
+    """One joint at one instant, in the simulator.
 
     Attributes:
         time: the group's own time [s].
         theta, theta_velocity: motor side [rad], [rad/s].
         q, q_velocity: link side [rad], [rad/s].
-        load: torque that the joint carries [Nm].
+        load: torque that the joint carries by the library's laws [Nm].
+        z: the states of a law that has some.
     """
 
-    @property
-    def time(self) -> float: ...
-    @property
-    def theta(self) -> float: ...
-    @property
-    def theta_velocity(self) -> float: ...
-    @property
-    def q(self) -> float: ...
-    @property
-    def q_velocity(self) -> float: ...
-    @property
-    def load(self) -> float: ...
+    time: float
+    theta: float
+    theta_velocity: float
+    q: float
+    q_velocity: float
+    load: float
+    z: Sequence[float] = ()
 
 
 class Context(Protocol):

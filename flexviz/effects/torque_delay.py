@@ -1,4 +1,4 @@
-"""The torque acts a little later than it is recorded."""
+"""Torque delay."""
 
 from __future__ import annotations
 

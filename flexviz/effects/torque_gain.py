@@ -1,4 +1,4 @@
-"""The applied torque differs from the recorded one by a factor."""
+"""Torque gain error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A constant torque, from a current sensor's offset or an asymmetric load."""
+"""Torque offset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cogging and commutation torque of the motor, seen through the gear."""
+"""Torque ripple."""
 
 from __future__ import annotations
 

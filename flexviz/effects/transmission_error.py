@@ -1,4 +1,4 @@
-"""Kinematic error of the gear: the link is not exactly where the motor angle says."""
+"""Transmission error."""
 
 from __future__ import annotations
 

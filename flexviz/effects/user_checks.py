@@ -9,14 +9,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast, get_args
+from typing import get_args
 
 import numpy as np
 
 from flexviz.effects.effect import Effect
 from flexviz.effects.law import LawEffect, LinearEffect
-from flexviz.effects.terms import Array, EffectTarget, Instant, ParameterSpec, Terms, Where
+from flexviz.effects.terms import Array, EffectTarget, JointState, ParameterSpec, Terms, Where
 from flexviz.effects.trial import TrialMotion, TrialSignal
 from flexviz.errors import InputError, choose_from, one_line
 
@@ -261,14 +260,10 @@ class _Checks:
             return
         if not isinstance(effect, LawEffect) or effect.where not in ("motor", "link", "joint"):
             raise self.fails("only laws of motor, link or joint can be simulated", "simulation")
-        signals = {
-            "time": motion.time, "theta": motion.position, "theta_velocity": motion.velocity,
-            "q": motion.link_position, "q_velocity": motion.link_velocity, "load": motion.torque,
-        }  # fmt: skip
-        rows = zip(*(signal.tolist() for signal in signals.values()), strict=True)
-        instants = (SimpleNamespace(**dict(zip(signals, row, strict=True))) for row in rows)
+        motor, link = (motion.position, motion.velocity), (motion.link_position, motion.link_velocity)
+        rows = np.stack((motion.time, *motor, *link, motion.torque), axis=1).tolist()
         with self.running("simulation"):
-            found = np.array([float(torque(cast(Instant, instant))) for instant in instants])
+            found = np.array([float(torque(JointState(*row))) for row in rows])
         if effect.where == "joint":  # the joint then carries more; the law gives what q gains at that torque
             bend = motion.position - motion.link_position
             carried = motion.stiffness * bend + found

@@ -3,7 +3,7 @@
 from flexviz.simulation.building import check_effect, make_plant, simulated_effects
 from flexviz.simulation.control import PDController
 from flexviz.simulation.effect_laws import neighbour, scaled_body, tilted_gravity
-from flexviz.simulation.extra_laws import ExtraLaw, JointState, Pull
+from flexviz.simulation.extra_laws import ExtraLaw, Pull
 from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS
@@ -26,7 +26,6 @@ __all__ = [
     "PRESETS",
     "ExtraLaw",
     "Fourier",
-    "JointState",
     "MotionScale",
     "PDController",
     "Plan",

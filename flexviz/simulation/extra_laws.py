@@ -8,27 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from flexviz.effects import Effect, Instant
-
-
-class JointState(NamedTuple):
-    """One joint at one instant.
-
-    Attributes:
-        time: the group's own time [s].
-        theta, theta_velocity: motor side [rad], [rad/s].
-        q, q_velocity: link side [rad], [rad/s].
-        load: torque that the joint carries by the library's laws [Nm].
-        z: the law's own states.
-    """
-
-    time: float
-    theta: float
-    theta_velocity: float
-    q: float
-    q_velocity: float
-    load: float
-    z: Sequence[float] = ()
+from flexviz.effects import Effect, JointState
 
 
 class Pull(NamedTuple):
@@ -63,7 +43,7 @@ class ExtraLaw(ABC):
 class UserEffectLaw(ExtraLaw):
     """The torque of a user-defined effect, on the side where the effect acts."""
 
-    def __init__(self, where: str, torque: Callable[[Instant], float]) -> None:
+    def __init__(self, where: str, torque: Callable[[JointState], float]) -> None:
         self._where, self._torque = where, torque
 
     @staticmethod

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.effects import JointState
 from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.extra_laws import ExtraLaw, JointState, Pull
+from flexviz.simulation.extra_laws import ExtraLaw, Pull
 from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
 
 Array = np.ndarray

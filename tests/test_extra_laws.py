@@ -9,7 +9,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from flexviz.simulation import ExtraLaw, JointState, Plan, Pull, Run, make_plan
+from flexviz.effects import JointState
+from flexviz.simulation import ExtraLaw, Plan, Pull, Run, make_plan
 
 
 class Spring(ExtraLaw):

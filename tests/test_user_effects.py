@@ -1,4 +1,4 @@
-"""Effects of one's own: the example everywhere an effect appears, and a file's mistakes in one line."""
+"""User-defined effects: the example everywhere an effect appears, and a file's mistakes in one line."""
 
 from __future__ import annotations
 
