@@ -21,6 +21,7 @@ from flexviz.report.html import HtmlWriter
 from flexviz.report.markdown import MarkdownWriter
 from flexviz.report.sections.summary import sentence
 from flexviz.report.writing import compose
+from flexviz.results import Note
 from flexviz.session import Session
 from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
 from tests.small_session import small_session
@@ -282,7 +283,7 @@ def test_names_notes_and_results_are_only_text(tmp_path: Path) -> None:
     parameters = tuple(replace(p, unit=BAD, tied_to=(BAD,)) for p in DIAGNOSIS.parameters)
     steps = (BEFORE, replace(AFTER, added=finding, groups=((BAD, (1.0, 2.0), True),)))
     diagnosis = replace(
-        DIAGNOSIS, findings=(finding,), notes=(BAD,), parameters=parameters, steps=steps,
+        DIAGNOSIS, findings=(finding,), notes=(Note("other", BAD),), parameters=parameters, steps=steps,
         maps=tuple(replace(m, unit=BAD, curves=tuple(BAD for _ in m.curves)) for m in DIAGNOSIS.maps),
     )  # fmt: skip
     session = diagnosed_session(measurements, diagnosis).with_note(BAD).with_recording(Path(f"/{BAD}"))

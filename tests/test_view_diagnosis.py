@@ -16,6 +16,7 @@ from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import UNITS, ResidualMap
 from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.effects import EFFECTS
+from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, picture
 from flexviz.view.fit_charts import NO_STEPS, staircase_charts, staircase_html
@@ -71,8 +72,11 @@ def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:
     assert "Find the missing effect" in verdict_html(None)
     assert "have changed since" in verdict_html(DIAGNOSIS, up_to_date=False)
     assert "Stopped before the end" in verdict_html(replace(DIAGNOSIS, stopped=True))
-    assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=("<b>",)))
-    notes = ("what stays is small", "a free curve against the position would take 3 %")
+    assert "&lt;b&gt;" in verdict_html(replace(DIAGNOSIS, notes=(Note("other", "<b>"),)))
+    notes = (
+        Note("unexplained", "what stays is small"),
+        Note("free-curve", "a free curve against the position would take 3 %"),
+    )
     told = replace(DIAGNOSIS, verdict="unknown", notes=notes)
     assert "A free curve" in verdict_html(told) and "What stays is small." in verdict_html(told)
     assert "A free curve" not in verdict_html(replace(told, free_curve=free_curve([[1.0, 2.0]])))
