@@ -98,9 +98,7 @@ class Job:
     number: int
     task: Task[Any]
     listener: Callable[[JobEvent], None]
-    state: Literal["waiting", "running", "done", "stopped", "failed"] = "waiting"
     stop: threading.Event = field(default_factory=threading.Event)
-    finished: threading.Event = field(default_factory=threading.Event)
 
 
 class Worker:
@@ -115,11 +113,6 @@ class Worker:
         self._child: _Child | None = None
         self._thread = threading.Thread(target=self._run, name="flexviz-jobs", daemon=True)
         self._thread.start()
-
-    @property
-    def current(self) -> Job | None:
-        """The running job, if any."""
-        return self._current
 
     @property
     def busy(self) -> bool:
@@ -137,7 +130,7 @@ class Worker:
             self._waiting = [waiting for waiting in self._waiting if waiting not in stale] + [job]
             self._change.notify_all()
         for old in stale:
-            self._end(old, "stopped", None)
+            self._tell(old, "stopped", None)
         return job
 
     def stop(self, kind: type[Task[Any]] = Task) -> None:
@@ -148,7 +141,7 @@ class Worker:
             if self._current is not None and isinstance(self._current.task, kind):
                 self._current.stop.set()
         for job in stale:
-            self._end(job, "stopped", None)
+            self._tell(job, "stopped", None)
 
     def close(self) -> None:
         """Stop everything and end the child process."""
@@ -171,12 +164,11 @@ class Worker:
                 if not self._waiting:
                     return
                 job = self._current = self._waiting.pop(0)
-            job.state = "running"
             self._tell(job, "started", None)
             kind, value = _outcome(partial(self._in_child if job.task.in_process else self._in_thread, job))
             with self._change:
                 self._current = None
-            self._end(job, kind, value)
+            self._tell(job, kind, value)
 
     def _in_thread(self, job: Job) -> Any:
         return job.task.run(lambda news: self._tell(job, "progress", news), job.stop.is_set)
@@ -212,11 +204,6 @@ class Worker:
                 raise Cancelled
             else:
                 raise FlexvizError(value)
-
-    def _end(self, job: Job, kind: Kind, value: Any) -> None:
-        job.state = "failed" if kind == "failed" else "stopped" if kind == "stopped" else "done"
-        self._tell(job, kind, value)
-        job.finished.set()
 
     def _tell(self, job: Job, kind: Kind, value: Any) -> None:
         try:

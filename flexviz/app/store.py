@@ -263,6 +263,7 @@ class Store(ChangeSignal):
         stopped: str,
         progress: ProgressCallback | None = None,
         share: float = 0.0,
+        fit: FitProgress | None = None,
     ) -> None:
         """Start a task that the user waits for, one at a time.
 
@@ -271,6 +272,7 @@ class Store(ChangeSignal):
             begin, stopped: what the status line says when it starts, and when it ends without a result.
             progress: gets its progress; by default `report`.
             share: where the progress bar starts.
+            fit: collects its iterations, where it is a fit; idle work makes room for that.
         """
 
         def end(act: Callable[[], None]) -> None:
@@ -280,6 +282,10 @@ class Store(ChangeSignal):
             finally:
                 self.tell(Changed.ACTIVITY)
 
+        if fit is not None:
+            self.tasks.stop(IdleTask)
+            self.fit = fit
+            self.tell(Changed.FIT)
         self.activity = Activity(task, share)
         self.say(begin, "busy")
         self.tasks.start(
@@ -330,9 +336,3 @@ class Store(ChangeSignal):
         if self.why_not:
             self.say(f"{what} is off: {self.why_not}", "bad")
         return not self.why_not
-
-    def begin_fit(self, effects: tuple[str, ...], single: bool = True) -> None:
-        """A fit with these effects begins: what is computed in idle time makes room."""
-        self.tasks.stop(IdleTask)
-        self.fit = FitProgress(effects, single)
-        self.tell(Changed.FIT)

@@ -8,6 +8,7 @@ from functools import partial
 from flexviz.app.change import Changed, Turn
 from flexviz.app.commands import SHIFT
 from flexviz.app.page import dim, off
+from flexviz.app.state import FitProgress
 from flexviz.app.steps.findings import HEIGHT, FindingList
 from flexviz.app.steps.model_list import ModelList
 from flexviz.app.steps.step import WorkflowStep
@@ -97,11 +98,11 @@ class DiagnoseStep(WorkflowStep):
         store = self.store
         if not store.may_start("Looking for what is missing"):
             return
-        store.begin_fit(analysis.effects, single=not apply)
         result = analysis.identification if analysis.up_to_date else None
         task = Diagnose(analysis.without_result(), None if result is None else result.model, apply)
         done = partial(self._take, label, analysis, store.analysis)
-        store.await_task(task, done, begin="looking", stopped=STOPPED)
+        fit = FitProgress(analysis.effects, single=not apply)
+        store.await_task(task, done, begin="looking", stopped=STOPPED, fit=fit)
 
     def _take(self, label: str, analysis: Analysis, before: Analysis, found: DiagnosedSet) -> None:
         """What was found with the model of `analysis`, in a search that began in the state `before`."""

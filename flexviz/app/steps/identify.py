@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from flexviz.app.change import Changed, Turn
 from flexviz.app.commands import CTRL
 from flexviz.app.page import dim, off
+from flexviz.app.state import FitProgress
 from flexviz.app.steps.check import ParameterCheck
 from flexviz.app.steps.effect_list import EffectList
 from flexviz.app.steps.step import WorkflowStep
@@ -86,13 +87,13 @@ class IdentifyStep(WorkflowStep):
         store, analysis = self.store, self.store.analysis
         if not store.may_start("Run"):
             return
-        store.begin_fit(analysis.effects)
         store.await_task(
             Identify(analysis.without_result()),
             partial(self._take, analysis.settings),
             begin="running",
             stopped="stopped before a first result",
             share=1.0,  # how many iterations it takes is not known
+            fit=FitProgress(analysis.effects),
         )
 
     def _take(self, settings: Settings, result: Identification) -> None:
