@@ -85,7 +85,9 @@ def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, 
 
 def main() -> None:
     measurements = read_set(sys.argv[1])
-    result: Any = diagnose(measurements, guarded=True, progress=lambda p: print(p.text, file=sys.stderr))
+    result: Any = diagnose(
+        measurements, apply=True, guarded=True, progress=lambda p: print(p.text, file=sys.stderr)
+    )
     print(result.summary())
     print("\nheld-out rms ÷ standard deviation of the torque, motion above 0.01 rad/s: mean, and each joint")
     for step in result.steps:

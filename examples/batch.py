@@ -17,7 +17,7 @@ DEMO = Path(__file__).resolve().parent.parent / "sessions" / "planar-2r-demo"
 def row(folder: Path) -> dict[str, object]:
     """Verdict and first finding of one set."""
     try:
-        diagnosis = flexviz.diagnose(flexviz.read_set(folder))
+        diagnosis = flexviz.diagnose(flexviz.read_set(folder), apply=True)
     except flexviz.FlexvizError as error:
         return {
             "set": folder.name,

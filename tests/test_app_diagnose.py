@@ -59,7 +59,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
     assert error_text(identify(measurements, effects=(EFFECT,))) in status(app)
     assert "Nothing is missing" in diagnose_step(app)._verdict.content and not best.add.visible
-    answer = diagnose(measurements)
+    answer = diagnose(measurements, apply=True)
     for stair, step in zip(added.model_steps, answer.steps, strict=True):
         assert np.allclose(stair.step.rms, step.rms, rtol=0.02)
         assert np.allclose(stair.step.rms_validation, step.rms_validation, rtol=0.02)  # type: ignore[arg-type]

@@ -19,7 +19,7 @@ CASES = SHARED / "practice" / "cases"
 
 @pytest.fixture(scope="module")
 def diagnosed(demo: MeasurementSet) -> Diagnosis:
-    return diagnose(demo)
+    return diagnose(demo, apply=True)
 
 
 def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
@@ -68,6 +68,7 @@ def test_stopping_keeps_what_there_is():
     calls = []
     result = diagnose(
         read_set(sessions_dir() / "planar-2r-demo"),
+        apply=True,
         progress=calls.append,
         should_stop=lambda: len(calls) >= 2,
     )
@@ -88,10 +89,12 @@ def test_adding_replaces_and_removing_undoes():
     layout = Layout(("a", "b"), (ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)))
     x = np.arange(1.0, layout.size + 1)
     dahl = ChosenEffect("presliding_hysteresis", 1)
-    larger, start = with_effect(layout, x, dahl, np.array([50.0, 2.0]))
+    added = with_effect(layout, x, dahl, np.array([50.0, 2.0]))
+    larger, start = added.layout, added.x
     assert ChosenEffect("coulomb_friction", 1) not in larger.effects and dahl in larger.effects
     np.testing.assert_allclose(start[larger.effect_slices()[-1][1]], [50.0, 2.0])
-    smaller, rest = without_effect(larger, start, dahl)
+    left = without_effect(larger, start, dahl)
+    smaller, rest = left.layout, left.x
     assert smaller.effects == (ChosenEffect("torque_offset", 0),)
     np.testing.assert_allclose(rest[smaller.effect_start :], x[-1:])
 
@@ -100,7 +103,7 @@ def test_adding_replaces_and_removing_undoes():
 @pytest.mark.parametrize("case", ["2r-torque_gain", "2r-none-19"])
 def test_practice(case):
     truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())
-    result = diagnose(read_set(CASES / case))
+    result = diagnose(read_set(CASES / case), apply=True)
     if not truth["effects"]:
         assert result.verdict == "nothing-missing" and len(result.steps) == 1
         return
@@ -112,9 +115,10 @@ def test_practice(case):
 
 @pytest.mark.skipif(not CASES.exists(), reason="the practice cases are not beside this checkout")
 def test_an_error_that_pulses_leave_is_explained():
-    result = diagnose(read_set(CASES / "2r-backlash"))
+    result = diagnose(read_set(CASES / "2r-backlash"), apply=True)
     error, floor = np.array(result.steps[-1].rms), np.array(result.steps[-1].noise_floor)
     assert result.steps[-1].verdict == "nothing-missing" and (error / floor).max() > 5
     (note,) = [note for note in result.notes if note.kind == "pulses"]
     assert f"{error[(error / floor).argmax()]:.3g} Nm" in note.text
-    assert not any(note.kind == "pulses" for note in diagnose(read_set(CASES / "2r-none-19")).notes)
+    clean = diagnose(read_set(CASES / "2r-none-19"), apply=True)
+    assert not any(note.kind == "pulses" for note in clean.notes)

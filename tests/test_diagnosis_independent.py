@@ -38,7 +38,7 @@ def study(*values: object) -> Any:
 
 def ask(seed: int, kind: str, robot: str, folder: Path) -> tuple[dict[str, Any], Diagnosis]:
     truth = make_case(seed, kind, robot, folder)
-    return truth, diagnose(read_set(folder))
+    return truth, diagnose(read_set(folder), apply=True)
 
 
 def is_it(found: Finding, true: dict[str, Any]) -> bool:

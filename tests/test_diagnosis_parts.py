@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.acceptance import GAIN, credible, excess, needed_gain, verdict
+from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.confidence import MOST_SURE, probability
+from flexviz.diagnosis.confidence import probability
+from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.free_curve_test import free_curve
+from flexviz.diagnosis.free_curve_test import best_free_curve
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.search import NESTED, Search, Tried
-from flexviz.diagnosis.telling_apart import breaking
+from flexviz.diagnosis.search import RefittedCandidate, Search
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
-from flexviz.estimation.score_test import Projection, Scored, explained
+from flexviz.estimation.score_test import Projection, ScoredCandidate, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
 from flexviz.measurements import read_set
@@ -121,8 +122,8 @@ def test_a_free_curve_takes_what_friction_takes_but_not_the_other_joint(base: tu
     weigh = search.weigh(fit)
     coulomb = next(s for s in scores.ranked if s.effect == ChosenEffect("coulomb_friction", 1))
     assert scores.ranked[0] is coulomb
-    right = free_curve(fit_context, fit, 1, weigh, scores.projection)
-    wrong = free_curve(fit_context, fit, 0, weigh, scores.projection)
+    right = best_free_curve(fit_context, fit, 1, weigh, scores.projection)
+    wrong = best_free_curve(fit_context, fit, 0, weigh, scores.projection)
     assert right.variable in ("velocity", "position × direction")
     assert coulomb.gain == pytest.approx(right.gain, rel=0.1)
     assert wrong.gain < 0.5 * right.gain
@@ -133,7 +134,8 @@ def test_what_is_judged(base: tuple[FitContext, Fit]) -> None:
     effect = ChosenEffect("torque_gain", 0)
 
     def with_value(effect: ChosenEffect, value: float) -> Fit:
-        layout, x = with_effect(fit.layout, fit.x, effect, np.array([value]))
+        start = with_effect(fit.layout, fit.x, effect, np.array([value]))
+        layout, x = start.layout, start.x
         return replace(fit, layout=layout, x=x)
 
     gain = EFFECTS["torque_gain"]
@@ -152,13 +154,14 @@ def test_a_refined_law_has_to_earn_its_freedom(base: tuple[FitContext, Fit]) -> 
     fit_context, fit = base
     search = Search(fit_context, lambda _: None)
 
-    def tried(effect: str, joint: int, objective: float) -> Tried:
-        scored = Scored(ChosenEffect(effect, joint), 1.0, np.zeros(1), np.zeros(1))
-        return Tried(scored, replace(fit, objective=objective))
+    def tried(effect: str, joint: int, objective: float) -> RefittedCandidate:
+        scored = ScoredCandidate(ChosenEffect(effect, joint), 1.0, np.zeros(1), np.zeros(1))
+        return RefittedCandidate(scored, replace(fit, objective=objective))
 
     refined, simple = tried("presliding_hysteresis", 1, 100.0), tried("coulomb_friction", 1, 105.0)
     assert search.simplest([refined, simple]) is simple
-    assert search.simplest([refined, tried("coulomb_friction", 1, 100.0 + 2 * NESTED)]) is refined
+    worse = tried("coulomb_friction", 1, 100.0 + 2 * THRESHOLDS.acceptance.nested_gain)
+    assert search.simplest([refined, worse]) is refined
     assert search.simplest([refined, tried("coulomb_friction", 0, 105.0)]) is refined
     assert search.simplest([refined, tried("backlash", 1, 105.0)]) is refined
 
@@ -174,27 +177,28 @@ def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
     x = right.x.copy()
     x[layout.compliance] *= 3.0
     stuck = fit_context.fit(layout, x, iterations=0)
-    with_more, start = with_effect(layout, right.x, ChosenEffect("stiffness_hardening", 0), np.zeros(1))
+    added = with_effect(layout, right.x, ChosenEffect("stiffness_hardening", 0), np.zeros(1))
+    with_more, start = added.layout, added.x
     led_out = fit_context.fit(with_more, start, iterations=2)
-    scored = Scored(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
-    again = search.restarted(stuck, Tried(scored, led_out), 0.0)
+    scored = ScoredCandidate(ChosenEffect("stiffness_hardening", 0), 1.0, np.zeros(1), np.zeros(1))
+    again = search.restarted(stuck, RefittedCandidate(scored, led_out), 0.0)
     assert again is not None and again.layout == layout
-    assert again.objective < right.objective + GAIN
+    assert again.objective < right.objective + THRESHOLDS.acceptance.least_gain
     # Coulomb friction itself is needed
     plain = Layout(demo.joints)
     without = fit_context.fit(plain, x[: plain.size], iterations=0)
-    scored = Scored(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
-    assert search.restarted(without, Tried(scored, right), 0.0) is None
+    scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
+    assert search.restarted(without, RefittedCandidate(scored, right), 0.0) is None
 
 
 def test_confidence_follows_what_speaks_for_it() -> None:
-    nothing = probability((0.0, 0.0, 0.5, 0.0))
-    assert nothing < probability((6.0, 5.0, 1.0, 0.0)) <= MOST_SURE
-    for k, step in enumerate((1.0, 1.0, 0.2, -1.0)):  # gain, margin, share, and what is left
-        more = [6.0, 2.0, 0.5, 2.0]
+    nothing = probability((0.0, 0.5, 0.0))
+    assert nothing < probability((6.0, 1.0, 0.0)) <= THRESHOLDS.evidence.most_sure
+    for k, step in enumerate((1.0, 0.2, -1.0)):  # gain, share, and what is left
+        more = [6.0, 0.5, 2.0]
         less = list(more)
         less[k] -= step
-        assert probability(less) <= probability(more)
+        assert probability(less) < probability(more)
 
 
 def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> None:
@@ -207,9 +211,9 @@ def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> 
     other = mine + 0.0
     other[fast, 1] += rng.standard_normal(fast.sum())
     mine, other = (m.ravel() / np.linalg.norm(m) for m in (mine, other))
-    sentence = breaking(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, other)
+    sentence = telling_motion(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, other)
     assert f"fast motion of {fit.layout.joints[1]}" in sentence
-    assert "same" in breaking(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
+    assert "same" in telling_motion(fit_context, fit, ChosenEffect("coulomb_friction", 1), mine, mine)
 
 
 def test_errors_of_every_group_add_up(demo: Any, base: tuple[FitContext, Fit]) -> None:
@@ -239,7 +243,7 @@ def test_a_real_robot_step_by_step() -> None:
     from benchmarks.real import held_out_share
 
     measurements = read_set(KUKA)
-    result = diagnose(measurements)
+    result = diagnose(measurements, apply=True)
     shares = [held_out_share(measurements, s.model).mean() for s in result.steps if s.model is not None]
     assert result.verdict == "missing" and result.steps[-1].verdict == "unknown"
     assert shares[0] > 0.3 and shares[-1] <= 0.13

@@ -80,7 +80,7 @@ def answer(
     return {"diagnosis": document, "features": [FEATURES] * len(added)} | spent | more
 
 
-FEATURES = (6.0, 5.0, 1.0, 0.0)  # of what was found
+FEATURES = (6.0, 1.0, 0.0)  # of what was found
 COULOMB = hidden("coulomb_friction", coulomb=2.0)
 
 

@@ -14,7 +14,7 @@ from benchmarks.diagnosis_study.judging import Judged, Stated
 from flexviz.diagnosis.confidence import probability
 
 SHRINK = 0.02  # of the squared weights: a few hundred findings must not lead to certainty
-SIGNS = (1, 1, 1, -1)  # of the features' weights
+SIGNS = (1, 1, -1)  # of the features' weights
 BINS = (0.0, 0.5, 0.7, 0.85, 0.95, 0.98, 1.0)
 
 

@@ -183,7 +183,9 @@ def _stated(
     """What was added, in its order; nothing where the first was not named."""
     if first is None:
         return ()
-    rows = zip(added, features, strict=True)
+    # older results also hold the margin over the best rival, whose weight is zero
+    present = [(gain, share, left) for gain, *_, share, left in features]
+    rows = zip(added, present, strict=True)
     return tuple(Stated(probability(f), any(same(a, t) for t in library), tuple(f)) for a, f in rows)
 
 

@@ -121,7 +121,7 @@ def completed(
         return session.then("looked for the missing effect", analysis.with_diagnosis(found))
     diagnosis = analysis.diagnosis
     if guard and diagnosis is not None and diagnosis.guard is None and diagnosis.model is not None:
-        progress(Progress("looking at what moves with the bandwidth"))
+        progress(Progress("checking parameters against the observer's bandwidth"))
         looked = replace(diagnosis, guard=guarded(measurements, analysis, diagnosis.model, should_stop))
         return session.then("looked at the bandwidth", replace(analysis, diagnosis=looked))
     return session

@@ -1,22 +1,15 @@
-"""How fits are judged: what is left above the noise, what is worth adding, what it is called at the end."""
+"""Acceptance of fits: excess over the noise, gain that an effect has to bring, verdict on the last model."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.results import Verdict
 
-GAIN = 100.0  # fall of the objective that an effect has to bring
-GAIN_LATER = 0.003  # and this share of what was gained before it: a law that is nearly right leaves traces
-GAIN_EPISODE = 0.03  # the same for an episode, which can imitate much
-WORTH = 0.1  # of the excess, or it is not worth a name
-STRUCTURED = 1.5  # χ² per sample above the noise from which on what is left is not noise
-TRACES = 1e-7  # of the first excess: what a law that is nearly right may leave besides
-TRACES_UNSEEN = 1e-6  # the same of friction whose state no encoder sees
-BEYOND = 20.0  # χ² per sample above the noise from which on the model, not the noise, is the measure
-NAMED = 0.5  # share of what a free curve could explain that an effect has to reach where much is left
+LIMITS = THRESHOLDS.acceptance
 
 
 def excess(fit: Fit) -> float:
@@ -25,18 +18,18 @@ def excess(fit: Fit) -> float:
     return float(np.mean(np.maximum(values - 1.0, 0.0)))
 
 
-def removed(before: Fit, after: Fit) -> float:
+def removed_share(before: Fit, after: Fit) -> float:
     """Share of the excess that a refit removed."""
     return 1 - excess(after) / max(excess(before), 1e-9)
 
 
-def score_of(before: Fit, after: Fit) -> float:
-    """Share of the excess held-out variance that a refit removed; the fit groups' without any."""
+def held_out_share(before: Fit, after: Fit) -> float:
+    """Share of the excess held-out variance (the fit groups' without validation groups) a refit removed."""
     held_out = np.isfinite(before.chi_held_out).all()
     old = before.chi_held_out if held_out else before.chi
     new = after.chi_held_out if held_out else after.chi
-    gone = 1 - np.maximum(new - 1, 0).sum() / max(float(np.maximum(old - 1, 0).sum()), 1e-9)
-    return float(np.clip(gone, 0.0, 1.0))
+    share = 1 - np.maximum(new - 1, 0).sum() / max(float(np.maximum(old - 1, 0).sum()), 1e-9)
+    return float(np.clip(share, 0.0, 1.0))
 
 
 def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
@@ -62,15 +55,20 @@ def _evidence(fit: Fit, effect: ChosenEffect, raw_step: float) -> EffectEvidence
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:
-    """Fall of the objective that an effect has to bring after `gained` was gained by others."""
-    share = GAIN_EPISODE if EFFECTS[effect.effect].scope == "episode" else GAIN_LATER
-    return max(GAIN, share * gained)
+    """Gain that an effect has to bring after other effects gained `gained`."""
+    episode = EFFECTS[effect.effect].scope == "episode"
+    share = LIMITS.least_gain_share_episode if episode else LIMITS.least_gain_share
+    return max(LIMITS.least_gain, share * gained)
 
 
 def structured(fit: Fit, reference: Fit) -> bool:
-    """Whether what is left of what `reference`, a model without the effects, left is not noise."""
-    unseen = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
-    return excess(fit) > STRUCTURED + (TRACES_UNSEEN if unseen else TRACES) * excess(reference)
+    """Whether a residual is more than noise and the traces that approximate laws leave of `reference`'s.
+
+    `reference` is a model without any effects.
+    """
+    hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
+    share = LIMITS.trace_share_hidden_state if hidden else LIMITS.trace_share
+    return excess(fit) > LIMITS.structured_excess + share * excess(reference)
 
 
 def verdict(fit: Fit, reference: Fit) -> Verdict:

@@ -1,8 +1,9 @@
-"""Which effects are tried, and how a model with one more of them starts."""
+"""Candidate effects, and the start of a model with one more or one fewer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,16 @@ from flexviz.measurements import Group
 Array = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class ModelStart:
+    """A model and the values from which its fit starts; x has shape (P,)."""
+
+    layout: Layout
+    x: Array
+
+
 def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
-    """Every effect in every place that the model does not have yet; contacts are searched for elsewhere."""
+    """Every effect in every place where the model does not have it; episodes are searched for elsewhere."""
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
     payloads = sorted({g.payload for g in groups if g.bodies})
@@ -31,17 +40,17 @@ def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
     return out
 
 
-def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> tuple[Layout, Array]:
-    """The model with one more effect at `values`; what it replaces on its joint is taken out."""
-    law = EFFECTS[effect.effect]
-    kept = tuple(e for e in layout.effects if not (law.replaces == e.effect and e.joint == effect.joint))
+def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> ModelStart:
+    """The model with one more effect at `values`, without the one that it replaces on its joint."""
+    replaces = EFFECTS[effect.effect].replaces
+    kept = tuple(e for e in layout.effects if not (replaces == e.effect and e.joint == effect.joint))
     larger = Layout(layout.joints, (*kept, effect))
     start = larger.vector(layout.model(x))
     start[larger.effect_slices()[-1][1]] = values
-    return larger, start
+    return ModelStart(larger, start)
 
 
-def without_effect(layout: Layout, x: Array, effect: ChosenEffect) -> tuple[Layout, Array]:
+def without_effect(layout: Layout, x: Array, effect: ChosenEffect) -> ModelStart:
     """The model with one effect fewer."""
     smaller = Layout(layout.joints, tuple(e for e in layout.effects if e != effect))
-    return smaller, smaller.vector(layout.model(x))
+    return ModelStart(smaller, smaller.vector(layout.model(x)))

@@ -1,19 +1,19 @@
-"""A torque of unknown law that follows one variable of its joint, as it shows in the residual.
+"""A torque that is a free curve of one variable of its joint, and its response in the residual.
 
-The law is piecewise linear between knots, one coefficient a knot. A torque u on the motor of a flexible joint
-moves the residual by about u + κ ü, κ = M/K: slow parts of it show as they are, above the frequency 1/√κ they
-show with the opposite sign, and larger. Which κ it is, the data say: a model that lacks something may have
-any stiffness. Then both pass the low-pass of the residual, so that what is passed quickly is not smeared.
+The curve is a sum of B-splines. A torque u on the motor of a flexible joint moves the residual by about
+u + κ ü, κ = M/K: slow components keep their sign, those above the frequency 1/√κ appear reversed and larger.
+The data choose κ, because the stiffness of an incomplete model may be far off. The response passes the
+residual's low-pass, so that fast passages are smeared alike in both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline
 
 from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
 from flexviz.diagnosis.records import DIRECTED
@@ -21,123 +21,163 @@ from flexviz.diagnosis.residuals import SLOW, SlowResidual
 
 Array = NDArray[np.float64]
 
-KNOTS = 24
-SAMPLES_PER_KNOT = 40  # at least, on average
-FINER = 3  # the law is evaluated this many times as often as the equation
-TURNING = 0.005  # [rad/s] within which a direction passes into the other
+PIECES = 24  # of a curve, at most
+SAMPLES_PER_PIECE = 40  # on average, at least
+TEST_PIECES = 14  # of a curve that effects are compared with
+OVERSAMPLING = 3  # of the curve against the equation's samples
+REVERSAL_VELOCITY = 0.005  # [rad/s] within which one direction passes into the other
 # 1/(2π√κ) [Hz]; the first is a rigid joint
 RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)
-STIFFNESSES = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
-SMOOTH, SMALL = 0.03, 0.5  # what the law is held by, in samples: neighbouring knots alike, no knot large
-
-
-class CurveBasis(Protocol):
-    """Functions of one variable, which may jump with the direction of motion."""
-
-    @property
-    def size(self) -> int:
-        """How many."""
-        ...
-
-    def design(self, value: Array, velocity: Array) -> Array:
-        """All of them at M instants, shape (M, size)."""
-        ...
+KAPPAS = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
+SMOOTHNESS, RIDGE = 0.03, 0.5  # weights [samples] on differences of neighbouring hats, on every hat
 
 
 @dataclass(frozen=True)
-class PiecewiseLinear:
-    """Hat functions of one variable, once for each direction of motion where there are two.
+class Splines:
+    """B-splines of one variable, once per direction of motion.
 
     Attributes:
-        knots: shape (B,).
-        sides: 2 where the law may jump as the motion turns, else 1.
+        knots: shape (B + degree + 1,), for B splines.
+        degree: 1 for hat functions, 3 for cubic splines.
+        sides: 2 where the curve may jump as the motion reverses, else 1.
     """
 
     knots: Array
-    sides: int
+    degree: int
+    sides: int = 1
 
     @property
     def size(self) -> int:
-        """Number of coefficients: those of the first direction at all knots, then those of the second."""
-        return self.sides * len(self.knots)
+        """Number of coefficients: all of the first direction, then all of the second."""
+        return self.sides * (len(self.knots) - self.degree - 1)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest value of the variable; the curve is constant beyond."""
+        return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
     def design(self, value: Array, velocity: Array) -> Array:
-        """All hat functions at M instants, shape (M, size)."""
-        count = len(self.knots)
-        place = np.interp(value, self.knots, np.arange(count, dtype=float))
-        low = np.minimum(place.astype(int), count - 2)
-        rows = np.arange(len(value))
-        one = np.zeros((len(value), count))
-        one[rows, low] = 1 - (place - low)
-        one[rows, low + 1] = place - low
-        return in_directions(one, velocity, self.sides)
+        """All splines at M instants, shape (M, size)."""
+        inside = np.clip(value, *self.range)
+        one = np.array(BSpline.design_matrix(inside, self.knots, self.degree).toarray(), dtype=float)
+        if self.sides == 1:
+            return one
+        forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
+        return np.hstack((one * forward, one * (1 - forward)))
 
-    def penalty(self) -> Array:
-        """Squared differences of neighbours, shape (size, size)."""
-        step: Array = np.diff(np.eye(len(self.knots)), axis=0)
-        return np.kron(np.eye(self.sides), step.T @ step).astype(np.float64)
+    def penalty(self, order: int) -> Array:
+        """Squared differences of neighbouring coefficients, shape (size, size)."""
+        difference: Array = np.diff(np.eye(self.size // self.sides), order, axis=0)
+        return np.kron(np.eye(self.sides), difference.T @ difference).astype(np.float64)
 
 
-def in_directions(one: Array, velocity: Array, sides: int) -> Array:
-    """Columns (M, B) once for each direction of motion, shape (M, sides · B)."""
-    if sides == 1:
-        return one
-    forward = 0.5 * (1 + np.tanh(velocity / TURNING))[:, None]
-    out = np.empty((len(one), 2 * one.shape[1]))
-    out[:, : one.shape[1]] = one * forward
-    out[:, one.shape[1] :] = one * (1 - forward)
-    return out
+def piece_count(samples: int, sides: int) -> int:
+    """As many pieces as the samples can determine."""
+    return int(np.clip(samples // (SAMPLES_PER_PIECE * sides), 4, PIECES))
 
 
-def piecewise_linear(values: Array, name: str) -> PiecewiseLinear:
-    """Knots half way between equally spaced and equally filled, for values of shape (N,)."""
+def hat_functions(values: Array, name: str) -> Splines:
+    """Piecewise linear; knots half way between equally spaced and equally filled; values of shape (N,)."""
     sides = 2 if name in (DIRECTED, "velocity") else 1
-    count = int(np.clip(len(values) // (SAMPLES_PER_KNOT * sides), 4, KNOTS))
-    share = np.linspace(0, 1, count)
+    share = np.linspace(0, 1, piece_count(len(values), sides))
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
     knots = 0.5 * (np.quantile(values, share) + low + share * (high - low)) if len(values) else share
-    return PiecewiseLinear(knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), count), sides)
+    knots = knots + np.linspace(0, 1e-9 + 1e-6 * (high - low), len(share))
+    return Splines(np.r_[knots[:1], knots, knots[-1:]], 1, sides)
 
 
-def columns(data: SlowResidual, joint: int, values: Array, law: CurveBasis) -> tuple[Array, Array]:
-    """The law's columns u and ü, low-passed like the residual; shape (N, size) each, zero where not shown.
+def uniform_splines(values: Array, sides: int) -> Splines:
+    """Cubic, equally spaced over the values' range; shape (N,)."""
+    pieces = piece_count(len(values), sides)
+    low, high = float(values.min()), float(values.max())
+    knots: Array = low + max(high - low, 1e-9) / pieces * np.arange(-3.0, pieces + 4.0)
+    return Splines(knots, 3, sides)
 
-    The variable's values have shape (N,).
+
+def equally_filled_splines(values: Sequence[Array]) -> Splines:
+    """Cubic, with as many samples in each piece; `values` per stretch."""
+    together = np.concatenate(values)
+    low, high = np.quantile(together, [0.001, 0.999])
+    inner = np.quantile(together, np.linspace(0, 1, TEST_PIECES - 2)[1:-1])
+    width = max(float(high - low), 1e-12)
+    knots = np.concatenate(([low] * 4, np.clip(inner, low, high), [low + width] * 4))
+    return Splines(np.maximum.accumulate(knots), 3)
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """Of a curve's coefficients for any κ, from the samples of one fold's training set."""
+
+    torque: Array
+    mixed: Array
+    curvature: Array
+    torque_right: Array
+    curvature_right: Array
+
+    def matrix(self, kappa: float) -> Array:
+        """Shape (size, size)."""
+        return self.torque + kappa * (self.mixed + self.mixed.T) + kappa**2 * self.curvature
+
+    def right(self, kappa: float) -> Array:
+        """Shape (size,)."""
+        return self.torque_right + kappa * self.curvature_right
+
+
+@dataclass(frozen=True)
+class CurveResponse:
+    """Every spline's torque in the slow residual.
+
+    Attributes:
+        torque: u, shape (N, size), zero where the residual is not shown.
+        curvature: ü, shape (N, size).
     """
+
+    torque: Array
+    curvature: Array
+
+    def normal(self, residual: Array, train: NDArray[np.bool_]) -> NormalEquations:
+        """From the samples `train`, shape (N,)."""
+        a, b, r = self.torque[train], self.curvature[train], residual[train]
+        return NormalEquations(a.T @ a, a.T @ b, b.T @ b, a.T @ r, b.T @ r)
+
+    def columns(self, kappa: float, rows: NDArray[np.bool_] | slice = slice(None)) -> Array:
+        """Response u + κ ü of some samples, shape (N', size)."""
+        return self.torque[rows] + kappa * self.curvature[rows]
+
+
+def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splines) -> CurveResponse:
+    """Response to a torque on a joint that follows `values`, shape (N,)."""
     velocity = data.theta[1, :, joint]
-    out = np.zeros((2, len(values), law.size))
+    out = np.zeros((2, len(values), splines.size))
     for rows in data.stretches:
         count = rows.stop - rows.start
         if not data.shown[rows].any():
             continue
-        fine = np.arange((count - 1) * FINER + 1) / FINER
+        fine = np.arange((count - 1) * OVERSAMPLING + 1) / OVERSAMPLING
         both = CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(fine)
-        design = law.design(both[:, 0], both[:, 1])
-        u = SLOW.derivatives(design, float(data.step[rows.start]) / FINER, 3, stride=FINER)
-        out[:, rows] = u[::2]
+        design = splines.design(both[:, 0], both[:, 1])
+        step = float(data.step[rows.start]) / OVERSAMPLING
+        out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING)[::2]
     out[:, ~data.shown] = 0.0
-    return out[0], out[1]
+    return CurveResponse(*out)
 
 
-def explained_by_law(data: SlowResidual, folds: Folds, joint: int, name: str) -> ExplainedShare:
-    """Share of a joint's residual that a torque following one of its variables explains, out of sample."""
+def explained_by_curve(data: SlowResidual, folds: Folds, joint: int, name: str) -> ExplainedShare:
+    """Share of a joint's residual that a free curve of one of its variables explains out of sample."""
     residual = data.residual[:, joint]
     values = data.variable("position" if name == DIRECTED else name, joint)
-    law = piecewise_linear(values[data.shown], name)
-    u, curved = columns(data, joint, values, law)
-    held = SMOOTH * folds.gap * law.penalty() + SMALL * np.eye(law.size)
+    splines = hat_functions(values[data.shown], name)
+    response = curve_response(data, joint, values, splines)
+    penalty = SMOOTHNESS * folds.gap * splines.penalty(1) + RIDGE * np.eye(splines.size)
     prediction = np.zeros(len(residual))
     for k, train in enumerate(folds.train):
-        a, b, r = u[train], curved[train], residual[train]
-        aa, ab, bb = a.T @ a, a.T @ b, b.T @ b
-        ar, br = a.T @ r, b.T @ r
-        best, found = -np.inf, None
-        for kappa in STIFFNESSES:
-            right = ar + kappa * br
-            law_here = np.linalg.solve(aa + kappa * (ab + ab.T) + kappa**2 * bb + held, right)
-            if (gain := float(right @ law_here)) > best:
-                best, found = gain, (kappa, law_here)
-        assert found is not None
+        normal = response.normal(residual, train)
+        fits = []
+        for kappa in KAPPAS:
+            right = normal.right(kappa)
+            coefficients = np.linalg.solve(normal.matrix(kappa) + penalty, right)
+            fits.append((float(right @ coefficients), kappa, coefficients))
+        _, kappa, coefficients = max(fits, key=lambda fit: fit[0])
         test = folds.fold == k
-        prediction[test] = (u[test] + found[0] * curved[test]) @ found[1]
+        prediction[test] = response.columns(kappa, test) @ coefficients
     return explained_by_prediction(prediction, residual, folds)

@@ -1,30 +1,23 @@
-"""A refitted candidate in words and numbers: values, rivals, what had absorbed it, what it takes away."""
+"""Evidence for a finding: values, ties, parameters that had absorbed the effect, what it explains."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import score_of
+from flexviz.diagnosis.acceptance import held_out_share
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Tie
-from flexviz.diagnosis.search import SIGNATURES, Scores, Tried
-from flexviz.diagnosis.telling_apart import breaking
+from flexviz.diagnosis.search import CandidateScores, SearchStep
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Covariance, Scored, sandwich
+from flexviz.estimation import Covariance, ScoredCandidate, sandwich
 
 Array = NDArray[np.float64]
 
-TIED = 20.0  # difference of the objective up to which two effects fit equally well
-TIED_SHARE = 0.02  # the same as a share of the gain: laws are only nearly right
-ALIKE = 0.98  # correlation of signatures from which on a candidate that was not refitted counts as tied
-MOVED = 4.0  # standard errors from which on a parameter had absorbed an effect
-MOVED_SHARE = 0.01  # and this share of its value
-MENTIONED = 6  # parameters
+LIMITS = THRESHOLDS.evidence
 
 
 def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
@@ -34,87 +27,113 @@ def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
     return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
 
-def explain(
-    context: FitContext,
-    before: Fit,
-    best: Tried,
-    objectives: Mapping[ChosenEffect, float],
-    scores: Scores | None,
-    final: Fit,
-    errors: tuple[PredictionErrorBand, PredictionErrors, PredictionErrors] | None = None,
-) -> Finding:
-    """A candidate as a finding.
+def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence | None = None) -> Finding:
+    """A step of the search as a finding.
 
     Args:
         context: the data.
-        before: the model without it.
-        best: with it, refitted.
-        objectives: of all candidates that were refitted.
-        scores: of all candidates at `before`; None for one that is only mentioned.
+        step: what was added to which model.
         final: the last model of the diagnosis.
-        errors: the band of errors and the errors before and after; None for one that is only mentioned.
+        shown: what the effect explains; None for a candidate that is only mentioned.
     """
-    effect, fit = best.effect, best.fit
+    before, effect, fit = step.before, step.chosen.effect, step.chosen.fit
     std = fit_covariance(context, fit).standard_errors
     where = dict(fit.layout.effect_slices())[effect]
     specs = EFFECTS[effect.effect].parameters
-    tied = () if scores is None else ties(context, before, best, objectives, scores)
-    same = {(t.effect, t.joint) for t in tied}
-    rivals = [
-        objective
-        for other, objective in objectives.items()
-        if other != effect and (other.effect, before.layout.joint_name(other)) not in same
-    ]
-    margin = (min(rivals) if rivals else before.objective) - fit.objective
-    evidenced = features(before, fit, final, margin)
+    evidenced = features(before, fit, final)
     return Finding(
         effect.effect,
         fit.layout.joint_name(effect),
         effect.group,
         effect.payload,
-        score_of(before, fit),
+        held_out_share(before, fit),
         probability(evidenced),
         {
             p.name: EffectParameter(float(v), float(e), p.unit)
             for p, v, e in zip(specs, fit.x[where], std[where], strict=True)
         },
-        tied,
+        () if step.scores is None else ties(context, step, step.scores),
         float(before.objective - fit.objective),
         absorbed(before, fit, std),
-        None if errors is None else evidence(best, *errors),
+        shown,
         evidenced,
     )
 
 
-def ties(
-    context: FitContext, before: Fit, best: Tried, objectives: Mapping[ChosenEffect, float], scores: Scores
-) -> tuple[Tie, ...]:
-    """What the data cannot tell from the best candidate."""
-    gain = before.objective - best.fit.objective
-    mine = _unit(best.scored, scores)
+def ties(context: FitContext, step: SearchStep, scores: CandidateScores) -> tuple[Tie, ...]:
+    """What the data cannot tell from the step's effect."""
+    before, best = step.before, step.chosen
+    tied_gain = max(LIMITS.tied_gain, LIMITS.tied_share * (before.objective - best.fit.objective))
+    mine = _unit_signature(best.scored, scores)
     out = []
-    for s in scores.ranked[:SIGNATURES]:
+    for s in scores.ranked[: THRESHOLDS.search.kept_signatures]:
         if s.effect == best.effect:
             continue
-        other = _unit(s, scores)
+        other = _unit_signature(s, scores)
         correlation = abs(float(other @ mine))
-        rival = objectives.get(s.effect)
-        close = rival is not None and rival - best.fit.objective < max(TIED, TIED_SHARE * gain)
-        if close or (rival is None and correlation > ALIKE):
-            out.append(
-                Tie(
-                    s.effect.effect,
-                    before.layout.joint_name(s.effect),
-                    correlation,
-                    breaking(context, before, best.effect, mine, other),
-                )
-            )
+        rival = step.objectives.get(s.effect)
+        close = rival is not None and rival - best.fit.objective < tied_gain
+        if close or (rival is None and correlation > LIMITS.tied_correlation):
+            breaks = telling_motion(context, before, best.effect, mine, other)
+            out.append(Tie(s.effect.effect, before.layout.joint_name(s.effect), correlation, breaks))
     return tuple(out)
 
 
-def _unit(scored: Scored, scores: Scores) -> Array:
+def _unit_signature(scored: ScoredCandidate, scores: CandidateScores) -> Array:
     rest = scores.projection.rest(scored.signature[:, None], scored.rows)[:, 0]
     return rest / max(float(np.linalg.norm(rest)), 1e-300)
+
+
+def telling_motion(context: FitContext, fit: Fit, effect: ChosenEffect, mine: Array, other: Array) -> str:
+    """A sentence naming the motion or payload in which two signatures differ most.
+
+    Args:
+        context: the data.
+        fit: at which the signatures were computed.
+        effect: whose joint is looked at.
+        mine, other: shape (N·n,), unit signatures.
+    """
+    difference = mine - float(mine @ other) * other
+    squares = difference.reshape(fit.point.r.shape) ** 2
+    density = squares.sum(axis=1)
+    used = fit.point.used
+    if density[used].sum() <= 1e-12:
+        return "The two look the same in every motion of this set; a motion of another kind would be needed."
+    joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
+    average = density[used].mean()
+    ranked = [
+        (float(density[rows & used].mean() / average), text)
+        for text, rows in _kinds_of_motion(context, joint, fit.layout.joints[joint]).items()
+        if np.count_nonzero(rows & used) > LIMITS.telling_samples * len(used)
+    ]
+    ratio, text = max(ranked, default=(0.0, ""))
+    if ratio < LIMITS.telling_density:
+        return "They differ a little in every motion; more data of any kind would help."
+    return f"They differ most in {text} ({ratio:.1f} times the average): record more of that."
+
+
+def _kinds_of_motion(context: FitContext, joint: int, name: str) -> dict[str, NDArray[np.bool_]]:
+    """Samples of every kind of motion of a joint and of every group, shape (N,) each."""
+    signals = context.two_band.narrow.signals
+    position, load = signals.theta[0, :, joint], np.abs(signals.tau[0, :, joint])
+    speed, acceleration = np.abs(signals.theta[1:3, :, joint])
+    low, high = np.quantile(position, [0.15, 0.85])
+    kinds: dict[str, NDArray[np.bool_]] = {
+        f"slow motion and reversals of {name}": speed < np.quantile(speed, 0.15),
+        f"fast motion of {name}": speed > np.quantile(speed, 0.85),
+        f"high torque on {name}": load > np.quantile(load, 0.85),
+        f"torque near zero on {name}": load < np.quantile(load, 0.15),
+        f"strong acceleration of {name}": acceleration > np.quantile(acceleration, 0.85),
+        f"positions of {name} near {low:.2g} rad": position < low,
+        f"positions of {name} near {high:.2g} rad": position > high,
+    }
+    for k, group in enumerate(signals.groups):
+        rows = np.zeros(signals.count, bool)
+        for block in signals.blocks:
+            if block.group == k:
+                rows[block.rows] = True
+        kinds[f"motion and payload of group {group.name} (payload {group.payload})"] = rows
+    return kinds
 
 
 def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
@@ -132,29 +151,25 @@ def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
     out = [
         Absorbed(name, joint, float(a[k]), float(b[k]), unit, float(deviations[k]))
         for k, (name, joint, unit) in enumerate(new.names()[:count])
-        if deviations[k] > MOVED and abs(b[k] - a[k]) > MOVED_SHARE * abs(b[k])
+        if deviations[k] > LIMITS.absorbed_deviations and abs(b[k] - a[k]) > LIMITS.absorbed_share * abs(b[k])
     ]
-    return tuple(sorted(out, key=lambda m: -m.deviations)[:MENTIONED])
+    return tuple(sorted(out, key=lambda m: -m.deviations)[: LIMITS.absorbed_parameters])
 
 
-def evidence(
-    best: Tried, band: PredictionErrorBand, before: PredictionErrors, after: PredictionErrors
+def explained_residual(
+    step: SearchStep, band: PredictionErrorBand, before: PredictionErrors, after: PredictionErrors
 ) -> Evidence:
-    """The residual of the joint that the effect changes most, before it and what it takes away."""
+    """Residual before the step, of the joint that the effect changes most, and what the effect explains."""
     change = before.residual - after.residual
-    joint = best.effect.joint
+    joint = step.chosen.effect.joint
     if joint is None:
         size = np.sqrt(np.mean(before.residual**2, axis=0)) + 1e-300
         joint = int(np.argmax(np.mean(change**2, axis=0) / size**2))
-    groups, rows, at = [], [], 0
-    for name, here in band.rows.items():
-        groups.append((name, at, at + len(here)))
-        rows.append(here)
-        at += len(here)
-    order = np.concatenate(rows)
+    ends = np.cumsum([0, *map(len, band.rows.values())])
+    order = np.concatenate(list(band.rows.values()))
     return Evidence(
-        best.fit.layout.joints[joint],
-        tuple(groups),
+        step.before.layout.joints[joint],
+        tuple((name, int(a), int(b)) for name, a, b in zip(band.rows, ends, ends[1:], strict=False)),
         band.signals.time[order],
         before.residual[order, joint],
         change[order, joint],

@@ -1,7 +1,7 @@
-"""The last fit once more, from nearly all that the data say.
+"""Final refit of a complete model, with weights closer to the noise spectrum.
 
-What tells models apart is weighted so that a trace of a law that is only nearly right does no harm, and that
-costs a fifth of the accuracy. A model that explains everything down to the noise need not pay it.
+Models are compared with weights under which a trace of an approximate law does no harm; that costs a fifth of
+the accuracy. A model that explains everything down to the noise need not pay it.
 """
 
 from __future__ import annotations
@@ -14,26 +14,21 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.evidence import fit_covariance
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
 # chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
-# of more joints, what can be paid for gains a fortieth (Panda, UR5) for half a minute
+# with more joints, what can be paid for gains a fortieth (Panda, UR5) for half a minute
 FINAL_WEIGHTING = replace(SEARCH_WEIGHTING, hertz=16.0, orders={1: 40, 2: 40, 3: 32}, ridge=1e-8)
 ITERATIONS = 8
-WORSE = 1.5  # times the mean square of the whitened residual, from which on traces weigh too much
 
 
 @dataclass(frozen=True, eq=False)
 class FinalRefit:
-    """Values and their uncertainty.
-
-    Attributes:
-        x: shape (P,).
-        covariance: of the parameters.
-    """
+    """Values of all parameters, shape (P,), and their covariance."""
 
     x: Array
     covariance: Covariance
@@ -42,7 +37,8 @@ class FinalRefit:
 def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:
     """The same model fitted with the closer weighting.
 
-    None for robots with more joints than `SHARP` has orders for, and where it explains the data less well.
+    None for robots with more joints than `FINAL_WEIGHTING` has orders for, and where the refit explains the
+    data less well.
 
     Args:
         measurements: the set.
@@ -53,6 +49,7 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
         return None
     context = FitContext(measurements, fit.layout, FINAL_WEIGHTING)
     closer = context.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
-    if not closer.converged or closer.chi.max() > WORSE * max(float(fit.chi.max()), 1.0):
+    worst = THRESHOLDS.evidence.final_refit_chi * max(float(fit.chi.max()), 1.0)
+    if not closer.converged or closer.chi.max() > worst:
         return None
     return FinalRefit(closer.x, fit_covariance(context, closer))

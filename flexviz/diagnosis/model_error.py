@@ -1,14 +1,11 @@
-"""The search where no model reaches the noise, as on most real robots.
+"""Search beside a model error, where no model reaches the noise, as on most real robots.
 
-There the model, not the noise, is what is wrong, and measuring its errors in units of the noise would weigh
-up what does not matter. A white model error as large as what is left is added to the noise; an effect counts
-if it lowers the error of groups it was not fitted to, clearly beyond what chance does between stretches of
-half a second.
+There the model, not the noise, limits the fit; measuring its errors in units of the noise would weight what
+does not matter. A white model error as large as the residual is added to the noise. An effect counts if it
+lowers the error of groups it was not fitted to by clearly more than the scatter between short stretches.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,131 +14,108 @@ from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
-from flexviz.diagnosis.search import Scores, Search, Tried
+from flexviz.diagnosis.search import CandidateScores, RefittedCandidate, Search, SearchStep, by_objective
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout
 from flexviz.estimation import Point
 
 Array = NDArray[np.float64]
 
-FIRST = 0.05  # first guess of the model error, relative to the torque's rms
-ROUNDS = 6  # in which it is found
-STEPS = 14  # effects at most
-REFUSED = 9  # end the search
-BATCH = 3  # are refitted before the best of them is taken
-LEAST_SCORE = 10.0
-STRETCH = 0.5  # [s]
-CLEAR = 2.0  # standard errors of the held-out improvement
-LEAST = 0.02  # of one joint's held-out variance
-ITERATIONS = 5
-AFRESH = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Added:
-    """One step.
-
-    Attributes:
-        tried: the effect with its refit, under the same model error as `before`.
-        before: the model without it.
-        after: with it, under the model error that is left.
-        scores: of all candidates.
-        improvement: share by which the held-out variance fell.
-    """
-
-    tried: Tried
-    before: Fit
-    after: Fit
-    scores: Scores
-    improvement: float
+LIMITS = THRESHOLDS.model_error
 
 
 class ModelErrorSearch:
     """Adds effects one by one, each confirmed on held-out groups.
 
     Args:
-        search: of the same workbench.
-        longest: most steps.
+        search: without a model error.
+        most: steps.
+
+    Attributes:
+        tolerance: shape (n,), variance of the model error [Nm²].
     """
 
-    def __init__(self, search: Search, longest: int = STEPS) -> None:
-        self.search, self.longest = search, longest
+    def __init__(self, search: Search, most: int) -> None:
+        self.search, self.most = search, most
         signals = search.context.two_band.narrow.signals
-        self.tolerance = FIRST**2 * np.mean(signals.tau[0] ** 2, axis=0)
+        self.tolerance = LIMITS.first_error**2 * np.mean(signals.tau[0] ** 2, axis=0)
         self.context = search.context
 
-    def settled(self, layout: Layout, x: Array) -> Fit:
-        """A fit under a model error of its own size, from x or from where a plain fit leads.
+    def run(self, start: Fit) -> list[SearchStep]:
+        """The steps that lead on from a model."""
+        fit = self.adapted(start.layout, start.x)
+        steps: list[SearchStep] = []
+        for _ in range(self.most):
+            search = Search(self.context, self.search.say)
+            scores = search.scores(fit, episodes=False)  # other groups cannot confirm an episode
+            plain = self.search.context.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
+            test = FreeCurveTest(self.search, plain, self.search.scores(plain, episodes=False))
+            chosen = self.confirmed(search, fit, scores, test)
+            if chosen is None:
+                break
+            before, fit = fit, self.adapted(chosen.fit.layout, chosen.fit.x)
+            objectives = {chosen.effect: chosen.fit.objective}
+            steps.append(SearchStep(before, chosen, objectives, scores.shortened(), fit))
+        return steps
 
-        While an effect is missing, another parameter often stands in for it, far from where it belongs (a
-        soft joint for friction); from there the way back may be closed.
+    def adapted(self, layout: Layout, x: Array) -> Fit:
+        """A fit under a model error as large as its residual, from x or from a plain fit.
+
+        While an effect is missing, another parameter often replaces it at a value far off (a soft joint
+        replaces friction); from there the way back may be blocked.
         """
         check = self.search.check
         context = self.search.context.with_model_error(self.tolerance)
-        rough = context.plain_fit(layout, x, check)
-        starts = [context.fit(layout, start, iterations=AFRESH, check=check) for start in (x, rough)]
-        x = min(starts, key=lambda f: f.objective).x
-        fit = None
-        for _ in range(ROUNDS):
+        iterations = LIMITS.start_iterations
+        starts = (x, context.plain_fit(layout, x, check))
+        fits = [context.fit(layout, start, iterations=iterations, check=check) for start in starts]
+        fit = min(fits, key=lambda f: f.objective)
+        for _ in range(LIMITS.error_rounds):
             self.context = self.search.context.with_model_error(self.tolerance)
-            fit = self.context.fit(layout, x, iterations=ITERATIONS, check=self.search.check)
-            x = fit.x
-            if np.all(np.abs(np.log(fit.chi)) < 0.25):
+            fit = self.context.fit(layout, fit.x, iterations=LIMITS.iterations, check=check)
+            if np.all(np.abs(np.log(fit.chi)) < LIMITS.error_settled):
                 break
             self.tolerance = self.tolerance * fit.chi
-        assert fit is not None
         return fit
 
-    def run(self, start: Fit) -> list[Added]:
-        """What is added to a model."""
-        fit = self.settled(start.layout, start.x)
-        steps: list[Added] = []
-        for _ in range(self.longest):
-            search = Search(self.context, self.search.say)
-            scores = search.scores(fit, episodes=False)  # an episode cannot be confirmed on other groups
-            plain = self.search.context.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
-            named = FreeCurveTest(self.search, plain, self.search.scores(plain, episodes=False))
-            added = self.next(search, fit, scores, named)
-            if added is None:
-                break
-            fit = self.settled(added.tried.fit.layout, added.tried.fit.x)
-            steps.append(replace(added, after=fit))
-        return steps
-
-    def next(self, search: Search, fit: Fit, scores: Scores, named: FreeCurveTest) -> Added | None:
+    def confirmed(
+        self, search: Search, fit: Fit, scores: CandidateScores, test: FreeCurveTest
+    ) -> RefittedCandidate | None:
         """The first candidate, best scores first, that held-out groups confirm."""
-        left = [s for s in scores.ranked if s.gain > LEAST_SCORE and named(s.effect)][:REFUSED]
+        left = [s for s in scores.ranked if s.gain > LIMITS.least_score and test.passed(s.effect)]
+        left = left[: LIMITS.refused]
         while left:
-            batch, left = left[:BATCH], left[BATCH:]
-            tried = []
+            batch, left = left[: LIMITS.batch], left[LIMITS.batch :]
+            refitted = []
             for scored in batch:
-                search.say(f"trying {EFFECTS[scored.effect.effect].title.lower()} beside a model error")
-                layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-                refit = self.context.fit(layout, x, iterations=ITERATIONS, check=search.check, near=fit)
-                tried.append(Tried(scored, refit))
-            for t in sorted(tried, key=lambda t: t.fit.objective):
-                better = self.improvement(fit, t.fit, t.effect.joint)
-                if better is not None and credible(t.fit, t.effect, search.raw_step):
-                    return Added(t, fit, t.fit, scores, better)
+                search.say(f"testing candidate beside a model error: {EFFECTS[scored.effect.effect].title}")
+                start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+                refit = search.fit_from(start, LIMITS.iterations, near=fit)
+                refitted.append(RefittedCandidate(scored, refit))
+            for r in by_objective(refitted):
+                improves = self.improves(fit, r.fit, r.effect.joint)
+                if improves and credible(r.fit, r.effect, search.raw_step):
+                    return r
         return None
 
-    def improvement(self, before: Fit, after: Fit, joint: int | None) -> float | None:
-        """Share by which the held-out variance falls (the fit groups' without any); None if not clearly.
+    def improves(self, before: Fit, after: Fit, joint: int | None) -> bool:
+        """Whether the held-out variance falls clearly (the fit groups' without validation groups).
 
-        The effect's own joint must fall clearly beyond what chance does between stretches; the others may
-        scatter, as long as the likelihood of all together rises.
+        On the effect's own joint it has to fall by clearly more than the scatter between stretches; the other
+        joints may scatter, as long as the likelihood of all together rises.
         """
         a, b = before.held_out or before.point, after.held_out or after.point
         blocks = (self.context.validation or self.context.two_band).blocks
         step = float(blocks[0].segment.step * blocks[0].stride)
-        length = max(1, round(STRETCH / step))
+        length = max(1, round(LIMITS.stretch / step))
         old, new = _stretches(a, length), _stretches(b, length)
         falls = (old - new) / np.maximum(old.mean(axis=0), 1e-300)  # relative to each joint's own
         each = falls.sum(axis=1) if joint is None else falls[:, joint]
         error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else np.inf
         mean = float(each.mean())
         together = float(np.log(new.mean(axis=0) / np.maximum(old.mean(axis=0), 1e-300)).sum())
-        return mean if mean > LEAST and mean > CLEAR * error and together < 0 else None
+        return mean > max(LIMITS.least_improvement, LIMITS.deviations * error) and together < 0
 
 
 def _stretches(point: Point, length: int) -> Array:

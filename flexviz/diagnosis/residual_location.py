@@ -20,7 +20,7 @@ from flexviz.diagnosis.cross_validation import (
     mean_and_error,
     shortest_run,
 )
-from flexviz.diagnosis.curves import explained_by_law
+from flexviz.diagnosis.curves import explained_by_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, ResidualMap
 from flexviz.diagnosis.residuals import SLOW, SlowResidual, joint_residuals, samples
@@ -72,7 +72,7 @@ def joint_maps(data: SlowResidual, joint: int) -> list[ResidualMap]:
         if name in ("time", "group"):
             found = explained(against.index, residual, folds)
         else:
-            found = explained_by_law(data, folds, joint, name)
+            found = explained_by_curve(data, folds, joint, name)
         out.append(_map(data, joint, name, against, found, folds))
     return out
 

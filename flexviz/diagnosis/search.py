@@ -1,66 +1,51 @@
-"""One round of the search: score every candidate, refit the leading ones, drop what is superfluous."""
+"""One round of the search: score every candidate, refit the best, drop superfluous effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import (
-    GAIN,
-    WORTH,
     credible,
     excess,
     needed_gain,
     only_an_offset,
-    removed,
+    removed_share,
     structured,
 )
-from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.candidates import ModelStart, candidates, with_effect, without_effect
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Projection, Scored, Weigh, best_intervals, score
+from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
 
 Array = NDArray[np.float64]
 
-TRIED = 6  # refitted
-SIGNATURES = 12  # of leading candidates, which an explanation compares
-EPISODES = 2  # of them at most
-CLOSE = 0.03  # of the best score: what scores less is not refitted once the best one explains all
-EXPLAINED = 0.2  # of the excess left: the leading candidate explains all there is
-REACHED = 0.15  # excess at which the noise is reached
-FAR = 5.0  # excess from which on a fit may be so far off that the next one had better start afresh
-LONGEST = 0.6  # of a group: a torque that acts most of the time is no episode
-PLAIN = 0.5  # excess that no noise makes
-CLEAR = 0.3  # of it, what an effect has to remove that no score speaks for
-WORST = 2  # joints whose own laws are tried whatever their score
-SHORT, LONGER, FULL, LAST = 3, 6, 14, 20  # iterations of a refit
-MOST = 0.3  # of what the objective holds above the noise
-OFFSET = 50.0  # lead in the objective that a gap which is never crossed has to have
-NESTED = 12.0  # gain in the objective over the law that an effect refines
-RIVAL = 0.3  # of the leader's gain: a rival further behind after SHORT iterations is not followed
+ACCEPTANCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.search
 
 
 @dataclass(frozen=True, eq=False)
-class Scores:
-    """Every candidate's score at a fit, best first, and what they were measured with."""
+class CandidateScores:
+    """Every candidate's score at a fit, best first, and the projection it was computed with."""
 
-    ranked: list[Scored]
+    ranked: list[ScoredCandidate]
     projection: Projection
 
-    def shortened(self) -> Scores:
-        """The same, with the leading candidates' signatures only: all of them hold hundreds of MB."""
-        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[SIGNATURES:]]
-        return Scores([*self.ranked[:SIGNATURES], *rest], self.projection)
+    def shortened(self) -> CandidateScores:
+        """The same with the leading candidates' signatures only: all of them hold hundreds of MB."""
+        kept = LIMITS.kept_signatures
+        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[kept:]]
+        return CandidateScores([*self.ranked[:kept], *rest], self.projection)
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
+class RefittedCandidate:
     """A candidate with its refit."""
 
-    scored: Scored
+    scored: ScoredCandidate
     fit: Fit
 
     @property
@@ -68,8 +53,37 @@ class Tried:
         return self.scored.effect
 
 
+@dataclass(frozen=True, eq=False)
+class SearchStep:
+    """One effect that was added.
+
+    Attributes:
+        before: the model without it.
+        chosen: the effect with its refit.
+        objectives: of all candidates that were refitted.
+        scores: of all candidates at `before`; None for a candidate that is only mentioned.
+        adapted: the refit under the model error that is then left; None without a model error.
+    """
+
+    before: Fit
+    chosen: RefittedCandidate
+    objectives: Mapping[ChosenEffect, float]
+    scores: CandidateScores | None = None
+    adapted: Fit | None = None
+
+    @property
+    def after(self) -> Fit:
+        """The model with the effect."""
+        return self.adapted or self.chosen.fit
+
+
+def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
+    """The best fit first."""
+    return sorted(refitted, key=lambda r: r.fit.objective)
+
+
 class Search:
-    """Rounds of the search on one workbench.
+    """Rounds of the search on one context.
 
     Args:
         context: the data.
@@ -83,7 +97,9 @@ class Search:
     def check(self) -> None:
         self.say("")
 
-    def scores(self, fit: Fit, episodes: bool = True) -> Scores:
+    # -- scores -----------------------------------------------------------------------------------------
+
+    def scores(self, fit: Fit, episodes: bool = True) -> CandidateScores:
         """Every candidate's score at a fit."""
         layout, point = fit.layout, fit.point
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
@@ -98,9 +114,9 @@ class Search:
             have = set(layout.effects)
             for joint in range(layout.n):
                 self.check()
-                found = best_intervals(narrow, joint, weigh, projection, longest=LONGEST)
+                found = best_intervals(narrow, joint, weigh, projection, longest=LIMITS.longest_episode)
                 scored += [s for s in found if s.effect not in have]
-        return Scores(sorted(scored, key=lambda s: -s.gain), projection)
+        return CandidateScores(sorted(scored, key=lambda s: -s.gain), projection)
 
     def weigh(self, fit: Fit) -> Weigh:
         """Columns of a stretch weighted as the fit's residual."""
@@ -113,197 +129,213 @@ class Search:
 
         return weigh
 
-    def refits(self, fit: Fit, scores: Scores, gained: float) -> list[Tried]:
-        """The leading candidates refitted, best first; `gained` was gained before by others."""
-        chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
-        first = self.leader(fit, chosen[0]) if chosen else None
-        if first is not None and self.explains(fit, first.fit):
-            tried = [first, *self.rivals(fit, first, chosen[1:])]
-            return sorted(tried, key=lambda t: t.fit.objective)
-        tried = [*([first] if first else []), *self.attempts(fit, chosen[1:])]
-        hidden = excess(fit) > PLAIN  # more than the scores see
-        if hidden and gained < GAIN:
-            tried += self.underrated(fit, scores)
-        tried = self.tournament(tried)
-        if hidden and gained >= GAIN and self.acceptable(fit, tried, gained) is None:
-            more = self.tournament(self.underrated(fit, scores))
-            tried += [t for t in more if removed(fit, t.fit) > CLEAR]
-        return sorted(tried, key=lambda t: t.fit.objective)
+    def leading(self, scores: CandidateScores) -> list[ScoredCandidate]:
+        """The candidates with the best scores, few episodes among them."""
+        chosen: list[ScoredCandidate] = []
+        episodes = 0
+        for s in scores.ranked:
+            if EFFECTS[s.effect.effect].scope == "episode":
+                episodes += 1
+                if episodes > LIMITS.refitted_episodes:
+                    continue
+            chosen.append(s)
+            if len(chosen) == LIMITS.refitted:
+                break
+        return chosen
 
-    def explains(self, before: Fit, after: Fit) -> bool:
-        """Whether hardly anything is left."""
-        enough = excess(after) < max(EXPLAINED * excess(before), 0.05)
+    # -- refits -----------------------------------------------------------------------------------------
+
+    def refits(self, fit: Fit, scores: CandidateScores, gained: float) -> list[RefittedCandidate]:
+        """The leading candidates refitted, best first, after other effects gained `gained`."""
+        chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
+        first = self.refit_leader(fit, chosen[0]) if chosen else None
+        if first is not None and self.explains_everything(fit, first.fit):
+            return by_objective([first, *self.rivals(fit, first, chosen[1:])])
+        refitted = [*([first] if first else []), *self.short_refits(fit, chosen[1:])]
+        hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
+        started = gained >= ACCEPTANCE.least_gain
+        if hidden and not started:
+            refitted += self.underrated(fit, scores)
+        refitted = self.halving(refitted)
+        if hidden and started and self.acceptable(fit, refitted, gained) is None:
+            more = self.halving(self.underrated(fit, scores))
+            refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
+        return by_objective(refitted)
+
+    def explains_everything(self, before: Fit, after: Fit) -> bool:
+        """Whether hardly anything is left to explain."""
+        enough = excess(after) < max(LIMITS.explained_excess * excess(before), LIMITS.explained_floor)
         return enough and not structured(after, before) and after.objective < before.objective
 
-    def leader(self, fit: Fit, scored: Scored) -> Tried:
-        """The best score refitted to the end; from afresh too where that leaves much."""
-        direct = self.finished(self.refit(fit, scored, FULL))
-        if excess(fit) < FAR or excess(direct.fit) < REACHED:
+    def refit(self, fit: Fit, scored: ScoredCandidate, iterations: int) -> RefittedCandidate:
+        """One candidate, refitted from the present model."""
+        self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
+        start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        return RefittedCandidate(scored, self.fit_from(start, iterations, near=fit))
+
+    def refit_afresh(self, fit: Fit, scored: ScoredCandidate, iterations: int) -> RefittedCandidate:
+        """One candidate, from a plain fit: the present model may be far off."""
+        start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+        x = self.context.plain_fit(start.layout, start.x, self.check)
+        return RefittedCandidate(scored, self.fit_from(ModelStart(start.layout, x), iterations))
+
+    def fit_from(self, start: ModelStart, iterations: int, near: Fit | None = None) -> Fit:
+        return self.context.fit(start.layout, start.x, iterations=iterations, check=self.check, near=near)
+
+    def continued(self, fit: Fit, iterations: int) -> Fit:
+        return self.fit_from(ModelStart(fit.layout, fit.x), iterations, near=fit)
+
+    def refit_leader(self, fit: Fit, scored: ScoredCandidate) -> RefittedCandidate:
+        """The best score refitted to the end; afresh too where that leaves much."""
+        direct = self.converged(self.refit(fit, scored, LIMITS.full_refit))
+        if excess(fit) < LIMITS.far_off or excess(direct.fit) < LIMITS.noise_reached:
             return direct
-        return min(direct, self.afresh(fit, scored, FULL), key=lambda t: t.fit.objective)
+        return by_objective([direct, self.refit_afresh(fit, scored, LIMITS.full_refit)])[0]
 
-    def afresh(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
-        """One candidate, from where the data of a plain fit lead: the model may stand far off."""
-        layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        x = self.context.plain_fit(layout, x, self.check)
-        return Tried(scored, self.context.fit(layout, x, iterations=iterations, check=self.check))
-
-    def attempts(self, fit: Fit, chosen: list[Scored]) -> list[Tried]:
-        """A few steps of every candidate, from where the model stands and, where that is far off, afresh."""
+    def short_refits(self, fit: Fit, chosen: list[ScoredCandidate]) -> list[RefittedCandidate]:
+        """A few iterations of every candidate, from the present model and, where that is far off, afresh."""
         out = []
         for s in chosen:
-            out.append(self.refit(fit, s, SHORT))
-            if excess(fit) > FAR:
-                out.append(self.afresh(fit, s, SHORT))
+            out.append(self.refit(fit, s, LIMITS.short_refit))
+            if excess(fit) > LIMITS.far_off:
+                out.append(self.refit_afresh(fit, s, LIMITS.short_refit))
         return out
 
-    def underrated(self, fit: Fit, scores: Scores) -> list[Tried]:
+    def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
         """Elastic laws of the joints with the largest residual, from several starts.
 
-        A stiffness that has absorbed a part of such a law hides it from the score: the law's own starts give
+        A stiffness that has absorbed part of such a law hides it from the score: the law's own starts give
         that part back.
         """
         torque = fit.point.narrow.torque[0]
         ranked = {s.effect: s for s in scores.ranked}
         out = []
-        for j in np.argsort(-fit.chi)[:WORST]:
+        for j in np.argsort(-fit.chi)[: LIMITS.hidden_joints]:
+            compliance = float(fit.x[fit.layout.compliance][j])
+            rough = float(self.context.rough_compliance[j])
             for effect in candidates(fit.layout, self.context.fit_groups):
                 law = EFFECTS[effect.effect]
                 if not law.absorbed_by_stiffness or effect.joint != j:
                     continue
                 nothing = np.zeros(len(law.parameters))
-                scored = ranked.get(effect) or Scored(effect, 0.0, nothing, np.zeros(fit.point.r.size))
-                self.say(f"trying {law.title.lower()} from several starts")
-                layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-                compliance = float(fit.x[fit.layout.compliance][j])
-                rough = float(self.context.rough_compliance[j])
-                begin = [x]
-                for start in law.elastic_starts(torque[:, j], compliance, rough):
-                    begin.append(x.copy())
-                    begin[-1][layout.effect_slices()[-1][1]] = start.values
-                    begin[-1][layout.compliance.start + j] = start.compliance
-                fits = [
-                    self.context.fit(layout, b, iterations=SHORT, check=self.check, near=fit) for b in begin
-                ]
-                out.append(Tried(scored, min(fits, key=lambda f: f.objective)))
+                scored = ranked.get(effect) or ScoredCandidate(
+                    effect, 0.0, nothing, np.zeros(fit.point.r.size)
+                )
+                self.say(f"testing candidate from several starts: {law.title}")
+                first = with_effect(fit.layout, fit.x, scored.effect, scored.values)
+                starts = [first]
+                for elastic in law.elastic_starts(torque[:, j], compliance, rough):
+                    x = first.x.copy()
+                    x[first.layout.effect_slices()[-1][1]] = elastic.values
+                    x[first.layout.compliance.start + j] = elastic.compliance
+                    starts.append(ModelStart(first.layout, x))
+                fits = [self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts]
+                out.append(RefittedCandidate(scored, min(fits, key=lambda f: f.objective)))
         return out
 
-    def leading(self, scores: Scores) -> list[Scored]:
-        """The candidates with the best scores."""
-        chosen: list[Scored] = []
-        episodes = 0
-        for s in scores.ranked:
-            if EFFECTS[s.effect.effect].scope == "episode":
-                episodes += 1
-                if episodes > EPISODES:
-                    continue
-            chosen.append(s)
-            if len(chosen) == TRIED:
-                break
-        return chosen
-
-    def refit(self, fit: Fit, scored: Scored, iterations: int) -> Tried:
-        """One candidate, refitted from where the model stands."""
-        self.say(f"trying {EFFECTS[scored.effect.effect].title.lower()}")
-        layout, x = with_effect(fit.layout, fit.x, scored.effect, scored.values)
-        return Tried(scored, self.context.fit(layout, x, iterations=iterations, check=self.check, near=fit))
-
-    def rivals(self, fit: Fit, leader: Tried, others: list[Scored]) -> list[Tried]:
-        """The others, where the leader explains all: can one of them do the same from the same start?"""
-        gain = fit.objective - leader.fit.objective
+    def rivals(
+        self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]
+    ) -> list[RefittedCandidate]:
+        """The others where the leader explains everything: can one of them do so from the same start?"""
+        gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
         out = []
         for s in others:
-            if s.gain < CLOSE * leader.scored.gain:
+            if s.gain < LIMITS.close_score * leader.scored.gain:
                 continue
-            self.say(f"comparing with {EFFECTS[s.effect.effect].title.lower()}")
-            layout, x = with_effect(fit.layout, _shared(leader.fit, fit), s.effect, s.values)
-            here = self.context.fit(layout, x, iterations=SHORT, check=self.check, near=leader.fit)
-            if not here.converged and here.objective < leader.fit.objective + RIVAL * max(gain, GAIN):
-                here = self.context.fit(layout, here.x, iterations=FULL, check=self.check, near=here)
-            out.append(Tried(s, here))
+            self.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
+            start = with_effect(fit.layout, _common_values(leader.fit, fit), s.effect, s.values)
+            rival = self.fit_from(start, LIMITS.short_refit, near=leader.fit)
+            close = rival.objective < leader.fit.objective + LIMITS.rival_deficit * gain
+            if not rival.converged and close:
+                rival = self.continued(rival, LIMITS.full_refit)
+            out.append(RefittedCandidate(s, rival))
         return out
 
-    def tournament(self, tried: list[Tried]) -> list[Tried]:
-        """Candidates that were refitted for a few steps, by halving; the best one of each effect."""
-        best: dict[ChosenEffect, Tried] = {}
-        for t in tried:
-            if t.effect not in best or t.fit.objective < best[t.effect].fit.objective:
-                best[t.effect] = t
-        tried = list(best.values())
-        for keep, iterations in ((3, LONGER), (2, FULL)):
-            tried.sort(key=lambda t: t.fit.objective)
-            for k, t in enumerate(tried[:keep]):
-                if not t.fit.converged:
-                    more = self.context.fit(
-                        t.fit.layout, t.fit.x, iterations=iterations, check=self.check, near=t.fit
-                    )
-                    tried[k] = replace(t, fit=more)
-        return sorted(tried, key=lambda t: t.fit.objective)
+    def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
+        """The best refit of each effect; the leading ones are continued, fewer each time and for longer."""
+        best: dict[ChosenEffect, RefittedCandidate] = {}
+        for r in refitted:
+            if r.effect not in best or r.fit.objective < best[r.effect].fit.objective:
+                best[r.effect] = r
+        refitted = list(best.values())
+        for keep, iterations in ((3, LIMITS.longer_refit), (2, LIMITS.full_refit)):
+            refitted = by_objective(refitted)
+            for k, r in enumerate(refitted[:keep]):
+                if not r.fit.converged:
+                    refitted[k] = replace(r, fit=self.continued(r.fit, iterations))
+        return by_objective(refitted)
 
-    def acceptable(self, fit: Fit, tried: list[Tried], gained: float) -> Tried | None:
-        """The best refitted candidate, if it is worth adding after `gained` was gained before."""
-        possible = [t for t in tried if credible(t.fit, t.effect, self.raw_step)]
+    # -- decisions --------------------------------------------------------------------------------------
+
+    def acceptable(
+        self, fit: Fit, refitted: list[RefittedCandidate], gained: float
+    ) -> RefittedCandidate | None:
+        """The best refitted candidate if it is worth adding after other effects gained `gained`."""
+        possible = [r for r in refitted if credible(r.fit, r.effect, self.raw_step)]
         if not possible:
             return None
         best = self.simplest(possible)
         gain = fit.objective - best.fit.objective
-        worth = removed(fit, best.fit) > WORTH or gain > MOST * fit.noise_objective
-        return self.finished(best) if gain >= needed_gain(best.effect, gained) and worth else None
+        removes = removed_share(fit, best.fit) > ACCEPTANCE.least_excess_share
+        worth = removes or gain > ACCEPTANCE.large_gain_share * fit.noise_objective
+        return self.converged(best) if gain >= needed_gain(best.effect, gained) and worth else None
 
-    def simplest(self, possible: list[Tried]) -> Tried:
-        """The best one, or what does as well: the simpler law that it refines; anything beside a gap never
-        crossed."""
+    def simplest(self, possible: list[RefittedCandidate]) -> RefittedCandidate:
+        """The best candidate, or a simpler one that does as well.
+
+        Simpler is the law that it refines, and anything beside a gap that is never crossed.
+        """
         best = possible[0]
         if only_an_offset(best.fit, best.effect, self.raw_step):
-            others = [t for t in possible[1:] if not only_an_offset(t.fit, t.effect, self.raw_step)]
-            return others[0] if others and others[0].fit.objective < best.fit.objective + OFFSET else best
+            others = [r for r in possible[1:] if not only_an_offset(r.fit, r.effect, self.raw_step)]
+            limit = best.fit.objective + ACCEPTANCE.offset_gain
+            return others[0] if others and others[0].fit.objective < limit else best
         simpler = EFFECTS[best.effect.effect].replaces
-        for t in possible[1:]:
-            if t.effect.effect == simpler and t.effect.joint == best.effect.joint:
-                return t if t.fit.objective < best.fit.objective + NESTED else best
+        for r in possible[1:]:
+            if r.effect.effect == simpler and r.effect.joint == best.effect.joint:
+                return r if r.fit.objective < best.fit.objective + ACCEPTANCE.nested_gain else best
         return best
 
-    def restarted(self, fit: Fit, best: Tried, gained: float) -> Fit | None:
-        """The model without the newest effect, from where that one led, if it does as well from there.
+    def restarted(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+        """The present model refitted from the best candidate's values, if it does as well without the effect.
 
-        A fit that ended far from where it belongs is left by any effect that happens to lead out.
+        A fit that ended far off is improved by any effect that happens to lead away from there.
         """
-        if excess(fit) < FAR:
+        if excess(fit) < LIMITS.far_off:
             return None
-        self.say("looking whether the effect was needed")
-        start = _shared(best.fit, fit)
-        again = self.context.fit(fit.layout, start, iterations=FULL, check=self.check, near=best.fit)
+        self.say("checking that the effect is needed")
+        start = ModelStart(fit.layout, _common_values(best.fit, fit))
+        again = self.fit_from(start, LIMITS.full_refit, near=best.fit)
         return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None
 
-    def finished(self, tried: Tried) -> Tried:
-        """The same fitted to the end: what a fit leaves on its way looks like another effect."""
-        if tried.fit.converged:
-            return tried
-        layout, x = tried.fit.layout, tried.fit.x
-        more = self.context.fit(layout, x, iterations=LAST, check=self.check, near=tried.fit)
-        return replace(tried, fit=more) if more.objective < tried.fit.objective else tried
+    def converged(self, refitted: RefittedCandidate) -> RefittedCandidate:
+        """The same fitted to the end: what an unfinished fit leaves looks like another effect."""
+        if refitted.fit.converged:
+            return refitted
+        more = self.continued(refitted.fit, LIMITS.last_refit)
+        return replace(refitted, fit=more) if more.objective < refitted.fit.objective else refitted
 
     def simplified(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> tuple[Fit, list[ChosenEffect]]:
-        """The model without those earlier effects that have become superfluous, and which those are."""
+        """The model without superfluous earlier effects, and which those are."""
         dropped: list[ChosenEffect] = []
         for effect in earlier:
             if effect not in best.layout.effects:
                 continue
-            layout, x = without_effect(best.layout, best.x, effect)
-            alone = self.context.fit(layout, x, iterations=LONGER, check=self.check, near=best)
-            if alone.objective < best.objective + GAIN:
-                best = alone
+            start = without_effect(best.layout, best.x, effect)
+            smaller = self.fit_from(start, LIMITS.longer_refit, near=best)
+            if smaller.objective < best.objective + ACCEPTANCE.superfluous_gain:
+                best = smaller
                 dropped.append(effect)
         return best, dropped
 
 
-def optimistic_gain(scored: Scored) -> float:
+def optimistic_gain(scored: ScoredCandidate) -> float:
     """The most that a refit is expected to gain."""
     return EFFECTS[scored.effect.effect].optimism * scored.gain
 
 
-def _shared(leader: Fit, before: Fit) -> Array:
-    """The leader's values of everything that the model before it has, or that model's own."""
+def _common_values(leader: Fit, before: Fit) -> Array:
+    """The leader's values of the parameters of `before`; its own for effects that the leader lacks."""
     x = before.layout.vector(leader.layout.model(leader.x))
     for effect, where in before.layout.effect_slices():
         if effect not in leader.layout.effects:

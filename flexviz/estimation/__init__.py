@@ -8,7 +8,7 @@ from flexviz.estimation.linear_algebra import Bounds, bounded_step, least_norm_s
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
-from flexviz.estimation.score_test import Projection, Scored, Weigh, best_intervals, explained, score
+from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import TwoBandData, residual_noise
@@ -28,7 +28,7 @@ __all__ = [
     "Prior",
     "Projection",
     "Refined",
-    "Scored",
+    "ScoredCandidate",
     "Solution",
     "Solved",
     "Start",

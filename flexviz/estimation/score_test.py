@@ -76,7 +76,7 @@ class Projection:
 
 
 @dataclass(frozen=True, eq=False)
-class Scored:
+class ScoredCandidate:
     """One guess and what it would explain.
 
     Attributes:
@@ -96,7 +96,7 @@ class Scored:
 
 def score(
     point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
-) -> list[Scored]:
+) -> list[ScoredCandidate]:
     """The best guess of every effect.
 
     Args:
@@ -114,7 +114,7 @@ def score(
         for effect in wanted
         for guess in EFFECTS[effect.effect].guesses(point.context, effect.place)
     ]
-    best: dict[ChosenEffect, Scored] = {}
+    best: dict[ChosenEffect, ScoredCandidate] = {}
     start = 0
     while start < len(guesses):
         stop, width = start, 0
@@ -137,7 +137,7 @@ def score(
             coefficients, gain = explained(gram[here, here], along[here])
             values = np.asarray(guess.to_values(coefficients), float)  # type: ignore[operator]
             if allowed(effect, values) and (effect not in best or gain > best[effect].gain):
-                best[effect] = Scored(effect, gain, values, weighed[:, here] @ coefficients)
+                best[effect] = ScoredCandidate(effect, gain, values, weighed[:, here] @ coefficients)
         start = stop
     return [best[effect] for effect in wanted if effect in best]
 
@@ -169,7 +169,7 @@ def best_intervals(
     *,
     group: str | None = None,
     longest: float = 1.0,
-) -> list[Scored]:
+) -> list[ScoredCandidate]:
     """The interval of every stretch in which a torque on a joint explains most, the best stretch first.
 
     Args:
@@ -213,5 +213,5 @@ def best_intervals(
         signature = (weighed[:, a] - weighed[:, b]) * torque
         for episode in episodes:
             effect = ChosenEffect(episode, joint, name)
-            out.append(Scored(effect, float(gain[best]), values, signature, rows))
+            out.append(ScoredCandidate(effect, float(gain[best]), values, signature, rows))
     return sorted(out, key=lambda s: -s.gain)
