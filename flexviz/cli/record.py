@@ -104,9 +104,9 @@ def record_all(
     file.recorder.observe(make_observer(wanted.observer, wanted.bandwidth), file.part(0.1, 0.25))
 
     def solve(effects: list[str], label: str) -> None:
-        file.started(label)
+        file.recorder.start(label)
         asked = replace(wanted, effects=effects)
-        result = identify_wanted(measurements, asked, report, stop, file.iteration)
+        result = identify_wanted(measurements, asked, report, stop, file.recorder.iteration)
         file.recorder.result(result)
         results.append(result)
         if result.stopped:

@@ -1,14 +1,13 @@
-"""Charts that are not over time, drawn in a 2D view: they need no timeline, so they are always there.
+"""Charts and maps drawn in a 2D view, which needs no timeline.
 
-The viewer plots only over timelines. A residual against position or an error against the number of effects is
-therefore drawn: lines in a frame, with the numbers at its edges as labels. Lengths are in the drawing's own
-units, y downwards.
+The viewer plots over timelines only. A residual against position, or an error against the number of effects,
+is therefore drawn: lines in a frame, labels at its edges. Lengths are in the drawing's units, y downwards.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
@@ -19,116 +18,110 @@ from flexviz.recording.stream import Stream
 from flexviz.wording import number
 
 Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
 HEIGHT = 300.0  # of a frame
-WIDE, NARROW = 800.0, 560.0  # width of the only frame, of one of several
+WIDE, NARROW = 800.0, 560.0  # width of a single frame, of one of several
 ACROSS, DOWN = 980.0, 510.0  # from one frame to the next
-ROW = 52.0  # from one label to the next: a label keeps its size on the screen, about 22 pixels
-LIFT = 0.5  # of a row: the viewer draws a label below its point
-ROWS = 6  # of names beside a frame, then a new column
-COLUMN = 300.0  # its width
-FRAME = (120, 120, 120)
-WORDS = (128, 128, 128)
-EDGE = 1.0  # width of a ribbon's edges
-CELL = (40, 20)  # width and height of a map's cell
-WHITE = (255, 255, 255)
+LABEL_ROW = 52.0  # from one label to the next: a label has a fixed size on the screen, about 22 pixels
+LABEL_ROWS = 6  # of names beside a frame, then a new column
+LABEL_COLUMN = 300.0  # its width
+LIFT = 0.5  # of a cell: the viewer draws a label below its point
+FRAME_COLOUR: Colour = (120, 120, 120)
+LABEL_COLOUR: Colour = (128, 128, 128)
+CELL_LABEL_COLOUR: Colour = (255, 255, 255)
+THIN = 0.6  # [screen points] radius of a line of width 1
+RIBBON_EDGE = 1.0  # width of a ribbon's edges
+CELL_WIDTH, CELL_HEIGHT = 40, 20  # of a map
 
 
-Placed = tuple[float, float, str, tuple[int, int, int]]
+class Label(NamedTuple):
+    """A text at a point of a drawing."""
+
+    x: float
+    y: float
+    text: str
+    colour: Colour = LABEL_COLOUR
 
 
-@dataclass(frozen=True)
-class Words:
-    """Text at points of a drawing: positions (M, 2), the texts, their colours."""
-
-    positions: Array
-    texts: tuple[str, ...]
-    colours: tuple[tuple[int, int, int], ...]
-
-    @staticmethod
-    def of(placed: Sequence[Placed], lift: float) -> Words:
-        """From (x, y, text, colour) of each, all moved up by `lift`."""
-        x, y, texts, colours = zip(*placed, strict=True)
-        return Words(np.array([x, y], dtype=float).T - [0.0, lift], texts, colours)
-
-    def send(self, recording: Stream, entity: str, origin: Array | float = 0.0) -> None:
-        """Log them, for all times, moved by `origin` (2,)."""
-        points = rr.Points2D(
-            self.positions + origin,
-            labels=list(self.texts),
-            colors=list(self.colours),
-            radii=[0.0] * len(self.texts),
-            show_labels=True,
-        )
-        recording.log(entity, points, static=True)
+def send_labels(stream: Stream, entity: str, labels: Sequence[Label], origin: Array | float = 0.0) -> None:
+    """Log labels for all times, moved by `origin` (2,)."""
+    points = rr.Points2D(
+        np.array([(label.x, label.y) for label in labels], dtype=float) + origin,
+        labels=[label.text for label in labels],
+        colors=[label.colour for label in labels],
+        radii=[0.0] * len(labels),
+        show_labels=True,
+    )
+    stream.log(entity, points, static=True)
 
 
-def send_charts(recording: Stream, entity: str, charts: Sequence[Chart], columns: int = 2) -> None:
-    """Charts in rows of `columns`, those without lines left out."""
+def send_charts(stream: Stream, entity: str, charts: Sequence[Chart], columns: int = 2) -> None:
+    """Charts in rows of `columns`; those without lines are left out."""
     drawn = [chart for chart in charts if any(len(series.x) > 1 for series in chart.series)]
     for place, chart in enumerate(drawn):
         origin = np.array([place % columns * ACROSS, place // columns * DOWN])
-        send_chart(recording, f"{entity}/{chart.key}", chart, origin, WIDE if len(drawn) == 1 else NARROW)
+        send_chart(stream, f"{entity}/{chart.key}", chart, origin, WIDE if len(drawn) == 1 else NARROW)
 
 
-def send_chart(recording: Stream, entity: str, chart: Chart, origin: Array, width: float = WIDE) -> None:
+def send_chart(stream: Stream, entity: str, chart: Chart, origin: Array, width: float = WIDE) -> None:
     """One chart with its upper left corner at `origin` (2,): entities `entity`/frame, /lines, /words."""
     lines = [(*series.path(), series.colour, series.width) for series in chart.series]
     for ribbon in chart.ribbons:
-        lines += [(ribbon.x, edge, ribbon.colour, EDGE) for edge in (ribbon.low, ribbon.high)]
-    log = chart.y.logarithmic
-    values = [_scaled(y, log) for _, y, _, _ in lines]
-    ends = None if chart.y.limits is None else _scaled(np.array(chart.y.limits), log)
-    y_low, y_high = limits(np.concatenate(values)) if ends is None else (float(ends[0]), float(ends[1]))
-    x = np.concatenate([x for x, _, _, _ in lines])
-    x_low, x_high = chart.x.limits or (float(np.nanmin(x)), float(np.nanmax(x)))
+        lines += [(ribbon.x, edge, ribbon.colour, RIBBON_EDGE) for edge in (ribbon.low, ribbon.high)]
+    xs, ys, colours, widths = zip(*lines, strict=True)
+    ys = [_scaled(y, chart.y.logarithmic) for y in ys]
+    if chart.y.limits is None:
+        y_low, y_high = _limits(np.concatenate(ys))
+    else:
+        y_low, y_high = _scaled(np.array(chart.y.limits), chart.y.logarithmic).tolist()
+    x_all = np.concatenate(xs)
+    x_low, x_high = chart.x.limits or (float(np.nanmin(x_all)), float(np.nanmax(x_all)))
     size = np.array([width, HEIGHT])
 
     def place(x: Array, y: Array) -> Array:
         share = np.stack([(x - x_low) / (x_high - x_low), 1.0 - (y - y_low) / (y_high - y_low)], axis=1)
         return origin + share * size
 
-    strips = [origin + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])]
-    if y_low < 0.0 < y_high and not log:
-        strips.append(place(np.array([x_low, x_high]), np.zeros(2)))
-    thin_lines = rr.Radius.ui_points([0.6] * len(strips))
-    recording.log(
-        f"{entity}/frame",
-        rr.LineStrips2D(strips, colors=[FRAME] * len(strips), radii=thin_lines),
-        static=True,
-    )
-    good = [np.isfinite(y) for y in values]
-    drawn = rr.LineStrips2D(
-        [place(line[0][keep], y[keep]) for line, keep, y in zip(lines, good, values, strict=True)],
-        colors=[rgb(colour) for _, _, colour, _ in lines],
-        radii=rr.Radius.ui_points([0.6 * width for _, _, _, width in lines]),
-    )
-    recording.log(f"{entity}/lines", drawn, static=True)
-    _words(chart, (x_low, x_high), (y_low, y_high), width).send(recording, f"{entity}/words", origin)
+    frame = [origin + size * np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])]
+    if y_low < 0.0 < y_high and not chart.y.logarithmic:
+        frame.append(place(np.array([x_low, x_high]), np.zeros(2)))
+    strips = [place(x[np.isfinite(y)], y[np.isfinite(y)]) for x, y in zip(xs, ys, strict=True)]
+    _send_strips(stream, f"{entity}/frame", frame, [FRAME_COLOUR] * len(frame), [1.0] * len(frame))
+    _send_strips(stream, f"{entity}/lines", strips, [rgb(colour) for colour in colours], widths)
+    labels = _labels(chart, (x_low, x_high), (y_low, y_high), width)
+    send_labels(stream, f"{entity}/words", labels, origin)
 
 
-def _words(chart: Chart, x: tuple[float, float], y: tuple[float, float], width: float) -> Words:
-    """Title above, the ends of both axes or the ticks, the name of every line beside it; from (0, 0)."""
-    ends = [10.0**value for value in y] if chart.y.logarithmic else list(y)
-    found: list[Placed] = [
-        (width / 2, -1.1 * ROW, chart.heading, WORDS),
-        (-1.7 * ROW, 0.3 * ROW, number(ends[1], 2), WORDS),
-        (-1.7 * ROW, HEIGHT, number(ends[0], 2), WORDS),
+def _send_strips(
+    stream: Stream, entity: str, strips: list[Array], colours: list[Colour], widths: Sequence[float]
+) -> None:
+    radii = rr.Radius.ui_points([THIN * width for width in widths])
+    stream.log(entity, rr.LineStrips2D(strips, colors=colours, radii=radii), static=True)
+
+
+def _labels(chart: Chart, x: tuple[float, float], y: tuple[float, float], width: float) -> list[Label]:
+    """The title, the ends of both axes or the ticks, the names of the lines beside them; from (0, 0)."""
+    low, high = (10.0**value for value in y) if chart.y.logarithmic else y
+    found = [
+        Label(width / 2, -1.1 * LABEL_ROW, chart.heading),
+        Label(-1.7 * LABEL_ROW, 0.3 * LABEL_ROW, number(high, 2)),
+        Label(-1.7 * LABEL_ROW, HEIGHT, number(low, 2)),
     ]
-    shown = chart.x.ticks or [(value, number(value, 3)) for value in x] + [(sum(x) / 2, chart.x.text)]
-    for value, text in shown:
-        found.append(((value - x[0]) / (x[1] - x[0]) * width, HEIGHT + 0.7 * ROW, text, WORDS))
+    for value, text in chart.x.ticks or [*((v, number(v, 3)) for v in x), (sum(x) / 2, chart.x.text)]:
+        found.append(Label((value - x[0]) / (x[1] - x[0]) * width, HEIGHT + 0.7 * LABEL_ROW, text))
     for place, series in enumerate(chart.series):
-        x_at, y_at = width + (0.6 + place // ROWS) * COLUMN, (0.3 + place % ROWS) * ROW
-        found.append((x_at, y_at, series.label, rgb(series.colour)))
-    return Words.of(found, 0.0)
+        column, row = divmod(place, LABEL_ROWS)
+        at = width + (0.6 + column) * LABEL_COLUMN, (0.3 + row) * LABEL_ROW
+        found.append(Label(*at, series.label, rgb(series.colour)))
+    return found
 
 
-def limits(values: Array) -> tuple[float, float]:
-    """The lowest and highest of the values with a little room; never the same."""
+def _limits(values: Array) -> tuple[float, float]:
+    """The lowest and highest of the values with a margin; never the same."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    room = 0.06 * (high - low) or max(abs(high), 1e-12) * 0.1
-    return low - room, high + room
+    margin = 0.06 * (high - low) or max(abs(high), 1e-12) * 0.1
+    return low - margin, high + margin
 
 
 def _scaled(values: Array, logarithmic: bool) -> Array:
@@ -138,18 +131,19 @@ def _scaled(values: Array, logarithmic: bool) -> Array:
 
 
 def send_map(
-    recording: Stream, entity: str, title: str, rows: Sequence[str], columns: Sequence[str], shares: Array
+    stream: Stream, entity: str, title: str, rows: Sequence[str], columns: Sequence[str], shares: Array
 ) -> None:
-    """Shares (rows, columns) of 0 … 1 as coloured cells with their numbers; NaN where there is none."""
-    wide, high = CELL
+    """Shares (rows, columns) of 0 … 1 as coloured cells with their numbers; NaN for none."""
     colours = np.array([[cividis(float(share)) for share in row] for row in shares], dtype=np.uint8)
-    picture = np.repeat(np.repeat(colours, high, axis=0), wide, axis=1)
-    picture[high - 1 :: high] = picture[:, wide - 1 :: wide] = 0
-    recording.log(f"{entity}/cells", rr.Image(picture), static=True)
-    texts = [[f"{100 * share:.0f} %" if np.isfinite(share) else "–" for share in row] for row in shares]
-    across, down = (np.arange(len(columns)) + 0.5) * wide, (np.arange(len(rows)) + 0.5) * high
-    words = [(x, y, texts[i][j], WHITE) for i, y in enumerate(down) for j, x in enumerate(across)]
-    words += [(x, -0.5 * high, name, WORDS) for x, name in zip(across, columns, strict=True)]
-    words += [(-0.6 * wide, y, name, WORDS) for y, name in zip(down, rows, strict=True)]
-    words.append((picture.shape[1] / 2, -1.5 * high, title, WORDS))
-    Words.of(words, LIFT * high).send(recording, f"{entity}/words")
+    picture = np.repeat(np.repeat(colours, CELL_HEIGHT, axis=0), CELL_WIDTH, axis=1)
+    picture[CELL_HEIGHT - 1 :: CELL_HEIGHT] = picture[:, CELL_WIDTH - 1 :: CELL_WIDTH] = 0
+    stream.log(f"{entity}/cells", rr.Image(picture), static=True)
+    across = [(j + 0.5) * CELL_WIDTH for j in range(len(columns))]
+    down = [(i + 0.5 - LIFT) * CELL_HEIGHT for i in range(len(rows))]
+    labels = [Label(x, -(0.5 + LIFT) * CELL_HEIGHT, name) for x, name in zip(across, columns, strict=True)]
+    labels += [Label(-0.6 * CELL_WIDTH, y, name) for y, name in zip(down, rows, strict=True)]
+    labels.append(Label(picture.shape[1] / 2, -(1.5 + LIFT) * CELL_HEIGHT, title))
+    for (i, j), share in np.ndenumerate(shares):
+        text = f"{100 * share:.0f} %" if np.isfinite(share) else "–"
+        labels.append(Label(across[j], down[i], text, CELL_LABEL_COLOUR))
+    send_labels(stream, f"{entity}/words", labels)

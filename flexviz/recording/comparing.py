@@ -68,8 +68,7 @@ class RecordingComparison:
     Attributes:
         a, b: the recordings.
         rows: every parameter that at least one of them has.
-        rms, rms_validation: root mean square over the joints [Nm] in A and B; NaN if there is none.
-        only: effects that only A has, and that only B has.
+        rms: root mean square over the joints [Nm] in A and B; NaN if there is none.
         facts: title -> texts for A and for B: set, model, effects, observer, errors, verdict.
     """
 
@@ -77,8 +76,6 @@ class RecordingComparison:
     b: Recording
     rows: tuple[ParameterDifference, ...]
     rms: tuple[float, float]
-    rms_validation: tuple[float, float]
-    only: tuple[tuple[str, ...], tuple[str, ...]]
     facts: dict[str, tuple[str, str]]
 
     @property
@@ -99,8 +96,6 @@ def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
     )
     errors = [result.get("residual", {}) for result in results]
     rms, rms_validation = (_both(_total(e.get(name)) for e in errors) for name in ("rms", "rms_validation"))
-    effects = [set(result.get("effects", ())) for result in results]
-    only = _both(tuple(sorted(effects[side] - effects[1 - side])) for side in (0, 1))
     facts = {
         "set": (a.set_name, b.set_name),
         "model": _both(result.get("label") or "–" for result in results),
@@ -111,7 +106,7 @@ def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
         "rms validation [Nm]": _both(number(value, 4) for value in rms_validation),
         "verdict": _both(r.diagnoses[-1]["verdict"] if r.diagnoses else "–" for r in (a, b)),
     }
-    return RecordingComparison(a, b, rows, rms, rms_validation, only, facts)
+    return RecordingComparison(a, b, rows, rms, facts)
 
 
 def comparison_text(found: RecordingComparison) -> str:

@@ -38,11 +38,12 @@ Check = Callable[[str, float], None]  # called with the next part and the share 
 
 @dataclass(eq=False)
 class Solve:
-    """One result, running or done; `label` describes its model."""
+    """One result, running or done; `label` describes its model, `begun` is a monotonic time [s]."""
 
     number: int
     label: str
     optimiser: Optimiser
+    begun: float
     result: Identification | None = None
     mapped: bool = False
 
@@ -129,18 +130,17 @@ class Recorder:
     def start(self, label: str = "") -> Solve:
         """Begin a solve: iterations and result that follow belong to it."""
         number = len(self.solves) + 1
-        solve = Solve(number, label, Optimiser(self.stream, number))
+        solve = Solve(number, label, Optimiser(self.stream, number), time.monotonic())
         self.solves.append(solve)
         self.note(f"result {number}{f' ({label})' if label else ''}: started")
         self.arrange()
         return solve
 
-    def iteration(self, iteration: Iteration, seconds: float) -> None:
-        """One iteration of the newest solve, `seconds` [s] after it began."""
-        if (
-            self._newest().optimiser.add(iteration, seconds)
-            and time.monotonic() - self._flushed > FLUSH_INTERVAL
-        ):
+    def iteration(self, iteration: Iteration, seconds: float | None = None) -> None:
+        """One iteration of the newest solve, `seconds` [s] after it began; None: now."""
+        solve = self._newest()
+        since = time.monotonic() - solve.begun if seconds is None else seconds
+        if solve.optimiser.add(iteration, since) and time.monotonic() - self._flushed > FLUSH_INTERVAL:
             self.stream.flush()
             self._flushed = time.monotonic()
 

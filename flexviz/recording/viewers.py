@@ -48,7 +48,7 @@ def rerun_program() -> Path:
 
     program = Path(rerun_cli.__file__).parent / "rerun"
     if not program.is_file():
-        raise FlexvizError(f"Rerun's viewer is not where it belongs ({program}): install rerun-sdk anew")
+        raise FlexvizError(f"Rerun's viewer is missing ({program}): reinstall rerun-sdk")
     return program
 
 

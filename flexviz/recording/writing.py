@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +22,6 @@ from flexviz.recording.stream import Stream
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
     from flexviz.identification import Identification
-    from flexviz.progress import Iteration
     from flexviz.session import Session
 
 
@@ -52,7 +50,6 @@ class RecordingFile:
         self._target = Target(Path(out))
         self._stream = Stream(measurements.name, self._target)
         self.recorder = Recorder(measurements, self._stream, samples, both)
-        self._started = 0.0
 
     def __enter__(self) -> Self:
         return self
@@ -88,15 +85,6 @@ class RecordingFile:
     def part(self, first: float, last: float) -> Check:
         """`step` for the part of the work from the share `first` to `last`."""
         return lambda what, share: self.step(what, first + (last - first) * share)
-
-    def started(self, label: str = "") -> None:
-        """A solve begins."""
-        self._started = time.monotonic()
-        self.recorder.start(label)
-
-    def iteration(self, iteration: Iteration) -> None:
-        """One iteration of it."""
-        self.recorder.iteration(iteration, time.monotonic() - self._started)
 
     def simulate(self, result: Identification, check: Check) -> None:
         """The newest result's model, simulated in every group."""
