@@ -20,18 +20,18 @@ LONGEST_FUNCTION = 60  # [lines]
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
-    ("errors", "files", "resources", "progress", "statistics", "jobs", "schemas", "toml"),
+    ("errors", "files", "resources", "progress", "statistics", "jobs", "schemas", "toml", "charts"),
     ("_pinocchio", "_scipy", "robot", "robot_files", "robot_settings", "model"),
     ("effects",),
-    ("measurements", "noise"),
+    ("wording",),
+    ("measurements", "noise", "results"),
     ("observers",),
     ("equation",),
     ("estimation",),
     ("identification",),
     ("diagnosis",),
-    ("results",),
     ("simulation", "session", "importing"),
-    ("charts", "wording", "scene"),
+    ("scene",),
     ("view",),
     ("report",),
     ("app", "recording", "exporting"),
