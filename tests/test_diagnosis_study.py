@@ -15,7 +15,7 @@ from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.__main__ import main
 from benchmarks.diagnosis_study.cases import TWINS, Case, cases, selected
 from benchmarks.diagnosis_study.judging import Judged, Stated, judge, same
-from benchmarks.diagnosis_study.laws import OWN
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.making import case_folder, make, plan_of, truth_file
 from benchmarks.diagnosis_study.oracle import true_model, with_hidden
 from benchmarks.diagnosis_study.running import final_model
@@ -93,7 +93,7 @@ def test_cases_are_many_and_different() -> None:
     assert sum(count["clean", planar] for planar in (True, False)) >= 150
     assert sum(count["unknown", planar] for planar in (True, False)) >= 64
     assert {case.effects[0] for case in every if case.kind == "single"} == set(LAWS) == set(SIZES)
-    assert {case.own for case in every if case.own} == set(OWN) and len(OWN) >= 5
+    assert {case.extra_law for case in every if case.extra_law} == set(EXTRA_LAWS) and len(EXTRA_LAWS) >= 5
     assert {case.noise for case in every if case.effects == ("backlash",)} == {0.5, 1.0, 3.0}
 
 
@@ -131,11 +131,11 @@ def test_plans_are_of_the_kind_that_was_said() -> None:
             assert all(p.lower <= effect.parameters[p.name] <= p.upper for p in specs)
 
 
-@pytest.mark.parametrize("name", list(OWN))
-def test_own_laws(name: str) -> None:
+@pytest.mark.parametrize("name", list(EXTRA_LAWS))
+def test_extra_laws(name: str) -> None:
     """They pull back, and are smooth where they depend on velocity."""
     plan, size = plan_of(Case("x", "clean", "2r", (), "", (), 1.0, 4))
-    law = OWN[name](plan, 0, size, np.random.default_rng(0))
+    law = EXTRA_LAWS[name](plan, 0, size, np.random.default_rng(0))
 
     def pull(speed: float) -> np.ndarray:
         state = JointState(2.0, 0.31, speed, 0.30, speed, 4.0, (0.01,) * law.states)

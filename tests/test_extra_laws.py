@@ -1,4 +1,4 @@
-"""Laws of one's own in the simulator: the same as the library's where they say the same."""
+"""Extra laws in the simulator: a law that repeats one of the library's gives the same motion."""
 
 from __future__ import annotations
 

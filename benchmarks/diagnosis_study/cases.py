@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.diagnosis_study.laws import OWN
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.robots import ROBOTS
 from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.effects import EFFECTS
@@ -50,7 +50,7 @@ class Case:
     Attributes:
         kind: "single", "limit" (size around the detection limit), "pair", "clean" or "unknown".
         effects: the library's effects that are hidden.
-        own: the hidden law that the library does not have; "" for none.
+        extra_law: the hidden law that the library does not have; "" for none.
         base: effects that the set's model knows of.
         noise: scale of the sensors' noise.
         seed: of the study.
@@ -60,7 +60,7 @@ class Case:
     kind: str
     robot: str
     effects: tuple[str, ...]
-    own: str
+    extra_law: str
     base: tuple[str, ...]
     noise: float
     seed: int
@@ -100,7 +100,7 @@ def _case(kind: str, robot: str, k: int, seed: int) -> Case:
     assert robot in ROBOTS
     rng = generator(seed, f"{kind} {robot} {k}")
     effects: tuple[str, ...] = ()
-    own, base = "", ()
+    extra_law, base = "", ()
     names = list(SIZES)
     shift = 0 if robot != "ur5" else len(names) // 2  # so that few cases on two arms show every effect
     noise = NOISES[k % len(NOISES)]  # every effect meets each of them
@@ -112,10 +112,10 @@ def _case(kind: str, robot: str, k: int, seed: int) -> Case:
     elif kind == "clean":
         base = CLEAN_BASES[k % len(CLEAN_BASES)]
     else:
-        own = list(OWN)[(k + shift) % len(OWN)]
+        extra_law = list(EXTRA_LAWS)[(k + shift) % len(EXTRA_LAWS)]
         base = (USUAL,) if rng.random() < 0.3 else ()
-    label = "+".join(effects) or own or "+".join(base) or "plain"
-    return Case(f"{kind}-{robot}-{k:03d}-{label}", kind, robot, effects, own, base, noise, seed)
+    label = "+".join(effects) or extra_law or "+".join(base) or "plain"
+    return Case(f"{kind}-{robot}-{k:03d}-{label}", kind, robot, effects, extra_law, base, noise, seed)
 
 
 def _base(effects: tuple[str, ...], rng: np.random.Generator) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def parts(outcomes: Sequence[Outcome]) -> list[str | Table]:
         "✗: on a wrong joint or payload.",
         tables.confusion(outcomes),
         "## Not in the library",
-        tables.own_laws(outcomes),
+        tables.extra_laws(outcomes),
         "## Smallest size found",
         "The smallest size from which on nine in ten are named right, decidable or not, among the number "
         "of cases in brackets; then the same relative to the joint's rms torque, or to a natural size (what "

@@ -178,7 +178,7 @@ def _uneven(plan: Plan, i: int, size: MotionScale, rng: np.random.Generator) -> 
     )
 
 
-OWN: dict[str, Maker] = {
+EXTRA_LAWS: dict[str, Maker] = {
     "friction_bump": _friction_bump,
     "one_way_patch": _one_way_patch,
     "sawtooth_cogging": _sawtooth,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.diagnosis_study.cases import Case
-from benchmarks.diagnosis_study.laws import OWN
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.robots import CYCLE, random_plan
 from benchmarks.diagnosis_study.sizes import SIZES, draw, natural
 from flexviz.effects import EFFECTS
@@ -51,7 +51,7 @@ def make(work: Path, case: Case) -> None:
 
 
 def make_twin(case: Case, folder: Path) -> None:
-    """Write the case as it would be without its own law: same motion, same noise."""
+    """Write the case as it would be without its extra law: same motion, same noise."""
     plan, _ = plan_of(case)
     plan = replace(plan, laws=())
     seed = int(case.rng("noise").integers(2**31))
@@ -73,9 +73,9 @@ def plan_of(case: Case) -> tuple[Plan, MotionScale]:
     known = [e for e in plan.model.effects if (e.effect, e.joint) not in replaced]
     plan = replace(plan, model=replace(plan.model, effects=(*known, *hidden)))
     size = motion_scale(plan)
-    if case.own:
+    if case.extra_law:
         i = plan.robot.joints.index(joints[0])
-        plan = replace(plan, laws=((joints[0], OWN[case.own](plan, i, size, rng)),))
+        plan = replace(plan, laws=((joints[0], EXTRA_LAWS[case.extra_law](plan, i, size, rng)),))
     return plan, size
 
 
@@ -107,7 +107,7 @@ def _truth(case: Case, plan: Plan, size: MotionScale, runs: dict[str, Run]) -> d
     tau = np.concatenate([run.tau for run in runs.values()])
     hidden = [_hidden(e, plan, size) for e in model.effects[known:]]
     for joint, law in plan.laws:
-        entry = {"effect": "unknown", "joint": joint, "parameters": asdict(law), "kind": case.own}  # type: ignore[call-overload]
+        entry = {"effect": "unknown", "joint": joint, "parameters": asdict(law), "kind": case.extra_law}  # type: ignore[call-overload]
         hidden.append(entry | {"payload": None, "group": None})
     return {
         "case": case.name,

@@ -112,7 +112,7 @@ def _arm(kind: str, rng: np.random.Generator) -> tuple[Robot, str, dict[str, str
 
 
 def _groups(kind: str, robot: Robot, duration: float, rng: np.random.Generator) -> tuple[PlannedGroup, ...]:
-    """Each fit group has a motion and a payload of its own; the held-out one pairs them anew."""
+    """Each fit group has its own motion and payload; the held-out one combines them differently."""
     count = 2 if rng.random() < THREE else 3
     pairs = [(k, k) for k in range(1, count + 1)] + [(1, count)]
     reach = (0.7, 1.3) if kind == "2r" else (0.35, 0.75)
@@ -149,7 +149,7 @@ def _payloads(kind: str, rng: np.random.Generator) -> dict[str, tuple[PayloadBod
 
 
 def _with_base(plan: Plan, base: tuple[str, ...], rng: np.random.Generator) -> Plan:
-    """Effects that the set's model has from the start, on every joint, with sizes of their own."""
+    """Effects that the set's model has from the start, on every joint, each with its own size."""
     size = motion_scale(plan)
     values = []
     for i, joint in enumerate(plan.robot.joints):

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from benchmarks.diagnosis_study import statistics as st
 from benchmarks.diagnosis_study.cases import NOISES
 from benchmarks.diagnosis_study.judging import DECIDABLE, NOTHING, UNKNOWN, Json, Judged
-from benchmarks.diagnosis_study.laws import OWN
+from benchmarks.diagnosis_study.laws import EXTRA_LAWS
 from benchmarks.diagnosis_study.sizes import SIZES
 from flexviz.effects import EFFECTS
+from flexviz.statistics import NORMAL_95
 
 Table = list[list[str]]
 Outcome = tuple[Judged, Json]  # a case and its truth
 
 GAINS = ((300.0, 3e3), (3e3, 1e5), (1e5, 1e7), (1e7, float("inf")))
-INTERVAL = 1.96  # standard errors
 CODES = {
     "coulomb_friction": "Cou", "stribeck_friction": "Str", "quadratic_friction": "Qua",
     "load_dependent_friction": "Loa", "presliding_hysteresis": "Pre", "friction_drift": "Dri",
@@ -91,10 +91,10 @@ def confusion(outcomes: Sequence[Outcome]) -> Table:
     return rows
 
 
-def own_laws(outcomes: Sequence[Outcome]) -> Table:
+def extra_laws(outcomes: Sequence[Outcome]) -> Table:
     """What is not in the library, kind by kind."""
     rows = [["law", "cases", "decidable", "called unknown", "with the right joint", "first named instead"]]
-    for name in OWN:
+    for name in EXTRA_LAWS:
         chosen = [c for c, _ in outcomes if c.kind == "unknown" and c.truth[0]["kind"] == name]
         if not chosen:
             continue
@@ -160,7 +160,7 @@ def errors(outcomes: Sequence[Outcome]) -> Table:
         found = [c.parameter_errors[name] for c in chosen if name in c.parameter_errors]
         best = [c.knowing_errors[name] for c in chosen if name in c.knowing_errors]
         cells = [percent(st.quantile(v, q)) for v in (found, best) for q in (0.5, 0.9)]
-        inside = [c.deviations[name] < INTERVAL for c in chosen if name in c.deviations]
+        inside = [c.deviations[name] < NORMAL_95 for c in chosen if name in c.deviations]
         rows.append([name, str(len(found)), *cells, st.Share(sum(inside), len(inside)).text])
     return rows
 
@@ -180,7 +180,7 @@ def motor_side(outcomes: Sequence[Outcome]) -> Table:
             for name in ("stiffness", "motor_inertia"):
                 found = [e for e in at if e.name == name]
                 row += [percent(st.quantile([e.error for e in found], q)) for q in (0.5, 0.9)]
-                row.append(st.Share(sum(e.deviation < INTERVAL for e in found), len(found)).text)
+                row.append(st.Share(sum(e.deviation < NORMAL_95 for e in found), len(found)).text)
             rows.append(row)
     return rows
 
