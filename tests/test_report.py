@@ -180,7 +180,7 @@ def test_a_session_that_begins_says_so(both: Both) -> None:
     for kind in ("html", "md", "json"):
         session_report(Session.of(measurements), measurements, kind)
     page = Tags(session_report(Session.of(measurements), measurements))
-    assert "has not been looked at yet" in page.text and "Parameters" not in page.headings
+    assert "Not diagnosed yet" in page.text and "Parameters" not in page.headings
     assert "To reproduce" in page.headings
 
 

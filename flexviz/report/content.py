@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisRound:
-    """One look at what is missing.
+    """One search for what is missing.
 
     Attributes:
-        model: the model that was looked at, with its errors.
-        diagnosis: what was found; None where it is not kept any more.
-        added: the effects that were added to come here, as text.
+        model: the model that was diagnosed, with its errors.
+        diagnosis: its result; None if it is no longer kept.
+        added: texts of the effects that were added to get here.
     """
 
     model: ModelStep
@@ -37,17 +37,17 @@ class DiagnosisRound:
 
 @dataclass(frozen=True, eq=False)
 class ReportContent:
-    """Everything a report tells about.
+    """Everything a report is about.
 
     Attributes:
         measurements: the set.
         session: its history, notes and recordings.
         folder: where the session is saved; None for one that is not.
         fingerprint: of the set as it is now.
-        rounds: the looks that led to the present model, the first model first; empty before any.
-        diagnosis: of the present model; None before any.
-        identification: of the present model; None where there is none or it is out of date.
-        changed: files of the set that are not what the results were computed from.
+        rounds: the searches that led to the present model, in order.
+        diagnosis: of the present model, if any.
+        identification: of the present model; None if there is none or it is out of date.
+        changed: files of the set that have changed since the results were computed.
     """
 
     measurements: MeasurementSet
@@ -76,7 +76,7 @@ class ReportContent:
 
     @property
     def added(self) -> tuple[tuple[str, Finding | None], ...]:
-        """Each added effect, as text and as it was found; None where it was added by hand."""
+        """Text and finding of each added effect; None for one added by hand."""
         out: list[tuple[str, Finding | None]] = []
         for before, after in zip(self.rounds, self.rounds[1:], strict=False):
             found = before.diagnosis.findings if before.diagnosis else ()
@@ -101,7 +101,7 @@ def gather(
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
 ) -> ReportContent:
-    """Put together what a session holds."""
+    """Gather what a session holds."""
     analysis = session.analysis
     current = analysis.diagnosis_up_to_date or (bool(changed) and analysis.diagnosis is not None)
     fitted = analysis.up_to_date or bool(changed)
@@ -118,15 +118,15 @@ def gather(
 
 
 def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
-    """The model_steps that lead to the present model, each with the diagnosis it came from."""
+    """The models that led to the present one, each with its diagnosis."""
     known = [step.analysis.diagnosis for step in session.steps if step.analysis.diagnosis is not None]
     rounds: list[DiagnosisRound] = []
     before: set[str] = set()
-    for stair in analysis.model_steps:
-        source = next((d for d in known if d.steps and d.steps[0] is stair.step), None)
-        added = tuple(text for text in stair.effects if text not in before)
-        rounds.append(DiagnosisRound(stair, source, added if rounds else ()))
-        before |= set(stair.effects)
+    for step in analysis.model_steps:
+        source = next((d for d in known if d.steps and d.steps[0] is step.step), None)
+        added = tuple(text for text in step.effects if text not in before)
+        rounds.append(DiagnosisRound(step, source, added if rounds else ()))
+        before |= set(step.effects)
     return tuple(rounds)
 
 
@@ -160,7 +160,7 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
 
 
 def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
-    """The set as a diagnosis of this state wants it: its groups' use, and all of the model's effects."""
+    """The set with this state's roles and all effects of its model."""
     chosen = with_roles(measurements, dict(analysis.roles))
     return replace(chosen, effects=(*chosen.effects, *analysis.effects))
 
@@ -168,7 +168,7 @@ def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementS
 def guarded(
     measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
 ) -> BandwidthCheck:
-    """What moves with the observer's bandwidth, for the model that the diagnosis ended with."""
+    """What moves with the observer's bandwidth, for the final model of a diagnosis."""
     from flexviz.diagnosis import check_bandwidth
     from flexviz.equation import layout_of
 

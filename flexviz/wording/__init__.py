@@ -11,7 +11,6 @@ from flexviz.wording.effects import (
 )
 from flexviz.wording.findings import (
     ALONG,
-    BEGINNINGS,
     absorbed_text,
     effect_text_name,
     effect_title,
@@ -37,7 +36,6 @@ from flexviz.wording.numbers import (
 
 __all__ = [
     "ALONG",
-    "BEGINNINGS",
     "INERTIAL",
     "MARKS",
     "SCOPES",

@@ -7,9 +7,14 @@ from typing import Protocol
 
 from flexviz.effects import EFFECTS
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.numbers import number, plain_name, unit_text, with_error
+from flexviz.wording.numbers import listed, number, plain_name, unit_text, with_error
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
+WITH_ADDED = {
+    "missing": "this is still missing",
+    "nothing-missing": "nothing is missing",
+    "unknown": "not all is explained",
+}
 ALONG = {
     "position": "the position",
     "velocity": "the velocity",
@@ -136,8 +141,16 @@ def share_text(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def verdict_text(diagnosis: VerdictLike) -> str:
-    """One sentence; begins with "Nothing is missing:", "Missing:" or "Unknown:"."""
+def verdict_text(diagnosis: VerdictLike, added: Sequence[str] = ()) -> str:
+    """The verdict; begins with "Nothing is missing:", "Missing:" or "Unknown:".
+
+    With `added`, names of effects that the diagnosis has found and added, it begins with these.
+    """
+    if added:
+        beginning, _, rest = verdict_text(diagnosis).partition(":")
+        now = WITH_ADDED.get(diagnosis.verdict or "", beginning.lower())
+        them = "it" if len(added) == 1 else "them"
+        return f"{BEGINNINGS['missing']} {listed(added)} (added here). With {them} {now}:{rest}"
     beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
     if diagnosis.verdict == "missing" and diagnosis.findings:
         best = diagnosis.findings[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Sequence
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -43,6 +44,11 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 def escape(text: object) -> str:
     """Untrusted text, safe inside HTML."""
     return html.escape(str(text), quote=True)
+
+
+def listed(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def plural(count: int, what: str) -> str:

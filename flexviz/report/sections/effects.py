@@ -18,11 +18,11 @@ from flexviz.wording import (
 
 NAMED_PARAMETERS = 3  # parameters named at most
 MOVED = 3.0  # standard errors by which a parameter must have moved to be named
-CONSIDERED = 6  # candidates listed a round
+MAX_CANDIDATES = 6  # listed per round
 
 
 def effects(content: ReportContent) -> Section | None:
-    """A part for each effect that was added or is proposed, and the ranking; None before any diagnosis."""
+    """A part for each effect added or proposed, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     parts = [_added(name, finding) for name, finding in content.added]
@@ -81,7 +81,7 @@ def _ranking(content: ReportContent) -> ReportTable | None:
     rows: list[list[str | Cell]] = []
     for index, one in enumerate(content.rounds):
         found = one.diagnosis.findings if one.diagnosis is not None else ()
-        for rank, finding in enumerate(found[:CONSIDERED], 1):
+        for rank, finding in enumerate(found[:MAX_CANDIDATES], 1):
             added = finding.text in chosen and rank == 1
             rows.append(
                 [

@@ -9,17 +9,17 @@ from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, 
 from flexviz.report.content import ReportContent
 from flexviz.wording import number, plain_name, unit_text
 
-MOST = 40  # parameters listed
+MAX_PARAMETERS = 40  # listed
 
 
 def guard(content: ReportContent) -> Section | None:
-    """Tables of joints and parameters; how to look where nobody has; None before any diagnosis."""
+    """Tables of joints and parameters, or how to get them; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     name = "What moves with the observer's bandwidth"
     found = content.diagnosis.guard
     if found is None:
-        why = "Not looked at: the option --guard of flexviz diagnose and of flexviz report does that."
+        why = "Not examined: use the option --guard of flexviz diagnose or flexviz report."
         return Section(name, (Paragraph(why, quiet=True),))
     low, high = (number(float(value), 3) for value in (found.bandwidths[0], found.bandwidths[-1]))
     blocks: list[Block] = [
@@ -30,8 +30,7 @@ def guard(content: ReportContent) -> Section | None:
             quiet=True,
         )
     ]
-    texts = found.texts()
-    if not texts:
+    if not found.texts():
         blocks.append(Paragraph("Nothing moves: residuals and parameters stay within their uncertainty."))
     blocks.append(_joints(found))
     if found.parameters:
@@ -61,13 +60,11 @@ def _joints(found: BandwidthCheck) -> ReportTable:
 def _parameters(found: BandwidthCheck) -> ReportTable:
     order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
     rows = []
-    for p in order[:MOST]:
+    for p in order[:MAX_PARAMETERS]:
         place = ", ".join(part for part in (p.joint, p.place) if part) or "–"
         rows.append(
             [
-                p.name
-                if p.joint is None and ":" in p.name
-                else plain_name(p.name),  # combinations as they are
+                p.name if p.joint is None and ":" in p.name else plain_name(p.name),  # or a combination
                 place,
                 number(float(p.values[found.in_use])),
                 *_span(p),
@@ -77,7 +74,7 @@ def _parameters(found: BandwidthCheck) -> ReportTable:
             ]
         )
     head = ("parameter", "joint", "in use", "least", "largest", "unit", "moves by (std. errors)", "verdict")
-    more = len(order) - MOST
+    more = len(order) - MAX_PARAMETERS
     caption = "Parameters fitted at each bandwidth" + (f"; {more} more that hold" if more > 0 else "")
     return table(head, rows, (2, 3, 4, 6), caption, dense=True)
 

@@ -11,8 +11,7 @@ from flexviz.report.content import ReportContent
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
 
-WORDS = {"yes": "yes", "weak": "weak", "no": "no"}
-TIES = 3  # named at most
+MAX_TIES = 3
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
@@ -54,17 +53,18 @@ def place_of(p: ParameterEstimate) -> str:
     return ", ".join(part for part in (p.joint, p.payload, p.group) if part) or "all joints"
 
 
-def grade(p: ParameterEstimate | Combination) -> Cell:
+def grade(p: ParameterEstimate | Combination) -> str:
     """Mark and word."""
-    return Cell(f"{MARKS.get(p.identifiable, '')} {WORDS.get(p.identifiable, p.identifiable)}")
+    return f"{MARKS.get(p.identifiable, '')} {p.identifiable}"
 
 
 def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
     rows = []
-    for p in sorted(found, key=lambda p: _first(found, p)):
+    places = list(dict.fromkeys(place_of(p) for p in found))
+    for p in sorted(found, key=lambda p: places.index(place_of(p))):
         value, half = interval(p.value, p.std)
-        ties = ", ".join(map(tied, p.tied_to[:TIES])) + (" …" if len(p.tied_to) > TIES else "")
-        mark = Cell(grade(p).text + (", at its bound" if p.at_bound else ""))
+        ties = ", ".join(map(tied, p.tied_to[:MAX_TIES])) + (" …" if len(p.tied_to) > MAX_TIES else "")
+        mark = grade(p) + (", at its bound" if p.at_bound else "")
         rows.append(
             [place_of(p), plain_name(p.name), Cell(value, strong=True), half, unit_text(p.unit), mark, ties]
         )
@@ -78,11 +78,6 @@ def tied(name: str) -> str:
     """ "izz:joint1" in words."""
     parameter, _, joint = name.partition(":")
     return plain_name(parameter) + (f" of {joint}" if joint else "")
-
-
-def _first(found: Sequence[ParameterEstimate], p: ParameterEstimate) -> int:
-    places = list(dict.fromkeys(place_of(other) for other in found))
-    return places.index(place_of(p))
 
 
 def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> list[Block]:

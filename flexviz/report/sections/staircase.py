@@ -14,11 +14,11 @@ from flexviz.report.sections.summary import fall
 from flexviz.view import staircase_chart, total_rms
 from flexviz.wording import effect_text_name, number
 
-MOST_COLUMNS = 7  # steps of a table's width
+MAX_MODELS = 7  # columns of a table
 
 
 def staircase(content: ReportContent) -> Section | None:
-    """The chart and its numbers; None before any diagnosis."""
+    """The chart and its numbers; None without a diagnosis."""
     steps = content.steps
     if not steps:
         return None
@@ -42,7 +42,7 @@ def staircase(content: ReportContent) -> Section | None:
 
 
 def name_of(content: ReportContent, index: int) -> str:
-    """What a model adds to the one before it."""
+    """The effects that a model adds to the one before it."""
     return ", ".join(effect_text_name(name) for name in content.rounds[index].added) or "nothing"
 
 
@@ -97,6 +97,6 @@ def _joints(content: ReportContent, steps: tuple[Step, ...]) -> ReportTable:
 
 def columns(count: int) -> list[int]:
     """Which models a table has room for: the first and the last ones."""
-    if count <= MOST_COLUMNS:
+    if count <= MAX_MODELS:
         return list(range(count))
-    return [0, *range(count - MOST_COLUMNS + 1, count)]
+    return [0, *range(count - MAX_MODELS + 1, count)]

@@ -8,13 +8,8 @@ from flexviz.diagnosis import Step
 from flexviz.report.blocks import Block, Callout, Paragraph, Section, Tile, Tiles, Tone
 from flexviz.report.content import ReportContent
 from flexviz.view import total_rms
-from flexviz.wording import BEGINNINGS, effect_text_name, number, plural, verdict_text
+from flexviz.wording import INERTIAL, effect_text_name, number, plural, verdict_text
 
-NOW = {
-    "missing": "this is still missing",
-    "nothing-missing": "nothing is missing",
-    "unknown": "not all is explained",
-}
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
 
@@ -25,28 +20,23 @@ def summary(content: ReportContent) -> Section:
     if diagnosis is not None:
         blocks.append(Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown")))
     else:
-        blocks.append(Callout("What the model lacks has not been looked at yet.", "unknown"))
+        blocks.append(Callout("Not diagnosed yet: what the model lacks is unknown.", "unknown"))
     blocks += [Callout(warning, "warn") for warning in warnings(content)]
     tiles = numbers(content)
     if tiles:
         blocks.append(Tiles(tuple(tiles)))
-    if diagnosis is not None and diagnosis.notes:
+    if diagnosis is not None:
         blocks += [Paragraph(_sentence(note.text, content.joints), quiet=True) for note in diagnosis.notes]
     return Section("Summary", tuple(blocks))
 
 
 def sentence(content: ReportContent) -> str:
     """The verdict: what was missing and was added, and what the model with it lacks."""
-    diagnosis = content.diagnosis
-    if diagnosis is None:
+    if content.diagnosis is None:
         return "Not diagnosed."
     names = [effect_text_name(name) for name, _ in content.added]
-    if not names:
-        return verdict_text(diagnosis)
-    start, _, rest = verdict_text(diagnosis).partition(":")
-    added = f"{BEGINNINGS['missing']} {listed(names)} (added here)."
-    now = f"With {'it' if len(names) == 1 else 'them'} {NOW.get(diagnosis.verdict, start.lower())}:{rest}"
-    return f"{added} {now} {fall(content.steps)}".strip()
+    words = verdict_text(content.diagnosis, names)
+    return f"{words} {fall(content.steps)}".strip() if names else words
 
 
 def fall(steps: tuple[Step, ...]) -> str:
@@ -69,38 +59,31 @@ def numbers(content: ReportContent) -> list[Tile]:
     tiles: list[Tile] = []
     steps = content.steps
     if steps:
-        present = steps[-1]
-        held_out = present.rms_validation is not None
-        first, last = number(error_of(steps[0]), 3), number(error_of(present), 3)
-        value = f"{first} → {last} Nm" if len(steps) > 1 else f"{last} Nm"
-        note = "rms torque, all joints; groups that were not fitted" if held_out else "rms torque, all joints"
-        tiles.append(Tile("Error", value, note))
-        if present.noise_floor:
-            floor = total_rms(np.asarray(present.noise_floor))
-            tiles.append(Tile("Noise floor", f"{number(floor, 3)} Nm", "what measurement noise alone leaves"))
+        held_out = steps[-1].rms_validation is not None
+        shown = [number(error_of(step), 3) for step in (steps[0], steps[-1])[-len(steps) :]]
+        note = "rms torque, all joints" + ("; groups that were not fitted" if held_out else "")
+        tiles.append(Tile("Error", f"{' → '.join(shown)} Nm", note))
+        if steps[-1].noise_floor:
+            floor = number(total_rms(np.asarray(steps[-1].noise_floor)), 3)
+            tiles.append(Tile("Noise floor", f"{floor} Nm", "what measurement noise alone leaves"))
     elif content.identification is not None:
         found = content.identification.residual
         values = found.rms if found.rms_validation is None else found.rms_validation
         note = "fitted groups" if found.rms_validation is None else "groups that were not fitted"
         tiles.append(Tile("Error", f"{number(total_rms(np.asarray(values)), 3)} Nm", f"rms torque; {note}"))
     own = len(content.measurements.effects)
-    effects = len(content.analysis.effects)
-    tiles.append(
-        Tile("Effects added", str(effects), f"beside {plural(own, 'effect')} of the set" if own else "")
-    )
-    main = [p for p in content.parameters if p.name not in _inertial()]
+    beside = f"beside {plural(own, 'effect')} of the set" if own else ""
+    tiles.append(Tile("Effects added", str(len(content.analysis.effects)), beside))
+    main = [p for p in content.parameters if p.name not in INERTIAL]
     if main:
         good = sum(p.identifiable == "yes" for p in main)
-        tiles.append(
-            Tile(
-                "Identifiable", f"{good} of {len(main)}", "parameters of joints and effects, without inertias"
-            )
-        )
+        what = "parameters of joints and effects, without inertias"
+        tiles.append(Tile("Identifiable", f"{good} of {len(main)}", what))
     return tiles
 
 
 def warnings(content: ReportContent) -> list[str]:
-    """What a reader must know before believing anything."""
+    """What qualifies everything that follows."""
     out = []
     analysis = content.analysis
     if content.changed:
@@ -113,7 +96,7 @@ def warnings(content: ReportContent) -> list[str]:
     if analysis.identification is not None and content.identification is None:
         out.append("The settings have changed since the last identification, which is not shown.")
     if content.diagnosis is not None and content.diagnosis.stopped:
-        out.append("The diagnosis was stopped before its end: this is what had been found.")
+        out.append("The diagnosis was stopped before its end: these are the findings so far.")
     found = content.identification
     if found is not None and not found.converged:
         out.append(f"The identification did not converge: {found.message}")
@@ -123,19 +106,8 @@ def warnings(content: ReportContent) -> list[str]:
     return out
 
 
-def listed(names: list[str]) -> str:
-    """ "a, b and c"."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
 def _sentence(note: str, names: tuple[str, ...] = ()) -> str:
     """A note as a sentence; names keep their first letter."""
     note = note.strip()
     begins = note if note.startswith(names or "\0") else note[:1].upper() + note[1:]
     return begins + ("" if note.endswith((".", "!", "?")) else ".")
-
-
-def _inertial() -> tuple[str, ...]:
-    from flexviz.wording import INERTIAL
-
-    return INERTIAL
