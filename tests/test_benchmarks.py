@@ -21,5 +21,5 @@ def test_speed_prints_ratios(capsys):
 def test_import_faults_prints_counts(capsys):
     import_faults.main([str(sessions_dir() / "planar-2r-demo")])
     printed = capsys.readouterr().out
-    assert "sets as they are: 0 of 1 raised a suspicion" in printed
+    assert "sets as they are: 0 of 1 raised an issue" in printed
     assert len(re.findall(r": named in 1 of 1", printed)) == 7

@@ -258,9 +258,7 @@ def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -
             draft.joints[joint].signals["theta"]["side"] = "motor"
         return ratios is not None and set(ratios) != {1.0}
     if weak:
-        question = (
-            f"tau of {', '.join(weak)} has not the size of a torque. Is it a current? Torque constant [Nm/A]"
-        )
+        question = f"tau of {', '.join(weak)} is no plausible torque. Is it a current? Torque constant [Nm/A]"
         constants = asked.numbers(question, len(weak), None)
         for joint, constant in zip(weak, constants or (), strict=False):
             entry = draft.joints[joint]

@@ -54,23 +54,15 @@ class GroupTable:
     @staticmethod
     def of(group: Group) -> GroupTable:
         """A group that was read, with the signals that are used (jitter resampled)."""
-        time = np.concatenate([segment.time for segment in group.segments])
-        if len(group.segments) == 1 and len(time) == len(group.time):
-            time = group.time  # as recorded: no rounding is added
-        theta = np.concatenate([segment.theta for segment in group.segments])
-        tau = np.concatenate([segment.tau for segment in group.segments])
-        optional = {name: group.at(name, time) for name in OPTIONAL_SIGNALS}
-        return GroupTable(
-            group.name,
-            group.trajectory,
-            group.payload,
-            time,
-            theta,
-            tau,
-            validation=group.validation,
-            file=group.file.name,
-            **optional,
-        )
+        signals: dict[str, Any] = {
+            name: np.concatenate([getattr(segment, name) for segment in group.segments])
+            for name in ("time", "theta", "tau")
+        }
+        if len(group.segments) == 1 and len(signals["time"]) == len(group.time):
+            signals["time"] = group.time  # as recorded: no rounding is added
+        signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}
+        names = group.name, group.trajectory, group.payload
+        return GroupTable(*names, validation=group.validation, file=group.file.name, **signals)
 
 
 def write_set(
