@@ -55,7 +55,7 @@ def test_shared_kernel_is_that_of_filtered_noise() -> None:
 
 
 def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(instrument_bias, "EVERY", 1)
+    monkeypatch.setattr(instrument_bias, "SAMPLE_SPACING", 1)
     rng, (count, n, order), (step, raw) = np.random.default_rng(5), (40, 2, 6), (0.03, 1e-3)
     instrument, residual = way(rng, 3, count, n), way(rng, 2, count, n)
     kernel = noise_kernel(WIDE, step, raw, residual, order)

@@ -1,4 +1,4 @@
-"""How a change of the transmission torque or of the link's position moves the residual."""
+"""Derivative of the residual by transmission torque and link position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class Chain:
-    """How a change of s or q moves r at given rigid-body terms."""
+    """Change of r with s or q at given rigid-body terms."""
 
     def __init__(self, compliance: Array, link_viscous: Array, link: LinkTerms) -> None:
         self._compliance = compliance

@@ -1,4 +1,4 @@
-"""Where each parameter stands in the solver's vector.
+"""Layout of the solver's parameter vector.
 
 The solver works with the compliance c = 1/K: q = θ − c s is linear in it, a rigid joint is c = 0, and the
 residual is nearly linear, so that a start value ten times off is one good step away.
@@ -139,9 +139,8 @@ class Layout:
 def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
     """The layout of a set's model with these effects beside its own.
 
-    Raises
-    ------
-    InputError: an effect, joint, payload or group that does not exist.
+    Raises:
+        InputError: an effect, joint, payload or group that does not exist.
     """
     groups = [group.name for group in measurements.groups]
     wanted = (*measurements.effects, *effects)

@@ -30,7 +30,7 @@ PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place i
 
 STATE_ITERATIONS = 6  # s depends on what the effects make of s
 STATE_TOLERANCE = 1e-5  # largest change of s, relative to its largest value, that ends them
-MOVED = 1e-3  # relative change of a parameter after which effects look at it anew
+MOVED = 1e-3  # relative change of a parameter after which effects are evaluated anew
 
 
 @dataclass(frozen=True)

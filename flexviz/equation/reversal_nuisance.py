@@ -1,10 +1,9 @@
-"""Where a law with a sign in it is undecided, and what that may do to the residual.
+"""Unknown course of friction at reversals, as nuisance pulses in the residual.
 
-While a velocity or torque passes zero, noise and the finest details of a reversal decide how friction gets
-from one side to the other. What is not known of it is a torque of unknown course over some milliseconds, and
-nothing in between. Each such stretch is described by pulses of unknown size; fitted along with everything
-else, they cost a few samples at each reversal instead of spoiling the whole fit. What a law with memory
-remembers of the time before the record is unknown in the same way (`LawEffect.unknown`).
+While a velocity or torque passes zero, noise and the finest details of a reversal decide how friction changes
+its side: for some milliseconds its torque is unknown. Each such stretch is described by pulses of unknown
+size; fitted along with everything else, they cost a few samples at each reversal instead of spoiling the
+whole fit. The initial state of a law with memory is unknown in the same way (`LawEffect.unknown`).
 """
 
 from __future__ import annotations

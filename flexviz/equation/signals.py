@@ -1,4 +1,4 @@
-"""What enters the identification equation: all groups' observer outputs, stacked, at its rate."""
+"""Observer outputs of all groups, stacked, at the rate of the identification equation."""
 
 from __future__ import annotations
 

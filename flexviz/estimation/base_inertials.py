@@ -1,4 +1,4 @@
-"""Base parameters: the combinations of inertial parameters that a robot's motion can show at all.
+"""Base parameters: the inertial combinations that a robot's motion can identify.
 
 Columns of Y that are combinations of others for every motion can never be told apart (Gautier, Khalil: Direct
 calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; found numerically by
@@ -26,7 +26,7 @@ class BaseParameters:
     """The base parameters β = T Γ.
 
     Attributes:
-        names: one a base parameter, "izz:joint1 + 1 mass:joint2".
+        names: of each base parameter, "izz:joint1 + 1 mass:joint2".
         columns: index in Γ of each one's leading parameter.
         matrix: shape (b, 10n), T.
     """

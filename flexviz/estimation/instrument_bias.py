@@ -1,7 +1,7 @@
-"""What instruments and residual have in common: the noise that both contain.
+"""Instrument bias: the noise that instruments and residual share.
 
-The equations Zᵀ W r = 0 hold on average where the noise of Z has nothing to do with that of r. Of a
-compliance that is not so: its column of the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), holds the measured
+The equations Zᵀ W r = 0 hold on average where the noise of Z is independent of that of r. For a
+compliance it is not: its column of the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), holds the measured
 torque and its derivatives. On a joint that carries much the motion outweighs their noise; on a light wrist it
 does not, and the joint comes out several times too soft. The product's expectation follows from the noise as
 the residual's own covariance does (`whitening`): what is solved is Zᵀ W r = b, b_j = E[z_jᵀ W r].
@@ -19,13 +19,13 @@ from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 
-EVERY = 5  # samples: the expectation changes as slowly as the pose
-MOST = 400  # samples of a stretch
+SAMPLE_SPACING = 5  # the expectation changes as slowly as the pose
+MAX_SAMPLES = 400  # of a stretch
 
 
 @dataclass(frozen=True)
 class Lookback:
-    """W as matrices of a sample and of those before it, at some samples of a stretch.
+    """W as matrices applied to a sample and the samples before it, at some samples of a stretch.
 
     Attributes:
         at: shape (T,), the samples.
@@ -37,9 +37,9 @@ class Lookback:
 
 
 def lookback(whitener: Whitener) -> Lookback:
-    """Of a stretch's samples that have all that W looks back on before them; none where it is too short."""
+    """At samples with all of W's memory before them; none where the stretch is too short."""
     order, count = whitener.predictor.shape[:2]
-    at = np.arange(order, count, max(EVERY, -(-(count - order) // MOST)))
+    at = np.arange(order, count, max(SAMPLE_SPACING, -(-(count - order) // MAX_SAMPLES)))
     scale = whitener.scale[at]
     return Lookback(at, [scale, *(-scale @ matrix[at] for matrix in whitener.predictor)])
 
@@ -47,15 +47,14 @@ def lookback(whitener: Whitener) -> Lookback:
 def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel: Array) -> Array:
     """Mean over a stretch of (W z_j)ᵀ W r from white noise of unit variance in the sensors of joints j.
 
-    What is not known of reversals is left out: it concerns few samples. So is a stretch no longer than W's
-    memory.
+    Left out are unknown pulses at reversals (few samples) and stretches no longer than W's memory.
 
     Args:
         w: W of the stretch.
-        instrument: way of the m sensors' noise into z, each into its own column, at the stretch's samples.
+        instrument: path of the m sensors' noise into z, each into its own column, at the stretch's samples.
         residual: of at least the same sensors into r.
         kernel: shape (2p + 1, D, E), covariance of what the paths' filters make of the noise
-            (`shared_kernel`) at lags −p … p, p the samples that W looks back.
+            (`shared_kernel`) at lags −p … p, p the order of W's predictor.
 
     Returns:
         shape (m,).
@@ -74,6 +73,6 @@ def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel
 
 
 def _weighted(w: Lookback, matrices: Array) -> Array:
-    """W times a way's matrices (D, N, n, m) at each sample and those before: shape ((p + 1)·D, T·n·m)."""
+    """W times a path's matrices (D, N, n, m) at each sample and those before: shape ((p + 1)·D, T·n·m)."""
     passed = np.stack([weight @ matrices[:, w.at - k] for k, weight in enumerate(w.weights)])
     return passed.reshape(passed.shape[0] * passed.shape[1], -1)

@@ -1,4 +1,4 @@
-"""How the residual's noise is modelled where it weighs the data."""
+"""Noise model of the residual, from which the data are weighted."""
 
 from __future__ import annotations
 

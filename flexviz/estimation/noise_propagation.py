@@ -1,4 +1,4 @@
-"""How noise in the sensors moves the residual."""
+"""Propagation of sensor noise through the equation into the residual."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DEPTH = (5, 3)  # derivatives of each that the equation uses
 
 @dataclass(frozen=True)
 class NoisePath:
-    """The way of one kind of sensors' white noise through the equation.
+    """Path of the white noise of some sensors through the equation.
 
     Attributes:
         sensor: THETA or TAU.
@@ -128,7 +128,7 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
         link: the rigid-body terms at N samples.
 
     Returns:
-        (which parameters, shape (m,), the way of their joints' sensors).
+        (which parameters, shape (m,), the path of their joints' sensors).
     """
     lag, unit = time_constants(layout, x), x.copy()
     unit[layout.compliance] = 1.0
@@ -156,8 +156,8 @@ def noise_density(
 ) -> Array:
     """One-sided spectral density that white measurement noise leaves in the residual.
 
-    The noise's way through the equation is known in closed form, so the floor is computed, not drawn from one
-    more noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
+    The noise path is known in closed form, so that the floor is computed rather than estimated from one more
+    noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
     that their mean products weigh each frequency.
 
     Args:
@@ -181,7 +181,7 @@ def noise_density(
 
 
 def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
-    """(sensor, joints) whose noise goes the same way: all plain joints together, each damped one alone."""
+    """(sensor, joints) with a common noise path: all plain joints together, each damped one alone."""
     plain = np.flatnonzero(lag == 0.0)
     kinds = [plain] if plain.size else []
     kinds += [np.array([j]) for j in np.flatnonzero(lag)]

@@ -1,4 +1,4 @@
-"""What is assumed where the data are silent.
+"""Prior: what is assumed where the data do not determine a parameter.
 
 Inertial parameters: the log-determinant divergence between a body's pseudo-inertia P and its CAD value P₀,
 D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification,

@@ -11,16 +11,10 @@ from flexviz.effects import EFFECTS
 from flexviz.equation import Equation, Layout, LinkDynamics, OperatingPoint, Signals
 from flexviz.estimation.linear_algebra import Bounds, scaled_solve
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
+from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
-
-DEFLECTION_GUESS = (
-    5e-3  # [rad] a joint without a rough stiffness is taken to deflect by this under its rms torque
-)
-SPREAD_LOG = (
-    3.0  # a stiffness or motor inertia a factor e³ = 20 from its start value is one standard deviation off
-)
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
     stiffness = (
         np.array(measurements.initial_stiffness, float)
         if measurements.initial_stiffness is not None
-        else np.maximum(rms_torque, 1e-3) / DEFLECTION_GUESS
+        else np.maximum(rms_torque, 1e-3) / ESTIMATION.deflection_guess
     )
     x = np.zeros(lay.size)
     x[lay.inertial] = inertial.ravel()
@@ -193,28 +187,31 @@ def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque:
 
 def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
     spread = np.full(lay.size, np.inf)
-    factor = np.exp(SPREAD_LOG)
+    wide = ESTIMATION
+    factor = np.exp(wide.stiffness_spread)
     spread[lay.compliance] = factor * x[lay.compliance]
     spread[lay.motor_inertia] = factor * x[lay.motor_inertia]
     speed = np.sqrt(np.mean(velocity**2, axis=0)) + 1e-9
-    spread[lay.link_viscous] = np.maximum(2 * x[lay.link_viscous], 0.05 * rms_torque / speed)
-    spread[lay.motor_viscous] = np.maximum(2 * x[lay.motor_viscous], 0.05 * rms_torque / speed)
+    least = wide.viscous_torque * rms_torque / speed
+    spread[lay.link_viscous] = np.maximum(wide.viscous_spread * x[lay.link_viscous], least)
+    spread[lay.motor_viscous] = np.maximum(wide.viscous_spread * x[lay.motor_viscous], least)
     for effect, where in lay.effect_slices():
         j = slice(None) if effect.joint is None else effect.joint
         torque = float(np.max(rms_torque[j])) + 1e-6
         stiffness = float(np.max(1 / x[lay.compliance][j]))
         motion = float(np.max(speed[j]))
         units = {
-            "Nm": 3 * torque,
-            "Nm/rad": 10 * stiffness,
-            "Nm/rad³": 10 * stiffness**3 / torque**2,
-            "Nm s/rad": 10 * torque / motion,
-            "Nm s²/rad²": 10 * torque / motion**2,
-            "kg m²": 10 * float(np.max(x[lay.motor_inertia][j])),
+            "Nm": wide.torque_spread * torque,
+            "Nm/rad": wide.coefficient_spread * stiffness,
+            "Nm/rad³": wide.coefficient_spread * stiffness**3 / torque**2,
+            "Nm s/rad": wide.coefficient_spread * torque / motion,
+            "Nm s²/rad²": wide.coefficient_spread * torque / motion**2,
+            "kg m²": wide.coefficient_spread * float(np.max(x[lay.motor_inertia][j])),
         }
         law = EFFECTS[effect.effect]
         own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # a user knows their sizes
         spread[where] = [
-            units.get(p.unit, 30.0 * max(1.0, size)) for p, size in zip(law.parameters, own, strict=True)
+            units.get(p.unit, wide.other_spread * max(1.0, size))
+            for p, size in zip(law.parameters, own, strict=True)
         ]
     return spread

@@ -21,6 +21,16 @@ class EstimationThresholds:
         noise_moved: change of the noise's shape (logs of its variances) after which the residual is whitened
             anew.
         effect_moved: relative change of an effect after which its reversals are located anew.
+        deflection_guess: [rad] a joint without a rough stiffness is taken to deflect by this under its rms
+            torque.
+        stiffness_spread: natural log of the factor by which a stiffness or motor inertia is one standard
+            deviation of the prior away from its start value (e³ = 20).
+        viscous_spread: the same for viscous friction, relative to its start value.
+        viscous_torque: and at least as much as makes this share of the rms torque at the rms velocity.
+        torque_spread: of an effect's torque, relative to the rms torque.
+        coefficient_spread: of its other coefficients, relative to the size that the rms torque, velocity and
+            the stiffness give them.
+        other_spread: of its remaining parameters, relative to their example, at least one.
     """
 
     consistent: float = 2.0
@@ -31,6 +41,13 @@ class EstimationThresholds:
     negligible_step: float = 0.02
     noise_moved: float = 0.01
     effect_moved: float = 0.1
+    deflection_guess: float = 5e-3
+    stiffness_spread: float = 3.0
+    viscous_spread: float = 2.0
+    viscous_torque: float = 0.05
+    torque_spread: float = 3.0
+    coefficient_spread: float = 10.0
+    other_spread: float = 30.0
 
 
 ESTIMATION = EstimationThresholds()

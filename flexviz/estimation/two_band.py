@@ -72,7 +72,7 @@ class TwoBandData:
         wide, narrow: the equation in either band.
         blocks: stretches of samples.
         noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
-        noise_model: how it weighs the data.
+        noise_model: from which the data are weighted.
     """
 
     def __init__(
@@ -143,7 +143,7 @@ class TwoBandData:
 
         The fit's weighting also predicts one joint's noise from the others', which is right for estimating;
         but with it a torque that is missing on one joint shows on every joint that comes after it. The model
-        error is left out: what it stands for is what is looked for.
+        error is left out, because these residuals are searched for what it stands for.
         """
         out: list[list[Whitener]] = []
         for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):

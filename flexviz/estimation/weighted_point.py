@@ -223,7 +223,7 @@ class Whitening:
 
 
 class EarlyWhitening(Whitening):
-    """The noise is propagated anew in the first steps, until the parameters are nearly right."""
+    """Whitened at each of the first steps, until the parameters are nearly right."""
 
     STEPS = 2
 

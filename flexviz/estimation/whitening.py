@@ -1,4 +1,4 @@
-"""Whitening of the residual by the measurement noise's own way through the equation.
+"""Whitening of the residual by the propagated measurement noise.
 
 White noise in θ and τ passes the observer (known, stationary) and then the equation (known, but changing with
 the pose). The residual's covariance between two instants is therefore known in closed form:
@@ -118,7 +118,7 @@ def noise_kernel(
         observer: whose transfer functions the noise passes.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
-        count: derivatives 0 … count−1, or the D ones of a way through the equation.
+        count: derivatives 0 … count−1, or the D ones of a noise path.
         lags: 0 … lags.
 
     Returns:

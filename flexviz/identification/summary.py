@@ -9,7 +9,7 @@ from flexviz.effects import EFFECTS
 from flexviz.equation import INERTIAL_NAMES, INERTIAL_UNITS, Layout
 from flexviz.estimation import BaseParameters, Covariance, Prior
 from flexviz.identification.result import Combination, ParameterEstimate
-from flexviz.identification.thresholds import IDENTIFICATION
+from flexviz.identification.thresholds import IDENTIFICATION, IdentificationThresholds
 from flexviz.results import Grade
 
 Array = NDArray[np.float64]
@@ -45,6 +45,7 @@ def parameter_estimates(
     covariance: Covariance,
     at_bound: NDArray[np.bool_],
     prior: Prior,
+    thresholds: IdentificationThresholds = IDENTIFICATION,
 ) -> tuple[ParameterEstimate, ...]:
     """All parameters in the order of the solver's vector, then the friction sums."""
     cov, share = covariance.matrix, covariance.prior_share
@@ -55,7 +56,7 @@ def parameter_estimates(
     std = np.sqrt(variance)
     std[layout.compliance] *= values[layout.compliance] ** 2
     std[at_bound] = np.inf
-    kinds, scales = _kinds_and_scales(layout, x, values, prior)
+    kinds, scales = _kinds_and_scales(layout, x, values, prior, thresholds)
     names = layout.names()
     labels = layout.labels()
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -102,17 +103,19 @@ def _friction_sums(layout: Layout, x: Array, start: Array, covariance: Covarianc
     return out
 
 
-def _kinds_and_scales(layout: Layout, x: Array, values: Array, prior: Prior) -> tuple[list[str], Array]:
+def _kinds_and_scales(
+    layout: Layout, x: Array, values: Array, prior: Prior, thresholds: IdentificationThresholds
+) -> tuple[list[str], Array]:
     n = layout.n
     kinds = ["inertial"] * (10 * n) + ["stiffness"] * n + ["motor_inertia"] * n + ["friction"] * (2 * n)
     scales = np.abs(values).copy()
     scales[layout.inertial] = np.maximum(np.abs(x[layout.inertial]), natural_scale(prior))
-    floor = IDENTIFICATION.viscous_floor * (x[layout.link_viscous] + x[layout.motor_viscous])
+    floor = thresholds.viscous_floor * (x[layout.link_viscous] + x[layout.motor_viscous])
     for part in (layout.link_viscous, layout.motor_viscous):
         scales[part] = np.maximum(x[part], np.maximum(floor, 1e-12))
     for effect, where in layout.effect_slices():
         kinds += ["effect"] * len(EFFECTS[effect.effect].parameters)
-        scales[where] = np.maximum(np.abs(x[where]), IDENTIFICATION.effect_floor * prior.spread[where])
+        scales[where] = np.maximum(np.abs(x[where]), thresholds.effect_floor * prior.spread[where])
     return kinds, scales
 
 
