@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from flexviz.app.change import Changed, Turn
 from flexviz.app.state import Derived
 from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, MapResiduals, Replay
+from flexviz.jobs import Result
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import ResidualMap
     from flexviz.simulation import Run
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, eq=False)

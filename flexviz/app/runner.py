@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from flexviz.app.events import EventQueue
-from flexviz.jobs import Job, JobEvent, Task, Worker
+from flexviz.jobs import Job, JobEvent, Result, Task, Worker
 from flexviz.progress import Progress, ProgressCallback, ignore
-
-Result = TypeVar("Result")
 
 
 def nothing() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from flexviz.app.change import Changed, ChangeSignal
 from flexviz.app.clock import PlaybackClock
@@ -25,7 +25,7 @@ from flexviz.app.state import (
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, OpenSet, SetTask
-from flexviz.jobs import Task
+from flexviz.jobs import Result, Task
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
-Result = TypeVar("Result")
 KEPT_RESULTS = 8  # whose simulated motions and maps are kept, so that undo shows them at once
 
 

@@ -6,11 +6,11 @@ import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from flexviz.app.state import Opened
 from flexviz.errors import Cancelled, InputError
-from flexviz.jobs import Task
+from flexviz.jobs import Result, Task
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 from flexviz.scene import robot_shape
 from flexviz.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from flexviz.model import FlexibleModel
     from flexviz.simulation import Run
 
-Result = TypeVar("Result")
 WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "flexviz.simulation")
 
 
