@@ -116,7 +116,7 @@ def test_identification_recovers_it(injected: Path) -> None:
 
 
 def test_diagnosis_names_it(injected: Path) -> None:
-    found = diagnose(read_set(injected))
+    found = diagnose(read_set(injected), apply=True)
     first = found.findings[0]
     assert (found.verdict, first.effect, first.joint) == ("missing", NAME, "joint2")
     assert found.steps[-1].verdict == "nothing-missing"
