@@ -125,9 +125,9 @@ class IdentifiedRobot:
     @cached_property
     def sha256(self) -> str:
         """Of the measurement set's files."""
-        from flexviz.measurements import fingerprint
+        from flexviz import measurements
 
-        return fingerprint(self.measurements).sha256
+        return measurements.fingerprint(self.measurements).sha256
 
     def require_bodies(self) -> None:
         """InputError where a link's inertial parameters are not those of a physical body.

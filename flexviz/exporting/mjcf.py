@@ -78,7 +78,7 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
 
 
 def motor_names(robot: Robot) -> dict[str, str]:
-    """Joint -> what its motor is called, different from every joint and link."""
+    """Joint -> the name of its motor, different from every joint and link."""
     taken = {*robot.joints, *robot.links}
     names = {}
     for joint in robot.joints:
@@ -95,8 +95,8 @@ def timestep(identified: IdentifiedRobot) -> tuple[float, float]:
     kept = ("stiffness_hardening", "joint_damping", "quadratic_friction")
     model = replace(identified.model, effects=tuple(e for e in identified.model.effects if e.effect in kept))
     plant, _ = make_plant(identified.robot, model, identified.laws.bodies)
-    rows = [group.segments[0].theta[:: max(1, len(group.segments[0]) // 4)] for group in
-            identified.measurements.groups if group.segments]  # fmt: skip
+    firsts = [group.segments[0] for group in identified.measurements.groups if group.segments]
+    rows = [segment.theta[:: max(1, len(segment) // 4)] for segment in firsts]
     rates = fastest(plant, identified.robot.to_pin(np.concatenate(rows)))
     hold = identified.measurements.torque_hold
     step = hold if 0.0 < hold <= LARGEST_STEP else LARGEST_STEP
