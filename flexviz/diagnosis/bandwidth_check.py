@@ -1,28 +1,29 @@
-"""Observer guard: what moves with the observer's bandwidth is not physics.
+"""Bandwidth check: what changes with the observer's bandwidth is not physics.
 
-The same model is held against the same samples at several bandwidths.
+The same model is compared with the same samples at several bandwidths.
 
-- The residual at fixed parameters, low-passed far inside every band, must not change. Where it does, and by
-  more than the noise, the observer (its lag, its droop, or motion beyond its band) makes part of it.
-- The parameters, fitted anew at every bandwidth, must stay within their standard errors. One that does not
-  is not to be trusted, however small its interval: it owes its value to frequencies at which the model is
-  wrong.
+- The residual at fixed parameters, low-passed far inside every band, must not change. Where it changes
+  by more than the noise, part of it is observer error: lag, droop, or motion beyond the band.
+- The parameters, fitted at every bandwidth, must stay within their standard errors. One that does not is not
+  to be trusted, however small its interval: its value depends on frequencies at which the model is wrong.
 
-Two kinds of observer: the diagnosis' own two bands (`identification.refine`), which are free of bias by
-noise, or any single one, fitted plainly.
+The observer is either the diagnosis' own two bands, which noise does not bias, or any single one, fitted by
+plain least squares.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.bandwidths import (
+    BandwidthData,
     BandwidthFit,
+    Spans,
     compared,
     difference,
     fit_plain,
@@ -37,6 +38,7 @@ from flexviz.diagnosis.bandwidths import (
 )
 from flexviz.diagnosis.fit_context import search_bounds
 from flexviz.diagnosis.records import BandwidthCheck, ParameterCurve
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.estimation import WIDE_HERTZ, Prior, base_parameters, start_values
 from flexviz.identification import ParameterEstimate, combinations, parameter_estimates
@@ -49,11 +51,9 @@ Bools = NDArray[np.bool_]
 
 FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # of the two bands' bandwidth
 PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of a single observer's
-# of the narrowest bandwidth: up to there the residuals are compared; the two bands are flat up to their end
+# of the narrowest bandwidth, up to which residuals are compared; the two bands are flat up to their end
 COMMON, COMMON_FLAT = 0.5, 1.0
-MOVED = 3.0  # standard errors of the difference itself
-CHANGED = 1.0  # times the noise by which a residual has to change
-WORTH = 0.1  # of the residual, and by that much of it
+LIMITS = THRESHOLDS.bandwidth
 
 
 def check_bandwidth(
@@ -88,70 +88,106 @@ def check_bandwidth(
         bands, in_use = plain_bands(measurements, chosen, layout, observer, tried), tried.index(1.0)
     start = start_values(measurements, bands[in_use].equation)
     prior, bounds = start.prior, search_bounds(start, layout)
-    common_spans = spans(bands)
-    when = [seconds(band, common_spans) for band in bands]
+    common = spans(bands)
+    when = [seconds(band, common) for band in bands]
     fit = fit_refined if observer is None else fit_plain
     begin = fit(bands[in_use], prior, bounds, unfitted(layout, x), when[in_use], False)
-    fitted: list[BandwidthFit] = []
+    fits: list[BandwidthFit] = []
     for band, used in zip(bands, when, strict=True):
         check()
         if observer is None and FlatZeroPhase.ratio * band.bandwidth <= bands[in_use].bandwidth:
             band = without_own_error(band, bands[in_use], begin.x)
-        fitted.append(fit(band, prior, bounds, begin, used, True))
-    common = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
-    low = FlatZeroPhase(common / FlatZeroPhase.ratio)
-    reference = fitted[in_use].x
-    base = compared(bands[in_use], reference, bands[in_use], common_spans, low)
-    floor = slow_noise(bands[in_use], bands[in_use].signals.observer.transfer, reference, low)
-    rms, change, explained = [], [], []
-    for index, band in enumerate(bands):
-        check()
-        here = base if index == in_use else compared(band, reference, bands[in_use], common_spans, low)
-        change.append(np.sqrt(np.mean((here - base) ** 2, axis=0)))
-        own = here if index == in_use else compared(band, fitted[index].x, bands[in_use], common_spans, low)
-        rms.append(np.sqrt(np.mean(own**2, axis=0)))
-        explained.append(slow_noise(bands[in_use], difference(band, bands[in_use]), reference, low))
-    change, rms, explained = np.array(change), np.array(rms), np.array(explained)
-    size = np.sqrt(np.mean(base**2, axis=0))
-    beyond = (change > CHANGED * np.maximum(explained, floor)) & (change > WORTH * size)
-    beyond[:in_use] = False  # what a narrower band would do wrong is no error of the one in use
+        fits.append(fit(band, prior, bounds, begin, used, True))
+    top = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
+    low = FlatZeroPhase(top / FlatZeroPhase.ratio)
+    residuals = _compare_residuals(bands, in_use, fits, common, low, check)
     return BandwidthCheck(
-        "two bands" if observer is None else observer.name,
-        np.array([b.bandwidth for b in bands]),
-        in_use,
-        layout.joints,
-        rms,
-        floor,
-        change,
-        explained,
-        common,
-        beyond.any(axis=0),
-        _curves(measurements, layout, fitted, in_use, prior, wider=observer is not None),
-        time.perf_counter() - began,
+        observer="two bands" if observer is None else observer.name,
+        bandwidths=np.array([b.bandwidth for b in bands]),
+        in_use=in_use,
+        joints=layout.joints,
+        rms=residuals.rms,
+        noise_floor=residuals.noise_floor,
+        change=residuals.change,
+        change_noise=residuals.change_noise,
+        band=top,
+        observer_error=residuals.observer_error(in_use),
+        parameters=_parameter_curves(measurements, layout, fits, in_use, prior, wider=observer is not None),
+        seconds=time.perf_counter() - began,
     )
 
 
-def _curves(
+@dataclass(frozen=True, eq=False)
+class _ResidualComparison:
+    """The slow residual at every bandwidth against that at the one in use.
+
+    Attributes:
+        size: shape (n,), rms at the bandwidth in use [Nm].
+        rms, noise_floor, change, change_noise: as in `BandwidthCheck`.
+    """
+
+    size: Array
+    rms: Array
+    noise_floor: Array
+    change: Array
+    change_noise: Array
+
+    def observer_error(self, in_use: int) -> Bools:
+        """Joints whose residual changes in a wider band, shape (n,)."""
+        noise = np.maximum(self.change_noise, self.noise_floor)
+        beyond = (self.change > LIMITS.change * noise) & (self.change > LIMITS.change_share * self.size)
+        beyond[:in_use] = False  # errors of a narrower band do not concern the one in use
+        return np.any(beyond, axis=0, keepdims=False).astype(bool)
+
+
+def _compare_residuals(
+    bands: Sequence[BandwidthData],
+    in_use: int,
+    fits: Sequence[BandwidthFit],
+    common: Spans,
+    low: FlatZeroPhase,
+    check: Callable[[], None],
+) -> _ResidualComparison:
+    """Residuals at the parameters in use, for their change, and at every bandwidth's own, for their rms."""
+    used, reference = bands[in_use], fits[in_use].x
+    base = compared(used, reference, used, common, low)
+    rms, change, noise = [], [], []
+    for band, fit in zip(bands, fits, strict=True):
+        check()
+        here = base if band is used else compared(band, reference, used, common, low)
+        own = here if band is used else compared(band, fit.x, used, common, low)
+        change.append(_rms(here - base))
+        rms.append(_rms(own))
+        noise.append(slow_noise(used, difference(band, used), reference, low))
+    floor = slow_noise(used, used.signals.observer.transfer, reference, low)
+    return _ResidualComparison(_rms(base), np.array(rms), floor, np.array(change), np.array(noise))
+
+
+def _rms(residual: Array) -> Array:
+    return np.sqrt(np.mean(residual**2, axis=0))
+
+
+def _parameter_curves(
     measurements: MeasurementSet,
     layout: Layout,
-    fitted: list[BandwidthFit],
+    fits: Sequence[BandwidthFit],
     in_use: int,
     prior: Prior,
     wider: bool,
 ) -> tuple[ParameterCurve, ...]:
-    """What the data determine, over the bandwidth: of the inertias only their identifiable combinations.
+    """Parameters that the data determine, over the bandwidth; of inertias the identifiable combinations.
 
-    `wider` says whether wider bands than the one in use may accuse a parameter. The two bands' is as wide as
-    it can be: beyond it, noise begins to pull at the parameters, which is no fault of theirs.
+    `wider` says whether bands wider than the one in use count. That of the two bands is as wide as it can be:
+    beyond it noise biases the parameters, which says nothing about them.
     """
     base = base_parameters(measurements.robot)
     inertial = layout.inertial.stop
     rows, differences = [], []
-    for f in fitted:
+    for f in fits:
         single = parameter_estimates(layout, f.x, f.x, f.covariance, f.at_bound, prior)
         rows.append((*single[inertial:], *combinations(base, layout, f.x, f.covariance.matrix, prior)))
         # the two fits share their data: the standard error of their difference is not that of either
-        apart = f.influence - fitted[in_use].influence
+        apart = f.influence - fits[in_use].influence
         cov = apart.T @ apart
         between = replace(f.covariance, matrix=cov)
         single = parameter_estimates(layout, f.x, f.x, between, f.at_bound, prior)
@@ -172,15 +208,22 @@ def _curves(
         joint, place = None, None
         if isinstance(first, ParameterEstimate):
             joint, place = first.joint, first.payload or first.group
-        beyond = np.nan_to_num(np.minimum(moved / NORMAL_95, excuse / MOVED))
+        beyond = np.nan_to_num(np.minimum(moved / NORMAL_95, excuse / LIMITS.deviations))
         if not wider:
             beyond[in_use + 1 :] = 0.0
         worst = int(np.argmax(beyond))
         trusted = bool(beyond[worst] < 1.0)
         out.append(
             ParameterCurve(
-                first.name, joint, first.unit, place, values, std, float(moved[worst]), float(excuse[worst]),
-                trusted,
+                name=first.name,
+                joint=joint,
+                unit=first.unit,
+                place=place,
+                values=values,
+                std=std,
+                moved=float(moved[worst]),
+                excuse=float(excuse[worst]),
+                trusted=trusted,
             )
-        )  # fmt: skip
+        )
     return tuple(out)

@@ -1,4 +1,4 @@
-"""How much of a residual something explains, judged on samples that had no part in the explanation.
+"""How much of a residual something explains, tested on samples that had no part in it.
 
 A prediction p is fitted on some blocks of time and compared with the residual r of others:
 
@@ -26,6 +26,9 @@ Ints = NDArray[np.int64]
 FOLDS = 5
 MEMORIES = 3.0  # times the lag at which the autocorrelation has fallen to 1/e: there it is forgotten
 WINDOWS = 8  # of time in one stretch, unless the noise's memory asks for longer ones
+# over which the remainder's spectrum is averaged: enough to follow it, few enough to scatter little; on a set
+# of two joints 32 and 128 change the standard errors of the maps by at most 6 %, and no verdict
+SMOOTHED_BANDS = 64
 LONGEST_MEMORY = 12  # of a stretch, the most that blocks can be kept apart
 
 
@@ -207,7 +210,7 @@ def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
     for rows in folds.stretches:
         power += np.abs(fft.rfft(rest[rows], length)) ** 2
     power /= max(int(folds.used.sum()), 1)
-    half = max(1, len(power) // 64)
+    half = max(1, len(power) // SMOOTHED_BANDS)
     kernel = np.hanning(2 * half + 3)[1:-1]
     kernel /= kernel.sum()
     power = np.convolve(

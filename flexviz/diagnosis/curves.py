@@ -105,7 +105,7 @@ def equally_filled_splines(values: Sequence[Array]) -> Splines:
 
 
 @dataclass(frozen=True)
-class NormalEquations:
+class CurveEquations:
     """Of a curve's coefficients for any κ, from the samples of one fold's training set."""
 
     torque: Array
@@ -135,10 +135,10 @@ class CurveResponse:
     torque: Array
     curvature: Array
 
-    def normal(self, residual: Array, train: NDArray[np.bool_]) -> NormalEquations:
+    def normal(self, residual: Array, train: NDArray[np.bool_]) -> CurveEquations:
         """From the samples `train`, shape (N,)."""
         a, b, r = self.torque[train], self.curvature[train], residual[train]
-        return NormalEquations(a.T @ a, a.T @ b, b.T @ b, a.T @ r, b.T @ r)
+        return CurveEquations(a.T @ a, a.T @ b, b.T @ b, a.T @ r, b.T @ r)
 
     def columns(self, kappa: float, rows: NDArray[np.bool_] | slice = slice(None)) -> Array:
         """Response u + κ ü of some samples, shape (N', size)."""

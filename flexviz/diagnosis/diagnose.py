@@ -20,7 +20,7 @@ from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.residual_location import where_it_fails
+from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
 from flexviz.diagnosis.search import RefittedCandidate, Search, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -227,7 +227,7 @@ class _Pipeline:
         steps = [_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
         prior, _ = self.context.prior_and_bounds(layout)
-        where, maps = where_it_fails(self.context, final)
+        where, maps = locate_residual(self.context, final)
         curve = bandwidths = None
         reached = last.verdict != "unknown"
         if not self.stopped:

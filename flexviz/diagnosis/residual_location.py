@@ -1,6 +1,6 @@
-"""Where the residual lives: joint by variable, with the share that each explains out of sample.
+"""Residual by joint and variable, with the share that each variable explains out of sample.
 
-The residual's mean in bins of a variable is judged on blocks of time that had no part in it (`crossval`).
+The mean in bins of a variable is tested on blocks of time that were not used for it (`cross_validation`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 BINS = 24  # of the curves that are drawn
 SAMPLES_PER_BIN = 40  # at least, on average
 BAND = 1.0  # [Hz] width of the band that stands for "frequency"
-LITTLE = 0.1  # explained share of a residual up to which it lies along nothing
+UNSTRUCTURED_SHARE = 0.1  # explained share of a residual up to which it counts as unstructured
 MOTION = 0.99  # share of the velocity's power that is in the motion's band
 HARMONICS = 3  # of it, which simple laws like friction or a cubic spring make
 
@@ -217,29 +217,29 @@ def maps_of(
     effects: Sequence[str] = (),
     check: Callable[[], None] = lambda: None,
 ) -> tuple[ResidualMap, ...]:
-    """The maps of a model as it is: the set's own effects and these beside them, nothing fitted."""
+    """Maps of a model with the set's own effects and these; nothing is fitted."""
     layout = layout_of(measurements, effects)
     context = FitContext(measurements, layout)
     check()
-    return where_it_fails(context, context.fit(layout, layout.vector(model), iterations=0), check)[1]
+    return locate_residual(context, context.fit(layout, layout.vector(model), iterations=0), check)[1]
 
 
 def residual_locations(
     context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
 ) -> tuple[ResidualLocation, ...]:
-    """Joint × variable, the joint with the largest excess first, within it what explains most."""
-    return where_it_fails(context, fit, check)[0]
+    """Joint and variable, the joint with the largest excess first, on it the variable that explains most."""
+    return locate_residual(context, fit, check)[0]
 
 
-def where_it_fails(
+def locate_residual(
     context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
 ) -> tuple[tuple[ResidualLocation, ...], tuple[ResidualMap, ...]]:
-    """The places and the maps they come from; first the joint whose residual is large and follows something.
+    """Locations of the residual and their maps; first the joint with a large, structured residual.
 
-    What a neighbour's missing law throws on a joint may be larger there, and lies along nothing.
+    A law missing on a neighbouring joint may leave more on this one, but unstructured.
 
-    "position" is also what a torque lives along that depends on position and on the direction of motion,
-    where this explains clearly more than position or velocity alone.
+    "position" also stands for position and direction of motion together, where these explain clearly more
+    than position or velocity alone.
     """
     parts = joint_residuals(context, fit)
     data = samples(context, fit, parts)
@@ -256,8 +256,8 @@ def where_it_fails(
         if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
             rows["position"] = replace(both, variable="position")
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
-        surely = max(m.explained - m.explained_std for m in ranked)  # noise lies along something by chance
-        weight = found[j].chi_square * max(surely, LITTLE)
+        surely = max(m.explained - m.explained_std for m in ranked)  # noise follows some variable by chance
+        weight = found[j].chi_square * max(surely, UNSTRUCTURED_SHARE)
         places.append((weight, [ResidualLocation(m.joint, m.variable, m.explained, m.range) for m in ranked]))
     places.sort(key=lambda joint: -joint[0])
     return tuple(place for _, joint in places for place in joint), tuple(all_maps)
