@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, Segment
-from flexviz.measurements.fingerprint import FileHash, Fingerprint, fingerprint
+from flexviz.measurements.fingerprints import FileHash, Fingerprint, fingerprint
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader
 from flexviz.measurements.segments import GAP, POINTS, interpolate
