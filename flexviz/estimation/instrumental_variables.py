@@ -22,8 +22,8 @@ from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.weighted_point import (
     EarlyWhitening,
-    NormalEquations,
     Point,
+    WeightedNormalEquations,
     Whitening,
     first_model_error,
 )
@@ -48,7 +48,7 @@ class Solved:
 
     point: Point
     best: Point
-    normal: NormalEquations
+    normal: WeightedNormalEquations
     at_bound: NDArray[np.bool_]
     converged: bool
 

@@ -9,6 +9,14 @@ from dataclasses import dataclass
 class EstimationThresholds:
     """What decides how a fit goes on and where its uncertainty comes from.
 
+    `python -m benchmarks.thresholds` shows what `noise_explains` and the prior spreads of stiffness, motor
+    inertia and friction decide, on simulated two-joint arms. With an unmodelled friction that raises χ²,
+    actual errors were 1.7 (noise model) and 1.8 times (spectra) the predicted ones at χ² = 1.02, 2.1 and 1.4
+    times at 1.24, 2.8 and 1.4 times at 2.0: from about 1.2 on, the spectra are the better source. With these
+    spreads a third or three times as wide, no parameter that the data determine moves by more than 0.001
+    standard errors. The other values, the spreads of effects among them, are experience: no study supports
+    them yet.
+
     Attributes:
         consistent: mean χ² per sample up to which measurement noise alone explains the residual; above it a
             white model error is added.

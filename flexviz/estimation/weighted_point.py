@@ -19,7 +19,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class NormalEquations:
+class WeightedNormalEquations:
     """H δx = −g of one Gauss–Newton step.
 
     Attributes:
@@ -121,11 +121,11 @@ class Point:
                 share[where] = min(chi[effect.joint], 1.0)
         return [share * mean for mean in self.bias]
 
-    def normal_equations(self, prior: Prior) -> NormalEquations:
+    def normal_equations(self, prior: Prior) -> WeightedNormalEquations:
         """Of the weighted residual and the prior."""
         gradient, prior_hessian = prior.gradient_and_hessian(self.x)
         flat = self.z.reshape(-1, self.z.shape[2])
-        return NormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
+        return WeightedNormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
 
     def score_covariance(self) -> Array:
         """Covariance of the score from the residual's own spectra, shape (P, P)."""
