@@ -5,8 +5,8 @@ from flexviz.diagnosis.diagnose import diagnose
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.records import (
-    CLEARLY,
     DIRECTED,
+    DIRECTION_GAIN,
     BandwidthCheck,
     FreeCurve,
     ParameterCurve,
@@ -25,8 +25,8 @@ from flexviz.diagnosis.result import (
 )
 
 __all__ = [
-    "CLEARLY",
     "DIRECTED",
+    "DIRECTION_GAIN",
     "Absorbed",
     "BandwidthCheck",
     "Diagnosis",

@@ -17,7 +17,7 @@ from flexviz._scipy import fft
 from flexviz.diagnosis.cross_validation import Folds, explained_by_prediction, make_folds, remainder_spectrum
 from flexviz.diagnosis.curves import KAPPAS, CurveResponse, Splines, curve_response, uniform_splines
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, FreeCurve
+from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, FreeCurve
 from flexviz.diagnosis.residual_location import joint_maps
 from flexviz.diagnosis.residuals import Absorption, SlowResidual, absorption, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
@@ -126,7 +126,7 @@ def _variable(data: SlowResidual, joint: int, wanted: str) -> tuple[str, int]:
         best = max(found.values(), key=lambda m: -np.inf if m.variable == "group" else m.explained)
         if best.variable not in ("position", DIRECTED):
             return _variable(data, joint, best.variable)
-    directed = found[DIRECTED].explained > found["position"].explained + CLEARLY
+    directed = found[DIRECTED].explained > found["position"].explained + DIRECTION_GAIN
     return "position", 2 if directed or wanted == DIRECTED else 1
 
 

@@ -23,7 +23,7 @@ UNITS = {
     "frequency": "Hz",
 }
 DIRECTIONS = ("forward", "backward")
-CLEARLY = 0.05  # more explained
+DIRECTION_GAIN = 0.05  # share more that position and direction together have to explain
 NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
 
 

@@ -22,7 +22,7 @@ from flexviz.diagnosis.cross_validation import (
 )
 from flexviz.diagnosis.curves import explained_by_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.diagnosis.records import CLEARLY, DIRECTED, DIRECTIONS, UNITS, ResidualMap
+from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, ResidualMap
 from flexviz.diagnosis.residuals import SLOW, SlowResidual, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
@@ -253,7 +253,7 @@ def locate_residual(
         rows = {m.variable: m for m in seen}
         both, position = rows.pop(DIRECTED), rows["position"]
         simpler = max(position, rows["velocity"], key=lambda m: m.explained)
-        if both.explained - simpler.explained > max(CLEARLY, both.explained_std):
+        if both.explained - simpler.explained > max(DIRECTION_GAIN, both.explained_std):
             rows["position"] = replace(both, variable="position")
         ranked = sorted(rows.values(), key=lambda m: -m.explained)
         surely = max(m.explained - m.explained_std for m in ranked)  # noise follows some variable by chance

@@ -15,6 +15,9 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 RINGING_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.08, 0.01  # [], [s], []
 START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: where a search for a gap starts
 LOADED_BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
+# share of the compliance that a start leaves beside a gap; verdicts and values of three sets of two joints
+# (backlash, hardening, ripple) are equal to 1e-9 for 0.1, 0.2 and 0.4
+LEAST_COMPLIANCE = 0.2
 
 
 class Backlash(LawEffect):
@@ -53,7 +56,7 @@ class Backlash(LawEffect):
         sizes = [share * compliance * float(np.sqrt(np.mean(torque**2))) for share in START_SHARES]
         sizes.append((compliance - rough) / lever)
         return [
-            ElasticStart((size,), max(compliance - size * lever, 0.2 * compliance))
+            ElasticStart((size,), max(compliance - size * lever, LEAST_COMPLIANCE * compliance))
             for size in sizes
             if size > 0
         ]

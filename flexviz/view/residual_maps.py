@@ -114,14 +114,14 @@ def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
 
 def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
     """The map of position and direction, where it explains clearly more than either."""
-    from flexviz.diagnosis import CLEARLY, DIRECTED  # heavy, and loaded wherever there are maps
+    from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN  # heavy, and loaded wherever there are maps
 
     both = map_of(maps, joint, DIRECTED)
     simpler = [one for name in ("position", "velocity") if (one := map_of(maps, joint, name)) is not None]
     if both is None or not simpler:
         return None
     more = both.explained - max(one.explained for one in simpler)
-    return both if more > max(CLEARLY, both.explained_std) else None
+    return both if more > max(DIRECTION_GAIN, both.explained_std) else None
 
 
 def map_chart(one: ResidualMap, key: str = "") -> Chart:
