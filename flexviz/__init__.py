@@ -4,8 +4,8 @@
 
     measurements = flexviz.read_set("my_robot")
     result = flexviz.identify(measurements, refine=True)
-    for p in result.parameters:
-        print(p.name, p.joint, p.value, p.std, p.unit, p.identifiable)
+    print(result.summary())
+    print(result["stiffness", "joint1"].value)
 
 Everything named in ``__all__`` is loaded when it is first used, so ``import flexviz`` itself is fast.
 """
@@ -51,6 +51,12 @@ _WHERE = {
     "replay": "flexviz.simulation",
     "export": "flexviz.exporting",
     "import_logs": "flexviz.importing",
+    "ParameterNotFound": "flexviz.results",
+    "ResultDocument": "flexviz.results",
+    "read_result": "flexviz.results",
+    "Session": "flexviz.session:OpenedSession",
+    "record": "flexviz.workflows",
+    "write_report": "flexviz.workflows",
 }
 
 if TYPE_CHECKING:
@@ -71,8 +77,11 @@ if TYPE_CHECKING:
     from flexviz.model import EffectValue, FlexibleModel
     from flexviz.observers import OBSERVERS, Observer, make_observer
     from flexviz.progress import Iteration, Progress
+    from flexviz.results import ParameterNotFound, ResultDocument, read_result
     from flexviz.robot import PayloadBody, Robot
+    from flexviz.session import OpenedSession as Session
     from flexviz.simulation import replay, simulate_run
+    from flexviz.workflows import record, write_report
 
 __all__ = [
     "OBSERVERS",
@@ -90,11 +99,14 @@ __all__ = [
     "MeasurementSet",
     "Observer",
     "ParameterEstimate",
+    "ParameterNotFound",
     "PayloadBody",
     "Progress",
     "ResidualSummary",
+    "ResultDocument",
     "Robot",
     "Segment",
+    "Session",
     "SweepResult",
     "__version__",
     "diagnose",
@@ -103,17 +115,21 @@ __all__ = [
     "import_logs",
     "load_effects",
     "make_observer",
+    "read_result",
     "read_set",
+    "record",
     "replay",
     "simulate_run",
     "sweep",
+    "write_report",
     "write_set",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name in _WHERE:
-        value = getattr(import_module(_WHERE[name]), name)
+        module, _, attribute = _WHERE[name].partition(":")
+        value = getattr(import_module(module), attribute or name)
         globals()[name] = value
         return value
     raise AttributeError(f"module 'flexviz' has no attribute {name!r}")

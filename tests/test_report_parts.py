@@ -172,8 +172,8 @@ def test_changed_data_are_not_diagnosed_silently(
 @pytest.mark.parametrize(
     "arguments, said",
     [
-        (["small", "--out", "a.pdf"], '".pdf" says no kind of report; valid: .html, .htm, .md, .json'),
-        (["small", "--out", "html"], '"html" says no kind of report'),
+        (["small", "--out", "a.pdf"], '".pdf" is not a kind of report; valid: .html, .htm, .md, .json'),
+        (["small", "--out", "html"], '"html" is not a kind of report'),
         (["small", "--out", "no/a.html"], "does not exist"),
         (["small", "--out", "small.html"], "is a folder"),
         (["none", "--out", "a.html"], "none"),

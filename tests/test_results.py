@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import flexviz
 from flexviz.errors import FlexvizError, InputError
 from flexviz.files import as_json
 from flexviz.identification import Identification, identify
@@ -110,3 +111,11 @@ def test_files_are_checked_strictly(tmp_path: Path) -> None:
         read_result(file)
     assert ResultDocument.from_dict(DIAGNOSIS.to_dict() | {"added_later": 1}) == DIAGNOSIS.document()
     assert np.isfinite(DIAGNOSIS.document().all_parameters[0].value)
+
+
+def test_the_public_names_exist_and_open_a_session(tmp_path: Path) -> None:
+    for name in flexviz.__all__:
+        assert getattr(flexviz, name) is not None, name
+    session = flexviz.Session.open(sessions_dir() / "planar-2r-demo")
+    folder = session.save(tmp_path / "kept")
+    assert flexviz.Session.open(folder).session.analysis.roles == session.session.analysis.roles

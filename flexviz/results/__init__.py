@@ -4,7 +4,6 @@ from flexviz.results.document import ResultDocument, json_schema, note_entries
 from flexviz.results.entries import (
     CandidateEntry,
     EffectEntry,
-    GuardEntry,
     ParameterEntry,
     ValueEntry,
 )
@@ -19,7 +18,6 @@ __all__ = [
     "CandidateEntry",
     "EffectEntry",
     "Grade",
-    "GuardEntry",
     "Note",
     "NoteKind",
     "ParameterEntry",

@@ -6,50 +6,17 @@ become null.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import (
     AliasChoices,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
     Field,
-    ValidationInfo,
     model_validator,
 )
 
+from flexviz.results.base import Column, Nullable, Number, ResultEntry, named
+from flexviz.results.curves import FreeCurveEntry, GuardEntry, MapEntry
 from flexviz.results.grades import Grade, NoteKind, Verdict
-
-
-def _nullable(value: Any, info: ValidationInfo) -> Any:
-    """Numbers and arrays of a record with None for what is not finite; files are left to the strict check."""
-    if info.mode == "json":
-        return value
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, list | tuple):
-        return [_nullable(item, info) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _named(names: tuple[str, ...], data: Any) -> Any:
-    """A tuple of a record with its names; anything else as it is."""
-    return dict(zip(names, data, strict=True)) if isinstance(data, tuple) else data
-
-
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Nullable = Annotated[Number | None, BeforeValidator(_nullable)]
-Column = Annotated[list[Number | None], BeforeValidator(_nullable)]
-Rows = Annotated[list[Column], BeforeValidator(_nullable)]
-
-
-class ResultEntry(BaseModel):
-    """Part of a document."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, from_attributes=True, populate_by_name=True)
 
 
 class ParameterEntry(ResultEntry):
@@ -62,7 +29,7 @@ class ParameterEntry(ResultEntry):
     unit: str
     start: Nullable = None
     identifiable: Grade
-    tied_to: list[str] = []
+    tied_to: list[str] = Field(default_factory=list)
     at_bound: bool = False
     payload: str | None = None
     group: str | None = None
@@ -77,7 +44,7 @@ class CombinationEntry(ResultEntry):
     """A base parameter: the smallest combination of inertias that motion can show."""
 
     name: str
-    weights: dict[str, Number] = {}
+    weights: dict[str, Number] = Field(default_factory=dict)
     value: Number
     std: Nullable
     unit: str
@@ -111,7 +78,7 @@ class ValueEntry(ResultEntry):
     @model_validator(mode="before")
     @classmethod
     def _from_tuple(cls, data: Any) -> Any:
-        return _named(("value", "std", "unit"), data)
+        return named(("value", "std", "unit"), data)
 
 
 class EffectEntry(ResultEntry):
@@ -153,8 +120,8 @@ class PlaceEntry(ResultEntry):
     joint: str | None
     group: str | None = None
     payload: str | None = None
-    inseparable_from: list[TieEntry] = []
-    absorbed: list[AbsorbedEntry] = []
+    inseparable_from: list[TieEntry] = Field(default_factory=list)
+    absorbed: list[AbsorbedEntry] = Field(default_factory=list)
 
 
 class CandidateEntry(PlaceEntry):
@@ -171,7 +138,7 @@ class LocationEntry(ResultEntry):
     joint: str
     variable: str
     explained: Nullable
-    range: Annotated[list[Number | None], BeforeValidator(_nullable)]
+    range: Column
 
 
 class GroupErrorEntry(ResultEntry):
@@ -193,10 +160,10 @@ class StepEntry(ResultEntry):
     """A model on the way: what was added, its errors [Nm per joint] and the verdict on it."""
 
     added: PlaceEntry | None = None
-    rms: list[Number] = []
+    rms: list[Number] = Field(default_factory=list)
     rms_validation: list[Number] | None = None
-    noise_floor: list[Number] = []
-    groups: list[GroupErrorEntry] = []
+    noise_floor: list[Number] = Field(default_factory=list)
+    groups: list[GroupErrorEntry] = Field(default_factory=list)
     verdict: Verdict
 
 
@@ -214,103 +181,6 @@ class NoteEntry(ResultEntry):
     text: str
 
 
-class MapEntry(ResultEntry):
-    """One joint's residual [Nm] against one variable; one row per curve."""
-
-    joint: str
-    variable: str
-    unit: str
-    curves: list[str]
-    centres: Rows
-    mean: Rows
-    std: Rows
-    count: list[list[int]]
-    explained: Nullable
-    explained_std: Nullable
-    explained_by_group: dict[str, Nullable]
-    range: Column
-
-    @model_validator(mode="before")
-    @classmethod
-    def _counts(cls, data: Any) -> Any:
-        count = getattr(data, "count", None)
-        return {**vars(data), "count": count.tolist()} if isinstance(count, np.ndarray) else data
-
-
-class FreeCurveEntry(ResultEntry):
-    """A free curve of residual torque [Nm] against one variable, a stopgap."""
-
-    joint: str
-    variable: str
-    unit: str
-    directions: list[str]
-    centres: Column
-    value: Rows
-    std: Rows
-    explained: Nullable
-    explained_std: Nullable
-    smoothing: Nullable
-    note: str
-
-
-class GuardJointEntry(ResultEntry):
-    """What moves with the bandwidth at one joint [Nm], one number per bandwidth."""
-
-    joint: str
-    rms: Column
-    change: Column
-    change_noise: Column
-    observer_error: bool
-
-
-class GuardParameterEntry(ResultEntry):
-    """One parameter over the bandwidth."""
-
-    name: str
-    joint: str | None
-    place: str | None
-    unit: str
-    values: Column
-    std: Column
-    moved: Nullable
-    trusted: bool
-
-
-class GuardEntry(ResultEntry):
-    """What moves with the observer's bandwidth [rad/s]."""
-
-    observer: str
-    bandwidths: Column
-    in_use: int
-    joints: list[GuardJointEntry]
-    parameters: list[GuardParameterEntry]
-    texts: list[str]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _by_joint(cls, data: Any) -> Any:
-        if isinstance(data, Mapping):
-            return data
-        rows = [
-            {
-                "joint": joint,
-                "rms": data.rms[:, j],
-                "change": data.change[:, j],
-                "change_noise": data.change_noise[:, j],
-                "observer_error": bool(data.observer_error[j]),
-            }
-            for j, joint in enumerate(data.joints)
-        ]
-        return {
-            "observer": data.observer,
-            "bandwidths": data.bandwidths,
-            "in_use": int(data.in_use),
-            "joints": rows,
-            "parameters": data.parameters,
-            "texts": data.texts(),
-        }
-
-
 class ResultFields(ResultEntry):
     """A result: of an identification, a diagnosis or an export.
 
@@ -322,26 +192,26 @@ class ResultFields(ResultEntry):
     set: str
     set_sha256: str | None = None
     verdict: Verdict | None = None
-    candidates: list[CandidateEntry] = []
-    where: list[LocationEntry] = []
-    steps: list[StepEntry] = []
+    candidates: list[CandidateEntry] = Field(default_factory=list)
+    where: list[LocationEntry] = Field(default_factory=list)
+    steps: list[StepEntry] = Field(default_factory=list)
     model: ModelEntry | None = None
     observer: ObserverEntry | None = None
     refined: bool = False
     groups: list[str] | None = None
-    validation_groups: list[str] = []
+    validation_groups: list[str] = Field(default_factory=list)
     converged: bool = True
     stopped: bool = False
     message: str = ""
     iterations: int | None = None
     condition_number: Nullable = None
     parameters: list[ParameterEntry] | None = None
-    base_parameters: list[CombinationEntry] = []
+    base_parameters: list[CombinationEntry] = Field(default_factory=list)
     effects: list[EffectEntry] | None = None
     residual: ResidualEntry | None = None
-    notes: list[str] = []
-    typed_notes: list[NoteEntry] = []
-    maps: list[MapEntry] = []
+    notes: list[str] = Field(default_factory=list)
+    typed_notes: list[NoteEntry] = Field(default_factory=list)
+    maps: list[MapEntry] = Field(default_factory=list)
     free_curve: FreeCurveEntry | None = None
     guard: GuardEntry | None = None
     seconds: Number | None = None

@@ -13,6 +13,7 @@ from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
 from flexviz.session import results
 from flexviz.session.document import OLD_ARRAYS, SESSION_FILE, Document, read_document
 from flexviz.session.reference import SetReference, read_reference
+from flexviz.session.saving import save_session
 from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
 
 TRIES = 4  # somebody may save while it is read
@@ -37,6 +38,15 @@ class OpenedSession:
     changed: tuple[str, ...] = ()
     saved: str = ""
     version: str = ""
+
+    @staticmethod
+    def open(path: str | Path) -> OpenedSession:
+        """Open a saved session, or begin one on a measurement set; see `open_session`."""
+        return open_session(path)
+
+    def save(self, folder: str | Path | None = None, *, carry: bool = False) -> Path:
+        """Save it, by default where it lies; see `save_session`."""
+        return save_session(self.session, self.measurements, Path(folder or self.folder), carry=carry)
 
 
 def is_session(path: Path) -> bool:

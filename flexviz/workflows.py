@@ -1,0 +1,207 @@
+"""From a measurement set to a report or a recording: what `report` and `record` do, for Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from flexviz.diagnosis import diagnose, maps_of
+from flexviz.errors import Cancelled, InputError, choose_from
+from flexviz.files import write_whole
+from flexviz.identification import Identification, identify
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.observers import make_observer
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
+from flexviz.recording import Recorded, RecordingFile, ending_tidily
+from flexviz.report import chosen_set, diagnosed_session, guarded, session_report
+from flexviz.session import OpenedSession, Session, is_session, open_session, save_session
+
+REPORT_SUFFIXES = {".html": "html", ".htm": "html", ".md": "md", ".json": "json"}
+
+
+@dataclass(frozen=True, eq=False)
+class WrittenReport:
+    """A report and the session it shows.
+
+    Attributes:
+        file: what was written.
+        session: with the diagnosis that the report needed.
+        changed: files of the set that differ from those the session's results belong to.
+    """
+
+    file: Path
+    session: Session
+    changed: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedAnalysis:
+    """A recording and the identifications in it, in their order."""
+
+    recorded: Recorded
+    results: tuple[Identification, ...]
+
+
+def write_report(
+    source: str | Path | OpenedSession,
+    out: str | Path,
+    *,
+    guard: bool | None = None,
+    keep: Path | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
+) -> WrittenReport:
+    """Write a report: of a set after a full diagnosis, of a session from what is saved in it.
+
+    Args:
+        source: folder of a set or a session, or an open session.
+        out: file to write: .html, .md or .json.
+        guard: also check what moves with the observer's bandwidth; None: only where the model does not reach
+            the measurement noise.
+        keep: new folder for a session with the results.
+        progress, should_stop: see `flexviz.progress`.
+
+    Raises:
+        InputError: for a file of another kind, or a folder `keep` that is not empty.
+    """
+    out = Path(out)
+    kind = report_kind(out)
+    if keep is not None and keep.exists() and (not keep.is_dir() or any(keep.iterdir())):
+        raise InputError("exists and is not empty, expected a new folder", file=keep)
+    opened = source if isinstance(source, OpenedSession) else open_session(source)
+    saved = is_session(opened.folder)
+    complete = _completed if saved else _diagnosed
+    session = complete(opened, guard, progress, should_stop)
+    if keep is not None:
+        save_session(session, opened.measurements, keep)
+    folder = keep or (opened.folder if saved and session is opened.session else None)
+    folder = None if folder is None else folder.resolve()
+    text = session_report(session, opened.measurements, kind, folder=folder, changed=opened.changed)
+    try:
+        write_whole(out, text.encode())
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
+    return WrittenReport(out, session, opened.changed)
+
+
+def report_kind(out: Path) -> str:
+    """The kind of report that a file's name asks for."""
+    kind = REPORT_SUFFIXES.get(out.suffix.lower())
+    if kind is None:
+        found = out.suffix or out.name
+        raise InputError(
+            f'"{found}" is not a kind of report; {choose_from(found, REPORT_SUFFIXES)}', file=out
+        )
+    return kind
+
+
+def _diagnosed(
+    opened: OpenedSession, guard: bool | None, progress: ProgressCallback, should_stop: StopCallback
+) -> Session:
+    """A set: find and add every missing effect."""
+    found = diagnose(
+        opened.measurements, apply=True, guarded=guard, progress=progress, should_stop=should_stop
+    )
+    return diagnosed_session(opened.measurements, found)
+
+
+def _completed(
+    opened: OpenedSession, guard: bool | None, progress: ProgressCallback, should_stop: StopCallback
+) -> Session:
+    """A session as saved: only what is asked for and missing is computed, the model stays."""
+    session, measurements = opened.session, opened.measurements
+    analysis = session.analysis
+    if opened.changed:
+        return session
+    if not analysis.diagnosis_up_to_date and analysis.groups_with("fit"):
+        known = analysis.identification if analysis.up_to_date else None
+        found = diagnose(
+            chosen_set(measurements, analysis),
+            apply=False,
+            start=known.model if known is not None and known.converged else None,
+            guarded=guard,
+            progress=progress,
+            should_stop=should_stop,
+        )
+        return session.then("looked for the missing effect", analysis.with_diagnosis(found))
+    diagnosis = analysis.diagnosis
+    if guard and diagnosis is not None and diagnosis.guard is None and diagnosis.model is not None:
+        progress(Progress("checking parameters against the observer's bandwidth"))
+        checked = replace(diagnosis, guard=guarded(measurements, analysis, diagnosis.model, should_stop))
+        return session.then("looked at the bandwidth", replace(analysis, diagnosis=checked))
+    return session
+
+
+def record(
+    measurements: MeasurementSet | str | Path,
+    out: str | Path,
+    *,
+    groups: Sequence[str] | None = None,
+    effects: Iterable[str] = (),
+    observer: str = "butterworth-zero-phase",
+    bandwidth: float | Sequence[float] | None = None,
+    refine: bool = False,
+    add_missing: bool = False,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
+) -> RecordedAnalysis:
+    """Identify a set and record signals, observer states, residuals, iterations and both robots.
+
+    Args:
+        measurements: the set, or its folder.
+        out: file to write, .rrd.
+        groups, effects, observer, bandwidth, refine: as in `identify`.
+        add_missing: also find the missing effects, add them one by one and record every step.
+        progress, should_stop: see `flexviz.progress`; what was recorded before a stop is kept.
+    """
+    if not isinstance(measurements, MeasurementSet):
+        measurements = read_set(measurements)
+    effects, results = list(effects), []
+    file = RecordingFile(measurements, out, progress=progress, should_stop=should_stop)
+
+    def solve(model_effects: list[str], label: str) -> None:
+        def tell(news: Progress) -> None:
+            progress(news)
+            if news.iteration is not None:
+                file.iteration(news.iteration)
+
+        file.started(label)
+        result = identify(
+            file.measurements,
+            groups=groups,
+            effects=model_effects,
+            observer=observer,
+            bandwidth=bandwidth,
+            refine=refine,
+            progress=tell,
+            should_stop=should_stop,
+        )
+        file.recorder.result(result)
+        results.append(result)
+        if result.stopped:
+            raise Cancelled
+        file.step(f"{label}: where it fails", 0.3)
+        file.recorder.maps(maps_of(file.measurements, result.model, model_effects))
+
+    with file, ending_tidily():
+        file.recorder.begin(file.part(0.0, 0.1))
+        file.recorder.session(
+            observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
+        )
+        file.recorder.observe(make_observer(observer, bandwidth), file.part(0.1, 0.25))
+        solve(effects, f"with {', '.join(effects)}" if effects else "present model")
+        if add_missing:
+            extended = replace(measurements, effects=(*measurements.effects, *effects))
+            found = diagnose(extended, apply=True, progress=progress, should_stop=should_stop)
+            file.recorder.diagnosis(found)
+            if found.stopped:
+                raise Cancelled
+            for step in found.steps:
+                if step.added is not None:
+                    effects = [*effects, step.added.text]
+                    solve(effects, f"+ {step.added.text}")
+        file.simulate(results[-1], file.part(0.5, 1.0))
+        file.step("writing", 1.0)
+    assert file.written is not None
+    return RecordedAnalysis(file.written, tuple(results))
