@@ -109,7 +109,7 @@ def answering(monkeypatch: pytest.MonkeyPatch, answer: Diagnosis | None) -> list
         asked.append({"effects": measurements.effects, **options})
         return answer
 
-    monkeypatch.setattr("flexviz.diagnosis.diagnose", diagnose)
+    monkeypatch.setattr("flexviz.workflows.diagnose", diagnose)
     return asked
 
 
@@ -140,7 +140,7 @@ def test_a_session_gets_computed_only_what_it_does_not_hold(
     assert asked[0]["apply"] is False and asked[0]["effects"] == ("coulomb_friction", "torque_offset:joint1")
     answering(monkeypatch, None)
     looked: list[Any] = []
-    monkeypatch.setattr("flexviz.report.guarded", lambda *args: looked.append(args) or GUARD)
+    monkeypatch.setattr("flexviz.workflows.guarded", lambda *args: looked.append(args) or GUARD)
     assert main(["report", "more", "--out", "b.md"]) == 0 and not looked
     assert "the option --guard" in (workplace / "b.md").read_text()
     assert main(["report", "more", "--out", "b.md", "--guard"]) == 0 and len(looked) == 1
