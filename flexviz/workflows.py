@@ -164,9 +164,9 @@ def record(
         def tell(news: Progress) -> None:
             progress(news)
             if news.iteration is not None:
-                file.iteration(news.iteration)
+                file.recorder.iteration(news.iteration)
 
-        file.started(label)
+        file.recorder.start(label)
         result = identify(
             file.measurements,
             groups=groups,

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from flexviz.cli.progress import Reporter
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
-    from flexviz.progress import Iteration, Progress
 
 SetArgument = Annotated[Path, typer.Argument(metavar="SET", help="Folder with measurements.toml.")]
 GroupOption = Annotated[
@@ -83,15 +82,9 @@ def identify_wanted(
     wanted: Wanted,
     report: Reporter,
     should_stop: Callable[[], bool],
-    also: Callable[[Iteration], None] = lambda iteration: None,
 ) -> Identification:
-    """Identify as it was asked for; `also` is told every iteration too."""
+    """Identify as it was asked for."""
     from flexviz.identification import identify
-
-    def progress(news: Progress) -> None:
-        report(news)
-        if news.iteration is not None:
-            also(news.iteration)
 
     return identify(
         measurements,
@@ -100,7 +93,7 @@ def identify_wanted(
         observer=wanted.observer,
         bandwidth=wanted.bandwidth,
         refine=wanted.refine,
-        progress=progress,
+        progress=report,
         should_stop=should_stop,
     )
 
