@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from flexviz.diagnosis import diagnose, maps_of
 from flexviz.errors import Cancelled, InputError, choose_from
@@ -157,51 +158,51 @@ def record(
     """
     if not isinstance(measurements, MeasurementSet):
         measurements = read_set(measurements)
-    effects, results = list(effects), []
+    effects, results = list(effects), list[Identification]()
     file = RecordingFile(measurements, out, progress=progress, should_stop=should_stop)
 
-    def solve(model_effects: list[str], label: str) -> None:
-        def tell(news: Progress) -> None:
-            progress(news)
-            if news.iteration is not None:
-                file.recorder.iteration(news.iteration)
+    def tell(news: Progress) -> None:
+        progress(news)
+        if news.iteration is not None:
+            file.recorder.iteration(news.iteration)
 
-        file.recorder.start(label)
-        result = identify(
-            file.measurements,
-            groups=groups,
-            effects=model_effects,
-            observer=observer,
-            bandwidth=bandwidth,
-            refine=refine,
-            progress=tell,
-            should_stop=should_stop,
-        )
-        file.recorder.result(result)
-        results.append(result)
-        if result.stopped:
-            raise Cancelled
-        file.step(f"{label}: where it fails", 0.3)
-        file.recorder.maps(maps_of(file.measurements, result.model, model_effects))
-
+    options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
+    options |= {"refine": refine, "progress": tell, "should_stop": should_stop}
     with file, ending_tidily():
         file.recorder.begin(file.part(0.0, 0.1))
         file.recorder.session(
             observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
         )
         file.recorder.observe(make_observer(observer, bandwidth), file.part(0.1, 0.25))
-        solve(effects, f"with {', '.join(effects)}" if effects else "present model")
+        _solve(file, effects, f"with {', '.join(effects)}" if effects else "present model", options, results)
         if add_missing:
             extended = replace(measurements, effects=(*measurements.effects, *effects))
             found = diagnose(extended, apply=True, progress=progress, should_stop=should_stop)
             file.recorder.diagnosis(found)
             if found.stopped:
                 raise Cancelled
-            for step in found.steps:
-                if step.added is not None:
-                    effects = [*effects, step.added.text]
-                    solve(effects, f"+ {step.added.text}")
+            for name in [step.added.text for step in found.steps if step.added is not None]:
+                effects = [*effects, name]
+                _solve(file, effects, f"+ {name}", options, results)
         file.simulate(results[-1], file.part(0.5, 1.0))
         file.step("writing", 1.0)
     assert file.written is not None
     return RecordedAnalysis(file.written, tuple(results))
+
+
+def _solve(
+    file: RecordingFile,
+    effects: list[str],
+    label: str,
+    options: dict[str, Any],
+    results: list[Identification],
+) -> None:
+    """Identify with these effects, add it to `results`, record it and where it fails."""
+    file.recorder.start(label)
+    result = identify(file.measurements, effects=effects, **options)
+    file.recorder.result(result)
+    results.append(result)
+    if result.stopped:
+        raise Cancelled
+    file.step(f"{label}: where it fails", 0.3)
+    file.recorder.maps(maps_of(file.measurements, result.model, effects))

@@ -35,6 +35,7 @@ LAYERS = (
     ("view",),
     ("report",),
     ("app", "recording", "exporting"),
+    ("workflows",),
     ("cli", "__main__"),
 )
 RANK = {name: rank for rank, row in enumerate(LAYERS) for name in row}

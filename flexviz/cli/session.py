@@ -10,8 +10,7 @@ import typer
 from flexviz.cli.own import EffectsFromOption, load_own
 
 if TYPE_CHECKING:
-    from flexviz.session import OpenedSession
-    from flexviz.session.state import Analysis
+    from flexviz.session import Analysis, OpenedSession
 
 
 def session(
