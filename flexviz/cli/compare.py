@@ -13,7 +13,7 @@ from flexviz.cli.own import EffectsFromOption, load_own
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary
+    from flexviz.session import ParameterRow, SessionComparison, SessionSummary
 
 SURE = 3.0  # standard errors from which a difference is pointed at
 
@@ -33,8 +33,8 @@ def compare(
     """Compare what saved sessions ended with."""
     from flexviz.cli import output
     from flexviz.errors import InputError
+    from flexviz.session import compare as put_side_by_side
     from flexviz.session import is_session, open_session
-    from flexviz.session.comparing import compare as put_side_by_side
 
     load_own(effects_from)
     output.check_output_file(json_file, ".json")

@@ -1,6 +1,7 @@
 """The state of one analysis with its history, and how it is kept in a folder."""
 
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
+from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import save_session, zipped
@@ -26,12 +27,16 @@ __all__ = [
     "Autosave",
     "ModelStep",
     "OpenedSession",
+    "ParameterRow",
     "Role",
     "Session",
+    "SessionComparison",
     "SessionNote",
     "SessionStep",
+    "SessionSummary",
     "Settings",
     "Unsaved",
+    "compare",
     "find_unsaved",
     "is_session",
     "now",
