@@ -128,7 +128,7 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
         fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
         assert fit == pytest.approx(total(step["rms"]), rel=0.05)
         assert held_out == pytest.approx(total(step["rms_validation"]), rel=0.05)
-    model_steps = until(lambda: chart(page, "Error after each added effect"), what="the staircase")
+    model_steps = until(lambda: chart(page, "Error after each added effect, all joints"), what="staircase")
     assert all(line[0] > 20 * line[-1] for line in model_steps[1:-1])
     shot(page, "compare")
     well_laid_out(page)
