@@ -1,8 +1,8 @@
 """The packages and their imports: `python -m benchmarks.architecture [--write]`.
 
 Prints the size of each package, import circles, and imports that bypass a package's public face. With
-`--write` it draws docs/images/packages.svg, each package above those that it imports. The exit code is 1 if
-there is a circle or a bypassed face.
+`--write` it draws the pictures of docs/architecture.md. The exit code is 1 if there is a circle or a bypassed
+face.
 """
 
 from __future__ import annotations
@@ -16,8 +16,34 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "flexviz"
-PICTURE = ROOT / "docs" / "images" / "packages.svg"
+IMAGES = ROOT / "docs" / "images"
 BOX, GAP, ROW, MARGIN = (124, 34), 14, 62, 16  # [px]
+STYLE = (
+    "<style>svg{background:#fff}rect{fill:#eef3f7;stroke:#5d6b78}path{fill:none;stroke:#0072b2;opacity:.55}"
+    "text{font:12px 'DejaVu Sans',sans-serif;text-anchor:middle;fill:#1c2733}"
+    "text.n{font-size:9px;fill:#5d6b78}</style>\n"
+)
+WALKS = {  # picture -> (where, what comes out of it), stop by stop
+    "walk-diagnosis": (
+        ("measurements.read_set", "MeasurementSet"),
+        ("equation.build_signals", "Signals"),
+        ("equation.Equation.at", "OperatingPoint"),
+        ("identification.identify", "start values"),
+        ("diagnosis.FitContext.fit", "Fit"),
+        ("Search.scores", "ranked candidates"),
+        ("Search.refits, acceptable", "best model, or none"),
+        ("diagnosis.diagnose", "Diagnosis, verdict"),
+    ),
+    "walk-slider": (
+        ("Page.watch", "Event"),
+        ("EventQueue.take", "action"),
+        ("ObserverStep", "bandwidth"),
+        ("Store.change", "Changed.OBSERVER"),
+        ("ChangeSignal.tell", "subscribers"),
+        ("PlotPanel, view", "Chart"),
+        ("uplot", "plot"),
+    ),
+}
 
 
 def package_of(path: Path) -> str:
@@ -50,7 +76,7 @@ def arrows() -> tuple[dict[str, set[str]], dict[str, int], list[str]]:
                 continue
             out[here].add(other)
             inside = PACKAGE.joinpath(*name.split(".")[1:3]).with_suffix(".py")
-            if (PACKAGE / other).is_dir() and len(name.split(".")) > 3 and inside.is_file():
+            if len(name.split(".")) > 3 and inside.is_file():
                 bypasses.append(f"{path.relative_to(ROOT)} imports {name}")
     return out, dict(lines), bypasses
 
@@ -103,17 +129,32 @@ def svg(graph: dict[str, set[str]], lines: dict[str, int]) -> str:
     total = 2 * MARGIN + top * ROW + BOX[1]
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {total:g}" width="{width:g}">\n'
-        "<style>svg{background:#fff}rect{fill:#eef3f7;stroke:#5d6b78}"
-        "path{fill:none;stroke:#0072b2;opacity:.55}"
-        "text{font:12px 'DejaVu Sans',sans-serif;text-anchor:middle;fill:#1c2733}"
-        "text.n{font-size:9px;fill:#5d6b78}"
-        "</style>\n" + "\n".join(parts + boxes) + "\n</svg>\n"
+        + STYLE
+        + "\n".join(parts + boxes)
+        + "\n</svg>\n"
     )
+
+
+def walk(stops: tuple[tuple[str, str], ...]) -> str:
+    """A picture of stops, four in a row, with what each hands to the next."""
+    wide, parts = 190, []
+    for number, (where, result) in enumerate(stops):
+        x, y = MARGIN + (number % 4) * (wide + 40), MARGIN + (number // 4) * 74
+        parts.append(f'<rect x="{x}" y="{y}" width="{wide}" height="46" rx="4"/>')
+        parts.append(f'<text x="{x + wide / 2:g}" y="{y + 19}">{number + 1}  {where}</text>')
+        parts.append(f'<text class="n" x="{x + wide / 2:g}" y="{y + 35}">→ {result}</text>')
+        if number % 4 < 3 and number + 1 < len(stops):
+            parts.append(f'<path d="M{x + wide} {y + 23} h34 m-7 -5 l7 5 l-7 5"/>')
+    width, rows = 2 * MARGIN + 4 * wide + 120, (len(stops) + 3) // 4
+    height = 2 * MARGIN + 46 + (rows - 1) * 74
+    size = f'viewBox="0 0 {width} {height}" width="{width}"'
+    body = "\n".join(parts)
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{STYLE}{body}\n</svg>\n'
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.architecture", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="renew docs/images/packages.svg")
+    parser.add_argument("--write", action="store_true", help="renew the pictures in docs/images")
     options = parser.parse_args()
     graph, lines, bypasses = arrows()
     try:
@@ -128,7 +169,9 @@ def main() -> int:
     )
     print(*bypasses, sep="\n")
     if options.write:
-        PICTURE.write_text(svg(graph, lines), encoding="utf-8")
+        (IMAGES / "packages.svg").write_text(svg(graph, lines), encoding="utf-8")
+        for name, stops in WALKS.items():
+            (IMAGES / f"{name}.svg").write_text(walk(stops), encoding="utf-8")
     return 1 if bypasses else 0
 
 
