@@ -12,7 +12,7 @@ class DirectionalFriction(LinearEffect):
 
     name = "directional_friction"
     title = "Direction-dependent friction"
-    where = "motor"  # u is subtracted from the motor's torque
+    where = "motor"  # u is subtracted from the motor torque
     explanation = "Dry friction opposes the motion with one torque forwards and another one backwards."
     equation = "u = f_p for θ̇ > 0, −f_n for θ̇ < 0"
     signature = "Steps at reversals that are not symmetric about zero."

@@ -46,6 +46,7 @@ def test_json_is_the_contract(diagnosed: Diagnosis) -> None:
     candidate = document["candidates"][0]
     assert set(candidate) == {
         "effect", "joint", "group", "payload", "score", "confidence", "parameters", "inseparable_from",
+        "absorbed",  # beside the contract's keys
     }  # fmt: skip
     assert 0 <= candidate["score"] <= 1 and 0 <= candidate["confidence"] <= 1
     assert (

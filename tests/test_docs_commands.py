@@ -125,6 +125,8 @@ def look_at(program: str, words: list[str], shown: Shown) -> None:
     if program == "make":
         targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
         assert words[0] in targets, shown
+    elif program == "python" and words[0].startswith("examples/"):
+        assert (ROOT / words[0]).is_file(), shown  # test_examples runs them
     elif program == "python" and words[0] == "-m" and words[1].startswith("benchmarks"):
         assert importlib.util.find_spec(words[1]) is not None, shown
     else:
