@@ -1,9 +1,9 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.diagnose import diagnose
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.pipeline import diagnose
 from flexviz.diagnosis.records import (
     DIRECTED,
     DIRECTION_GAIN,

@@ -1,6 +1,7 @@
 """Identification: parameters with uncertainty from measurements."""
 
-from flexviz.identification.identify import identify
+from flexviz.identification.bandwidth_sweep import SweepResult, sweep
+from flexviz.identification.pipeline import identify
 from flexviz.identification.result import (
     Combination,
     Identification,
@@ -9,7 +10,6 @@ from flexviz.identification.result import (
     ResidualSummary,
 )
 from flexviz.identification.summary import combinations, parameter_estimates
-from flexviz.identification.sweep import SweepResult, sweep
 
 __all__ = [
     "Combination",

@@ -10,6 +10,7 @@ from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, Fla
 OBSERVERS: dict[str, type[Observer]] = {
     cls.name: cls for cls in (ButterworthZeroPhase, CausalEso, EqualDelayEso, EsoZeroPhase, FlatZeroPhase)
 }
+"""Observer name, as commands call it -> class."""
 
 __all__ = [
     "OBSERVERS",

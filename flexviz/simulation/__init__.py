@@ -5,11 +5,11 @@ from flexviz.simulation.control import PDController
 from flexviz.simulation.effect_laws import neighbour, scaled_body, tilted_gravity
 from flexviz.simulation.extra_laws import ExtraLaw, Pull
 from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
+from flexviz.simulation.model_replay import replay
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS
 from flexviz.simulation.rates import fastest
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
-from flexviz.simulation.replay import replay
 from flexviz.simulation.run import Run, simulate_run
 from flexviz.simulation.sensors import Sensors
 from flexviz.simulation.sets import (

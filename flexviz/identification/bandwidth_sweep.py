@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.identification.identify import identify
+from flexviz.identification.pipeline import identify
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
