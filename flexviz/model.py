@@ -1,4 +1,4 @@
-"""The model of a flexible-joint robot as plain numbers: what is identified, simulated and saved."""
+"""Parameters of a flexible-joint robot model, as identified, simulated and saved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ARRAYS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous
 
 @dataclass(frozen=True)
 class EffectValue:
-    """One effect on one joint (or on none), with the values of its parameters in SI units."""
+    """An effect, its place, and its parameter values in SI units."""
 
     effect: str
     joint: str | None
@@ -31,18 +31,16 @@ class EffectValue:
 
 @dataclass(frozen=True, eq=False)
 class FlexibleModel:
-    """Parameters of a flexible-joint robot, everything at the joint side, in the set's joint order.
+    """Parameters of a flexible-joint robot at the joint side, in the joint order of the set.
 
-    Attributes
-    ----------
-    joints: names of the n joints.
-    stiffness: (n,) K [Nm/rad].
-    motor_inertia: (n,) B [kg m²].
-    link_viscous_friction: (n,) f_lv [Nm s/rad].
-    motor_viscous_friction: (n,) f_mv [Nm s/rad].
-    inertial: (n, 10) m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint frame [kg, kg m, kg m²],
-        without payload.
-    effects: further effects with their values.
+    Attributes:
+        joints: names of the n joints.
+        stiffness: (n,) K [Nm/rad].
+        motor_inertia: (n,) B [kg m²].
+        link_viscous_friction, motor_viscous_friction: (n,) f_lv, f_mv [Nm s/rad].
+        inertial: (n, 10) m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint frame
+            [kg, kg m, kg m²], without payload.
+        effects: further effects with their values.
     """
 
     joints: tuple[str, ...]
@@ -61,7 +59,7 @@ class FlexibleModel:
             shape = (n, 10) if name == "inertial" else (n,)
             value: Any = np.array(getattr(self, name), dtype=float)
             if value.shape != shape:
-                raise InputError(f"{name} has shape {value.shape}, {shape} would be right for {n} joints")
+                raise InputError(f"{name} has shape {value.shape}, expected {shape} for {n} joints")
             value.setflags(write=False)
             object.__setattr__(self, name, value)
 

@@ -1,4 +1,4 @@
-"""The state of one analysis with its history, and how it is kept in a folder."""
+"""Analysis sessions: state, history, saving, autosave and comparison."""
 
 from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare

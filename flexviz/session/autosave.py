@@ -1,9 +1,9 @@
-"""Autosave: what nobody has saved yet is kept beside the work, and is found again after a crash.
+"""Autosave: unsaved work is written in the background and can be recovered after a crash.
 
-    <root>/<name>-<which set>/<time>-<process>/        a session's folder, by reference
-    <root>/<name>-<which set>/<time>-<process>.lock    locked as long as that process lives
+    <root>/<name>-<hash of the set's path>/<time>-<process>/        a session folder, set by reference
+    <root>/<name>-<hash of the set's path>/<time>-<process>.lock    locked while that process lives
 
-So only what was left behind is offered again.
+Only folders that no live process has locked are offered for recovery.
 """
 
 from __future__ import annotations
@@ -26,28 +26,23 @@ from flexviz.session.saving import save_session
 from flexviz.session.state import Session
 
 LOCK = ".lock"
-KEPT = 5  # left-behind sessions of one set
+MAX_RECOVERABLE = 5  # abandoned sessions kept per set
 
 
 @dataclass(frozen=True)
 class Unsaved:
-    """A session that was never saved.
+    """An abandoned session that was never saved."""
 
-    Attributes
-    ----------
-    folder: open it with `open_session`.
-    when: of its last change.
-    """
-
-    folder: Path
-    when: datetime
+    folder: Path  # for `open_session`
+    when: datetime  # of its last change
 
 
 class Autosave:
-    """Keeps the newest state of what is open, in a thread of its own.
+    """Writes the latest state of the open session from a background thread.
 
-    `root` gives the folder for everything that is kept like this (it may raise InputError); `failed` is told
-    in one line, from the thread, what went wrong.
+    Args:
+        root: returns the folder for all autosaved sessions; may raise InputError.
+        failed: called from the thread with a one-line error message.
     """
 
     def __init__(self, root: Callable[[], Path], failed: Callable[[str], None] = lambda text: None) -> None:
@@ -63,14 +58,14 @@ class Autosave:
         self._thread: threading.Thread | None = None
 
     def begin(self) -> None:
-        """Something else is open from now on; what was kept stays."""
+        """Start over for another session; what was autosaved so far stays on disk."""
         self.flush()
         with self._change:
             self._release()
             self._folder, self._inherited = None, []
 
     def keep(self, session: Session, measurements: MeasurementSet, delay: float = 0.0) -> None:
-        """Keep this state, at the latest after `delay` [s]; returns at once. Only the newest is written."""
+        """Schedule this state to be written within `delay` [s]; only the latest one is written."""
         with self._change:
             if self._closed:
                 return
@@ -83,20 +78,20 @@ class Autosave:
             self._change.notify_all()
 
     def inherit(self, unsaved: Unsaved, session: Session, measurements: MeasurementSet) -> None:
-        """Go on with what was found; it is removed when it has been kept anew, or saved."""
+        """Continue a recovered session; its old folder is removed once it is written again or saved."""
         with self._change:
             self._inherited.append(unsaved.folder)
         self.keep(session, measurements)
 
     def flush(self, timeout: float = 60.0) -> bool:
-        """Write what waits; False where that took longer than `timeout` [s]."""
+        """Write the pending state; False if that took longer than `timeout` [s]."""
         with self._change:
             self._due = 0.0
             self._change.notify_all()
             return self._change.wait_for(lambda: self._waiting is None and not self._busy, timeout)
 
     def saved(self) -> None:
-        """The user has saved: nothing needs to be kept."""
+        """Remove the autosaved state after the user has saved."""
         with self._change:
             self._waiting = None
             self._change.wait_for(lambda: not self._busy)
@@ -108,7 +103,7 @@ class Autosave:
                 _remove(folder)
 
     def close(self) -> None:
-        """Write what waits, and end."""
+        """Write the pending state and stop the thread."""
         self.flush()
         with self._change:
             self._closed = True
@@ -130,7 +125,7 @@ class Autosave:
                 self._write(session, measurements)
             except (FlexvizError, OSError) as error:
                 self._failed(one_line(f"unsaved work cannot be kept: {error}"))
-            except Exception as error:  # the next state may be written all the same
+            except Exception as error:  # the next state may still be writable
                 self._failed(one_line(f"unsaved work cannot be kept: {type(error).__name__}: {error}"))
             finally:
                 with self._change:
@@ -148,7 +143,7 @@ class Autosave:
     def _new_folder(self, of: Path) -> Path:
         place = _place(self._root(), of)
         place.mkdir(parents=True, exist_ok=True)
-        for old in _left_behind(place)[KEPT - 1 :]:
+        for old in _left_behind(place)[MAX_RECOVERABLE - 1 :]:
             if old not in self._inherited:
                 _remove(old)
         _remove_interrupted(place)
@@ -166,9 +161,9 @@ class Autosave:
 
 
 def find_unsaved(root: Path, of: Path, session: Path | None = None) -> Unsaved | None:
-    """The newest unsaved work on the measurement set in the folder `of` that was left behind, if any.
+    """The latest abandoned unsaved work on the measurement set in the folder `of`, if any.
 
-    What a living process keeps is not meant, nor what is older than the session in the folder `session`.
+    Sessions of live processes are ignored, and so is work older than the session saved in `session`.
     """
     found = _left_behind(_place(root, of))
     if not found:
@@ -190,14 +185,14 @@ def _lock_of(folder: Path) -> Path:
 
 
 def _left_behind(place: Path) -> list[Path]:
-    """Sessions whose process has ended, the newest first."""
+    """Sessions whose process has ended, latest first."""
     rows = []
     for file in place.glob(f"*/{SESSION_FILE}"):
         try:
             if not _in_use(file.parent):
                 rows.append((file.stat().st_mtime_ns, file.parent))
         except OSError:
-            continue  # it went away meanwhile
+            continue  # removed meanwhile
     return [folder for _, folder in sorted(rows, reverse=True)]
 
 
@@ -216,7 +211,7 @@ def _in_use(folder: Path) -> bool:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a session's folder, session.json first, and the folders above it that it leaves empty."""
+    """Remove a session folder, session.json first, and its parent folders if empty."""
     (folder / SESSION_FILE).unlink(missing_ok=True)
     shutil.rmtree(folder, ignore_errors=True)
     _lock_of(folder).unlink(missing_ok=True)
@@ -228,7 +223,7 @@ def _remove(folder: Path) -> None:
 
 
 def _remove_interrupted(place: Path) -> None:
-    """Remove what processes that are gone left before they had kept anything whole."""
+    """Remove incomplete folders and unused locks of processes that have ended."""
     for part in place.glob(".*"):
         if part.is_dir() and not _in_use(place / part.name[1:].rpartition(".")[0]):
             shutil.rmtree(part, ignore_errors=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from flexviz.errors import InputError
@@ -23,23 +23,21 @@ Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, pa
 
 @dataclass(frozen=True)
 class SessionSummary:
-    """What one session ends with.
+    """Final results of one session.
 
-    Attributes
-    ----------
-    name: of its folder.
-    set_name, set_sha256: its measurement set, as it is now.
-    changed: files that are not what the results were computed from.
-    verdict: of the last diagnosis that belongs to the present model; "" without one.
-    effects: of the model, the set's own first.
-    observer, refined: of the identification; "" without one.
-    source: what the parameters come from: "identification" or "diagnosis", the same for all sessions where
-        all have it; "" where there is neither.
-    errors_from: the same of the errors. The diagnosis' are preferred: all of them are of one band, while an
-        identification's depend on its observer.
-    joints: names.
-    rms, rms_validation, noise_floor: one a joint [Nm]; empty where they are not known.
-    parameters: key -> estimate.
+    Attributes:
+        name: folder name.
+        set_name, set_sha256: its measurement set in the current state.
+        changed: files that have changed since the results were computed.
+        verdict: of the diagnosis of the current model; "" without one.
+        effects: of the model, those of the set first.
+        observer, refined: of the identification; "" and False without one.
+        source: result that the parameters come from, the same in all sessions if possible; "" for none.
+        errors_from: the same for the errors. Diagnoses are preferred: they all use the same band, whereas
+            the errors of an identification depend on its observer.
+        joints: names.
+        rms, rms_validation, noise_floor: one per joint [Nm]; empty if unknown.
+        parameters: key -> estimate.
     """
 
     name: str
@@ -61,21 +59,12 @@ class SessionSummary:
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One parameter in all sessions.
-
-    Attributes
-    ----------
-    key: which.
-    unit: of all values.
-    estimates: one a session; None where its model does not have it.
-    deviations: how far the last value is from the first, in standard errors of the difference as if the two
-        were independent; NaN where that is not known.
-    """
+    """One parameter in all sessions."""
 
     key: Key
     unit: str
-    estimates: tuple[ParameterEstimate | None, ...]
-    deviations: float
+    estimates: tuple[ParameterEstimate | None, ...]  # one per session; None if its model lacks it
+    deviations: float  # last minus first, in standard errors as if independent; NaN if unknown
 
     @property
     def name(self) -> str:
@@ -84,43 +73,32 @@ class ParameterRow:
 
     @property
     def place(self) -> str:
-        """Where it belongs."""
+        """Joint, payload and group."""
         return ", ".join(part for part in self.key[1:] if part)
 
 
 @dataclass(frozen=True)
 class SessionComparison:
-    """Sessions in the order they were given, and every parameter that any of them has."""
+    """Sessions in the given order, and every parameter that any of them has."""
 
     sessions: tuple[SessionSummary, ...]
     rows: tuple[ParameterRow, ...]
 
     @property
     def same_data(self) -> bool:
-        """Whether all of them look at the same data."""
+        """Whether all sessions use the same data."""
         return len({summary.set_sha256 for summary in self.sessions}) == 1
 
     def to_json(self) -> dict[str, Any]:
-        """For programs; what is not known is null."""
+        """Plain data for `flexviz compare --json`; unknown values are None."""
         return {
             "format": 1,
             "same_data": self.same_data,
             "sessions": [
                 {
-                    "name": s.name,
-                    "set": s.set_name,
-                    "set_sha256": s.set_sha256,
-                    "changed": list(s.changed),
-                    "verdict": s.verdict or None,
-                    "effects": list(s.effects),
-                    "observer": s.observer or None,
-                    "refined": s.refined,
-                    "source": s.source or None,
-                    "errors_from": s.errors_from or None,
-                    "joints": list(s.joints),
-                    "rms": list(s.rms),
-                    "rms_validation": list(s.rms_validation),
-                    "noise_floor": list(s.noise_floor),
+                    "set" if field.name == "set_name" else field.name: _plain(getattr(s, field.name))
+                    for field in fields(s)
+                    if field.name != "parameters"
                 }
                 for s in self.sessions
             ],
@@ -141,10 +119,15 @@ class SessionComparison:
         }
 
 
+def _plain(value: Any) -> Any:
+    """A list for a tuple, None for an empty text."""
+    return list(value) if isinstance(value, tuple) else None if value == "" else value
+
+
 def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
-    """Put two sessions or more side by side."""
+    """Compare two or more sessions."""
     if len(opened) < 2:
-        raise InputError(f"{len(opened)} session to compare; two or more would be right")
+        raise InputError(f"{len(opened)} session to compare, expected two or more")
     found = [results(one) for one in opened]
     sessions = _named(
         [
@@ -162,7 +145,7 @@ def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
 
 
 def summary(opened: OpenedSession, values: Source, errors: Source) -> SessionSummary:
-    """What a session ends with: parameters of one source, errors of one source."""
+    """Final results of a session, with parameters and errors from the given sources."""
     analysis, measurements = opened.session.analysis, opened.measurements
     found = results(opened)
     result, diagnosis = found.identification, found.diagnosis
@@ -198,22 +181,22 @@ def summary(opened: OpenedSession, values: Source, errors: Source) -> SessionSum
 
 @dataclass(frozen=True)
 class Results:
-    """What belongs to the present settings, or, where data have changed, did."""
+    """Results of the current settings, or the last ones if the data have changed."""
 
     identification: Identification | None
     diagnosis: Diagnosis | None
 
     def has(self, source: Source) -> bool:
-        """Whether numbers can be had from there."""
+        """Whether this source has values."""
         if source == "identification":
             return self.identification is not None
         return self.diagnosis is not None and bool(self.diagnosis.parameters)
 
 
 def results(opened: OpenedSession) -> Results:
-    """The results of a session's present settings."""
+    """Results of the current settings of a session."""
     analysis = opened.session.analysis
-    older = bool(opened.changed)  # then nothing counts as up to date, and that is said instead
+    older = bool(opened.changed)  # nothing is up to date then, and `changed` is reported
     return Results(
         analysis.identification if analysis.up_to_date or older else None,
         analysis.diagnosis if analysis.diagnosis_up_to_date or older else None,
@@ -221,7 +204,7 @@ def results(opened: OpenedSession) -> Results:
 
 
 def source_of(found: Sequence[Results], one: Results, order: Sequence[Source]) -> Source:
-    """Where a session's numbers come from: what all sessions have, in this order; else what it has itself."""
+    """The first source in `order` that all sessions have, else the first that this one has."""
     for source in order:
         if all(other.has(source) for other in found):
             return source
@@ -232,7 +215,7 @@ def source_of(found: Sequence[Results], one: Results, order: Sequence[Source]) -
 
 
 def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) -> float:
-    """How far apart two estimates are, in standard errors of their difference as if they were independent."""
+    """Difference of two estimates in standard errors, as if they were independent; NaN if unknown."""
     if first is None or last is None:
         return math.nan
     spread = math.hypot(first.std, last.std)
@@ -240,7 +223,7 @@ def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) 
 
 
 def _named(found: list[SessionSummary]) -> list[SessionSummary]:
-    """Names that differ, where folders are called the same."""
+    """Number the sessions whose folders have the same name."""
     names = [one.name for one in found]
     return [
         replace(one, name=f"{one.name} ({names[: i + 1].count(one.name)})")

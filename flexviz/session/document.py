@@ -1,4 +1,4 @@
-"""session.json: where it lies, its format, and older formats made into the present one."""
+"""The file session.json: its format, and migrations from older formats."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ NOTE_BEGINNINGS = {
     "the error of": "pulses",
     "what stays unexplained": "unexplained",
     "a free curve": "free-curve",
-}  # format 2 had the sentences alone
+}  # format 2 stored only the sentences
 
 Document = dict[str, Any]
 
 
 def read_document(folder: Path) -> Document:
-    """The session.json of a folder in the present format."""
+    """Read the session.json of a folder, migrated to the current format."""
     file = folder / SESSION_FILE
     if file.stat().st_size > LARGEST_BYTES:
-        raise InputError("larger than any session")
+        raise InputError(f"larger than {LARGEST_BYTES:,} bytes, expected a session.json")
     return migrated(json.loads(file.read_text(encoding="utf-8")), folder)
 
 
 def migrated(document: Any, folder: Path) -> Document:
-    """The document in today's format; InputError for what is no session or was written by a later version."""
+    """The document in the current format; InputError for other content or a later format."""
     if not isinstance(document, dict):
         raise InputError("not a JSON object")
     found = document.get("format")
@@ -60,7 +60,7 @@ def migrated(document: Any, folder: Path) -> Document:
 
 
 def from_1(document: Document, folder: Path) -> Document:
-    """Format 1 lay in a copy of its set, with all arrays in one file; it had no hashes, notes or times."""
+    """Migrate format 1: in a copy of the set, all arrays in one file, no hashes, notes or times."""
     try:
         with zipfile.ZipFile(folder / OLD_ARRAYS) as archive:
             count = len(archive.namelist())
@@ -76,12 +76,12 @@ def from_1(document: Document, folder: Path) -> Document:
 
 
 def from_2(document: Document, folder: Path) -> Document:
-    """Format 2 had other class names, and notes of a diagnosis as plain sentences."""
+    """Migrate format 2: other class names, notes of a diagnosis as plain sentences."""
     return renamed(document) | {"format": 3}
 
 
 def renamed(value: Any) -> Any:
-    """Packed values with the present names of classes and fields."""
+    """Packed values with the current names of classes and fields."""
     if isinstance(value, list):
         return [renamed(item) for item in value]
     if not isinstance(value, dict):
@@ -96,7 +96,7 @@ def renamed(value: Any) -> Any:
 
 
 def typed_note(text: str) -> Document:
-    """A note of a diagnosis with its kind, told from how it begins."""
+    """A note of a diagnosis; its kind is inferred from the beginning of the text."""
     found = (kind for start, kind in NOTE_BEGINNINGS.items() if text.startswith(start))
     bandwidth = "bandwidth" if "bandwidth" in text else "other"
     return {"=": "Note", "kind": next(found, bandwidth), "text": text}

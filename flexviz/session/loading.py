@@ -1,4 +1,4 @@
-"""Opening a session: its set, checked against what it was computed from, and its history."""
+"""Opening a session: its measurement set, checked for changes, and its history."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from flexviz.session.reference import SetReference, read_reference
 from flexviz.session.saving import save_session
 from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
 
-TRIES = 4  # somebody may save while it is read
+READ_ATTEMPTS = 4  # another process may save meanwhile
 
 
 @dataclass(frozen=True, eq=False)
 class OpenedSession:
-    """A session as it was kept, with its measurement set.
+    """A saved session with its measurement set.
 
-    Attributes
-    ----------
-    folder: where it lies.
-    measurements: its set; what has changed in it since stands first in its warnings.
-    session: states, notes, recordings. Where data have changed no result counts as up to date.
-    changed: names of the set's files that are not what they were.
-    saved: when (ISO 8601 in UTC), and by which version of flexviz; empty where it is not known.
+    Attributes:
+        folder: of the session.
+        measurements: its set; the first warning names files that have changed.
+        session: states, notes, recordings. If data have changed, no result is up to date.
+        changed: files of the set that have changed since the session was saved.
+        saved, version: time of saving (ISO 8601, UTC) and version of flexviz; empty if unknown.
     """
 
     folder: Path
@@ -41,23 +40,24 @@ class OpenedSession:
 
     @staticmethod
     def open(path: str | Path) -> OpenedSession:
-        """Open a saved session, or begin one on a measurement set; see `open_session`."""
+        """Open a saved session or start one on a measurement set; see `open_session`."""
         return open_session(path)
 
     def save(self, folder: str | Path | None = None, *, carry: bool = False) -> Path:
-        """Save it, by default where it lies; see `save_session`."""
+        """Save the session, by default to its own folder; see `save_session`."""
         return save_session(self.session, self.measurements, Path(folder or self.folder), carry=carry)
 
 
 def is_session(path: Path) -> bool:
-    """True for a session's folder and for its session.json."""
+    """Whether a path is a session folder or its session.json."""
     return (path / SESSION_FILE).is_file() or (path.name == SESSION_FILE and path.is_file())
 
 
 def open_session(path: str | Path) -> OpenedSession:
-    """Open a session's folder (or its session.json); a measurement set alone is a session that begins.
+    """Open a session folder (or its session.json), or start a session on a measurement set.
 
-    Everything that is wrong is one InputError that names the file.
+    Raises:
+        InputError: naming the file, for anything that is wrong.
     """
     path = Path(path)
     if not is_session(path):
@@ -81,10 +81,10 @@ def read_measurements(folder: Path) -> MeasurementSet:
 
 
 def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
-    """Open the session in a folder, whose set has been read."""
+    """Open the session in a folder, given its measurement set."""
     file = folder / SESSION_FILE
     try:
-        for left in reversed(range(TRIES)):
+        for left in reversed(range(READ_ATTEMPTS)):
             document, before = read_document(folder), file.stat().st_mtime_ns
             try:
                 arrays = _arrays(document, folder)
@@ -104,11 +104,11 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
 
 
 def relocate(path: str | Path, place: str | Path) -> OpenedSession:
-    """Open a session whose measurement set lies elsewhere now; save it to make that last."""
+    """Open a session whose measurement set has moved to `place`; save it to keep the new location."""
     path = Path(path)
     folder = path.parent if path.name == SESSION_FILE else path
     if (folder / FILE_NAME).is_file():
-        raise InputError("the session carries its measurement set; no other can be named", file=folder)
+        raise InputError("the session carries its measurement set and cannot use another one", file=folder)
     return open_with(folder, read_set(place))
 
 
@@ -147,7 +147,7 @@ def _unpacked(
     if not all(isinstance(note, SessionNote) for note in notes) or not all(
         isinstance(r, str) for r in recordings
     ):
-        raise InputError("its notes or recordings are something else")
+        raise InputError("its notes or recordings are not in the expected form")
     session = Session(
         present,
         tuple(steps("past")[-HISTORY:]),
@@ -160,7 +160,7 @@ def _unpacked(
 
 
 def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> SessionStep:
-    """A step whose settings fit the set."""
+    """A step whose settings match the set."""
     from flexviz.effects import EFFECTS, choose_effects
     from flexviz.observers import make_observer
 
@@ -169,22 +169,22 @@ def _checked(step: Any, measurements: MeasurementSet, document: Document, change
         or not isinstance(step.analysis, Analysis)
         or not isinstance(step.label, str)
     ):
-        raise InputError("a step of the history is something else")
+        raise InputError("a step of the history is not in the expected form")
     analysis = step.analysis
     if analysis.path != measurements.path:
         raise InputError("it belongs to another measurement set")
     names = [group.name for group in measurements.groups]
     if [name for name, _ in analysis.roles] != names:
-        raise InputError(f"its groups are not the set's ({', '.join(names)})")
+        raise InputError(f"its groups differ from those of the set ({', '.join(names)})")
     for name, role in analysis.roles:
         analysis.with_role(name, role)
     unknown = [text for text in analysis.effects if text.partition(":")[0] not in EFFECTS]
     own = [str(entry.get("path")) for entry in document.get("effects_from", [])]
     if unknown and own:
         files = " ".join(f"--effects-from {file}" for file in own)
-        raise InputError(f"{', '.join(unknown)} came from a file of one's own; {files} would be right")
+        raise InputError(f"{', '.join(unknown)} came from a file of user-defined effects, expected {files}")
     choose_effects(analysis.effects, measurements.joints, measurements.carried, names)
     make_observer(analysis.observer, analysis.bandwidth)
     if not isinstance(analysis.refine, bool):
-        raise InputError("refine is neither true nor false")
+        raise InputError(f"refine is {analysis.refine!r}, expected true or false")
     return replace(step, analysis=replace(analysis, fitted=None, diagnosed=None)) if changed else step

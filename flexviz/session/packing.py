@@ -1,7 +1,7 @@
-"""Results as JSON and arrays, and back; only the classes named here, nothing that could run.
+"""Conversion of results to JSON and arrays and back, for the classes listed here; nothing is executed.
 
-A dataclass becomes {"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; values met
-twice (an identification that belongs to several steps) are written once and referred to as {"@": number}.
+A dataclass becomes {"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; results that
+several steps share are written once and referred to as {"@": number}.
 """
 
 from __future__ import annotations
@@ -51,29 +51,23 @@ KINDS: dict[str, type] = {
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
 NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
-DEEPEST = 40  # of nested values
+MAX_DEPTH = 40  # of nested values
 
 
 class Packer:
-    """Collects arrays and shared values while it turns objects into JSON.
-
-    Attributes
-    ----------
-    arrays: all arrays, in the order of their numbers.
-    shared: the values that are written once.
-    """
+    """Converts objects to JSON; collects the numbered arrays and shared values."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder  # stands for itself: a session may be moved
+        self._folder = folder  # written as ".": a session may be moved
         self.arrays: list[np.ndarray] = []
         self.shared: list[Any] = []
         self._numbers: dict[int, int] = {}
         self._kept: list[Any] = []
-        self._depth = 0  # of shared values within one another
-        self._bounds: list[int] = [0]  # where the arrays of each outermost shared value begin and end
+        self._depth = 0  # of nested shared values
+        self._bounds: list[int] = [0]  # array numbers at which outermost shared values begin and end
 
     def parts(self) -> list[list[np.ndarray]]:
-        """The arrays in their order, those of one result together; nothing is left out."""
+        """All arrays in order, split into one list per result."""
         bounds = [*self._bounds, len(self.arrays)]
         return [self.arrays[first:last] for first, last in pairwise(bounds) if last > first]
 
@@ -96,7 +90,7 @@ class Packer:
             return [self.pack(item) for item in value]
         if is_dataclass(value) and type(value) in NAMES:
             return self._object(value)
-        raise InputError(f"a {type(value).__name__} cannot be kept in a session")
+        raise InputError(f"a {type(value).__name__} cannot be saved in a session")
 
     def _object(self, value: Any) -> Any:
         if not isinstance(value, SHARED):
@@ -110,7 +104,7 @@ class Packer:
             self._depth -= 1
             if outermost:
                 self._bounds.append(len(self.arrays))
-            self._kept.append(value)  # its id stays its own
+            self._kept.append(value)  # keeps its id unique
             self._numbers[id(value)] = len(self.shared)
             self.shared.append(packed)
         return {"@": self._numbers[id(value)]}
@@ -121,7 +115,7 @@ class Packer:
 
 
 class Unpacker:
-    """Turns JSON back into objects; InputError for anything that `Packer` does not write."""
+    """Converts JSON back to objects; InputError for anything that `Packer` does not write."""
 
     def __init__(self, folder: Path, arrays: Sequence[np.ndarray], shared: Sequence[Any]) -> None:
         self._folder = folder
@@ -132,18 +126,18 @@ class Unpacker:
 
     def unpack(self, value: Any, depth: int = 0) -> Any:
         """The object that this JSON describes."""
-        if depth > DEEPEST:
+        if depth > MAX_DEPTH:
             raise InputError("values are nested too deeply")
         if value is None or isinstance(value, bool | str | int | float):
             return value
         if isinstance(value, list):
             return tuple(self.unpack(item, depth + 1) for item in value)
         if not isinstance(value, dict):
-            raise InputError(f"{type(value).__name__} does not belong into a session")
+            raise InputError(f"{type(value).__name__} is not allowed in a session")
         if "=" in value:
             return self._object(value, depth)
         if len(value) != 1:
-            raise InputError("an entry without a name")
+            raise InputError("an entry with several keys, expected one")
         (mark, inner), *_ = value.items()
         if mark == "#":
             return self._arrays[_index(inner, self._arrays)]
@@ -159,29 +153,29 @@ class Unpacker:
             and all(isinstance(p, list) and len(p) == 2 for p in inner)
         ):
             return {self.unpack(k, depth + 1): self.unpack(v, depth + 1) for k, v in inner}
-        raise InputError(f"an entry of an unknown kind {mark!r}")
+        raise InputError(f"unknown kind of entry {mark!r}")
 
     def _object(self, value: dict[str, Any], depth: int) -> Any:
         name = value["="]
         kind = KINDS.get(name) if isinstance(name, str) else None
         if kind is None:
-            raise InputError(f"{value['=']!r} does not belong into a session")
+            raise InputError(f"{name!r} is not a class of a session")
         known = {field.name: field for field in fields(kind) if field.init}
         given = {key: self.unpack(v, depth + 1) for key, v in value.items() if key in known}
         missing = [
-            name
-            for name, field in known.items()
-            if name not in given and field.default is MISSING and field.default_factory is MISSING
+            key
+            for key, field in known.items()
+            if key not in given and field.default is MISSING and field.default_factory is MISSING
         ]
         if missing:
-            raise InputError(f"{value['=']} lacks {', '.join(missing)}: written by another version")
+            raise InputError(f"{name} lacks {', '.join(missing)}: written by another version")
         try:
             return kind(**given)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{value['=']} cannot be read: {error}") from None
+            raise InputError(f"{name} cannot be read: {error}") from None
 
 
 def _index(number: Any, of: Sequence[Any]) -> int:
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(of):
-        raise InputError("a reference to something that is not there")
+        raise InputError("reference {number!r} is out of range")
     return number

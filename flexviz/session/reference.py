@@ -1,4 +1,4 @@
-"""The measurement set of a session: where it lies, and what exactly was in it."""
+"""Reference from a session to its measurement set: location and fingerprint."""
 
 from __future__ import annotations
 
@@ -16,24 +16,16 @@ HERE = "."
 
 @dataclass(frozen=True)
 class SetReference:
-    """A set by reference and hash.
-
-    Attributes
-    ----------
-    name: the set's name.
-    path: its folder, relative to the session's; "." where the session carries its set.
-    absolute: the same, absolute; empty where it is carried.
-    fingerprint: what was in it; None where an old session does not tell.
-    """
+    """A measurement set by location and hash."""
 
     name: str
-    path: str
-    absolute: str
-    fingerprint: Fingerprint | None
+    path: str  # relative to the session folder; "." if the session carries its set
+    absolute: str  # the same, absolute; empty if carried
+    fingerprint: Fingerprint | None  # None in sessions of format 1
 
     @staticmethod
     def of(measurements: MeasurementSet, folder: Path, carried: bool) -> SetReference:
-        """The reference from a session's `folder` to a set; `carried`: it lies in that folder."""
+        """The reference from a session `folder` to a set; `carried`: the set is in that folder."""
         path = measurements.path.resolve()
         if carried:
             return SetReference(measurements.name, HERE, "", fingerprint(measurements))
@@ -41,8 +33,8 @@ class SetReference:
         return SetReference(measurements.name, relative, str(path), fingerprint(measurements))
 
     def locate(self, folder: Path) -> Path:
-        """The set's folder, seen from the session's `folder`; InputError where there is none."""
-        places = [folder]  # a set beside session.json is the session's own, wherever it says it was
+        """The folder of the set, given that of the session; InputError if it is missing."""
+        places = [folder]  # a set beside session.json takes precedence
         if self.path != HERE:
             places += [folder / self.path, *([Path(self.absolute)] if self.absolute else [])]
         for place in places:
@@ -51,11 +43,11 @@ class SetReference:
         looked = " and ".join(dict.fromkeys(str(place.resolve()) for place in places[-2:]))
         raise InputError(
             f'the measurement set "{self.name}" is missing: there is no {FILE_NAME} in {looked}; put it '
-            "back, or name its place with flexviz session SESSION --set FOLDER"
+            "back, or give its location with flexviz session SESSION --set FOLDER"
         )
 
     def require_files(self, place: Path) -> None:
-        """InputError that names a file of the set that is not there any more."""
+        """InputError naming the first file of the set that no longer exists."""
         for file in self.fingerprint.files if self.fingerprint else ():
             if ":" not in file.name and not (place / file.name).is_file():
                 raise InputError(
@@ -64,11 +56,11 @@ class SetReference:
                 )
 
     def changes(self, measurements: MeasurementSet) -> tuple[str, ...]:
-        """The names of the set's files that are not what they were."""
+        """Names of the files of the set that have changed."""
         return fingerprint(measurements).changes_since(self.fingerprint) if self.fingerprint else ()
 
     def to_json(self) -> dict[str, Any]:
-        """As it stands in session.json."""
+        """The entry in session.json."""
         document = {"name": self.name, "path": self.path, "absolute": self.absolute}
         if self.fingerprint is None:
             return document
@@ -77,7 +69,7 @@ class SetReference:
 
     @staticmethod
     def from_json(document: Any) -> SetReference:
-        """Read it again; InputError for anything else."""
+        """The reference that `to_json` wrote; InputError for anything else."""
         try:
             rows = document.get("files")
             name, path = document["name"], document["path"]
@@ -87,12 +79,12 @@ class SetReference:
             raise InputError("its reference to a measurement set cannot be read") from None
         texts = [name, path, absolute, *(text for f in files for text in (f.name, f.sha256))]
         if not all(isinstance(text, str) and "\0" not in text for text in texts):
-            raise InputError("its reference to a measurement set holds something else than names")
+            raise InputError("its reference to a measurement set contains something other than names")
         return SetReference(name, path, absolute, None if rows is None else Fingerprint(files))
 
 
 def read_reference(folder: Path) -> SetReference:
-    """Where the set of the session in a folder lies; InputError where that cannot be read."""
+    """The set reference of the session in a folder; InputError if it cannot be read."""
     try:
         return SetReference.from_json(read_document(folder)["set"])
     except InputError as error:

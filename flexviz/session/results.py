@@ -1,4 +1,4 @@
-"""The numbers of a session's results: one file each, named by its content, written once."""
+"""Arrays of the results of a session: one content-addressed file per result, written once."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from flexviz.errors import InputError
 from flexviz.files import remove_parts, write_whole
 
 FOLDER = "results"
-LARGEST = 2 * 2**30  # bytes of all arrays of one result, unpacked
+LARGEST_BYTES = 2 * 2**30  # of all arrays of one result, uncompressed
 _NAME = re.compile(rf"{FOLDER}/([0-9a-f]{{32}})\.npz")
 
 
 def digest(arrays: Sequence[np.ndarray]) -> str:
-    """A name for these arrays that no others have."""
+    """Hash of types, shapes and contents of the arrays, 32 hexadecimal digits."""
     found = hashlib.sha256()
     for array in arrays:
         found.update(f"{array.dtype.str}{array.shape};".encode())
@@ -30,10 +30,10 @@ def digest(arrays: Sequence[np.ndarray]) -> str:
 
 
 def write(folder: Path, arrays: Sequence[np.ndarray]) -> dict[str, Any]:
-    """Keep arrays in a session's folder, where they are not there yet; returns where they are."""
+    """Write arrays to a session folder unless they are there already; returns their entry."""
     for array in arrays:
         if array.dtype.hasobject:
-            raise InputError("an array of objects cannot be kept in a session")
+            raise InputError("an array of objects cannot be saved in a session")
     name = f"{FOLDER}/{digest(arrays)}.npz"
     if not (folder / name).is_file():
         (folder / FOLDER).mkdir(exist_ok=True)
@@ -44,26 +44,28 @@ def write(folder: Path, arrays: Sequence[np.ndarray]) -> dict[str, Any]:
 
 
 def read(folder: Path, entry: Any) -> list[np.ndarray]:
-    """The arrays of an entry that `write` gave; InputError where they are damaged, OSError where gone."""
+    """The arrays of an entry made by `write`; InputError if damaged, OSError if missing."""
     name, count = entry.get("file"), entry.get("count")
     found = _NAME.fullmatch(name) if isinstance(name, str) else None
     if found is None or not isinstance(count, int):
-        raise InputError("an entry of its list of arrays is something else")
+        raise InputError("an entry in its list of arrays is not in the expected form")
     arrays = read_npz(folder / name, count)
     if digest(arrays) != found[1]:
-        raise InputError("its content has changed", file=folder / name)
+        raise InputError("its content does not match its name", file=folder / name)
     return arrays
 
 
 def read_npz(file: Path, count: int | None = None) -> list[np.ndarray]:
-    """The arrays a0, a1, … of a file; `count` of them where that is known."""
+    """The arrays a0, a1, … of a file; `count`: expected number of arrays, if known."""
     try:
         with zipfile.ZipFile(file) as archive:
-            if sum(info.file_size for info in archive.infolist()) > LARGEST:
-                raise InputError("larger than any result", file=file)
+            if sum(info.file_size for info in archive.infolist()) > LARGEST_BYTES:
+                raise InputError(
+                    f"larger than {LARGEST_BYTES:,} bytes, expected arrays of one result", file=file
+                )
         with np.load(file, allow_pickle=False) as npz:
             if count is not None and len(npz.files) != count:
-                raise InputError(f"has {len(npz.files)} arrays, {count} would be right", file=file)
+                raise InputError(f"has {len(npz.files)} arrays, expected {count}", file=file)
             return [npz[f"a{i}"] for i in range(len(npz.files))]
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError, NotImplementedError) as error:
         if isinstance(error, InputError):
@@ -72,7 +74,7 @@ def read_npz(file: Path, count: int | None = None) -> list[np.ndarray]:
 
 
 def remove_others(folder: Path, keep: Sequence[dict[str, Any]]) -> None:
-    """Remove the results that no state of the session has any more, and what an interrupted save has left."""
+    """Remove the files of results that are no longer used, and leftovers of interrupted saves."""
     names = {entry["file"] for entry in keep}
     for file in (folder / FOLDER).glob("*.npz"):
         if f"{FOLDER}/{file.name}" not in names:

@@ -1,11 +1,11 @@
-"""Saving: a session as a folder with session.json, the results beside it, and its set by reference and hash.
+"""Saving a session to a folder: session.json, result arrays, and its set by reference and hash.
 
     session.json            settings, history, results, notes; where the set is and its SHA-256
-    results/<content>.npz   the numbers of one result
-    measurements.toml …     only where the session carries its set
+    results/<content>.npz   the arrays of one result
+    measurements.toml …     only if the session carries its set
 
-session.json is written last and takes the place of the old one at once. It names results by their content,
-and these are on the disk before it: whatever is interrupted, the folder holds the old session or the new one.
+Result files are named by content and written first; session.json is replaced atomically afterwards. So an
+interrupted save leaves either the old session or the new one.
 """
 
 from __future__ import annotations
@@ -39,18 +39,16 @@ LEFT_OUT = shutil.ignore_patterns(
 def save_session(
     session: Session, measurements: MeasurementSet, folder: Path, *, carry: bool = False
 ) -> Path:
-    """Keep a session in `folder` and return it.
+    """Save a session to `folder` and return the folder.
 
-    The folder is new or empty, or holds this set's session, which is then renewed.
-
-    Parameters
-    ----------
-    carry: copy the measurement set into a new folder, so that it needs nothing else; otherwise it is
-        referred to.
+    Args:
+        session, measurements: what to save.
+        folder: new or empty, or a session folder of the same set, which is overwritten.
+        carry: copy the measurement set into a new folder instead of referring to it.
     """
     renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
     if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError("exists and is not empty; a new folder would be right", file=folder)
+        raise InputError("exists and is not empty, expected a new folder", file=folder)
     try:
         if renewed:
             _same_set(folder, measurements)
@@ -75,21 +73,21 @@ def save_session(
 
 
 def _same_set(folder: Path, measurements: MeasurementSet) -> None:
-    """InputError where a folder holds a session of another set."""
+    """InputError if a folder holds a session of another set."""
     if not (folder / SESSION_FILE).is_file():
         return
     try:
         reference = read_reference(folder)
         place = reference.locate(folder)
     except InputError:
-        return  # what cannot be opened any more may be written anew
+        return  # an unreadable session may be overwritten
     if place.resolve() != measurements.path.resolve() and reference.name != measurements.name:
         raise InputError(f'holds a session of another measurement set, "{reference.name}"', file=folder)
 
 
 def _write(session: Session, measurements: MeasurementSet, folder: Path, final: Path) -> None:
-    """Write into `folder`, which will be called `final`."""
-    from flexviz.session.packing import Packer  # heavy: it knows every kind of result
+    """Write to `folder`, which will be renamed to `final`."""
+    from flexviz.session.packing import Packer  # a heavy import
 
     carried = (folder / "measurements.toml").is_file()
     packer = Packer(measurements.path)
@@ -116,14 +114,14 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
 
 
 def _own_effects() -> list[dict[str, str]]:
-    """The files that effects of one's own came from; they are named, never loaded by a session."""
+    """Files of user-defined effects; opening a session never loads them."""
     from flexviz.effects import loaded_files
 
     return [{"path": str(file), "sha256": sha256_of(file)} for file in loaded_files() if file.is_file()]
 
 
 def _beside(file: Path, folder: Path) -> str:
-    """A file's path, relative where it lies in the session's folder or beside it."""
+    """Path of a file, relative if it is in the session folder or beside it."""
     path = file.resolve()
     if path.is_relative_to(folder.resolve().parent):
         return Path(os.path.relpath(path, folder.resolve())).as_posix()
@@ -132,17 +130,17 @@ def _beside(file: Path, folder: Path) -> str:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Wait until nobody else writes into a session's folder."""
+    """Exclusive lock on a session folder."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
     finally:
-        os.close(descriptor)  # which unlocks it
+        os.close(descriptor)  # releases the lock
 
 
 def zipped(folder: Path) -> bytes:
-    """A session's (or a measurement set's) folder as a zip file."""
+    """A session or measurement set folder as a zip file."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for file in sorted(folder.rglob("*")):

@@ -1,9 +1,7 @@
 """The state of one analysis, immutable, with its history.
 
-`Analysis` is one state: which set, which observer and bandwidth, what each group is used for, which effects
-are in the model, the last identification and the last diagnosis. `Session` holds the states one can go back
-and forward to.
-Nothing here computes or draws; the app, a recording and a report all show the same state.
+`Analysis` is one state: measurement set, observer and bandwidth, role of each group, effects of the model,
+last identification and last diagnosis. `Session` adds undo and redo.
 """
 
 from __future__ import annotations
@@ -25,19 +23,19 @@ if TYPE_CHECKING:
 
 Role = Literal["fit", "validate", "ignore"]
 ROLES: tuple[Role, ...] = get_args(Role)
-HISTORY = 100  # states one can go back
+HISTORY = 100  # states that can be undone
 
 
 @dataclass(frozen=True, eq=False)
 class ModelStep:
-    """The errors of one model on the way: the effects added to the set's own, and what a diagnosis says."""
+    """Errors of an earlier model: the effects added to those of the set, and the step of its diagnosis."""
 
     effects: tuple[str, ...]
     step: DiagnosisStep
 
 
 class Settings(NamedTuple):
-    """Everything an identification depends on; the fields are those of `Analysis`."""
+    """Everything an identification depends on; see `Analysis`."""
 
     path: Path
     observer: str
@@ -51,20 +49,17 @@ class Settings(NamedTuple):
 class Analysis:
     """One state of an analysis.
 
-    Attributes
-    ----------
-    path: the measurement set's folder.
-    observer: name of the observer.
-    bandwidth: its bandwidth [rad/s], one number or one a joint; None is the observer's own default.
-    roles: (group, role) of every group, in the set's order.
-    effects: effects added to the set's own, "name" (every joint), "name:joint", "name:payload" or
-        "name:joint@group".
-    refine: whether the refinement stage runs too.
-    identification: the last result, or None.
-    fitted: the settings (`settings`) the result belongs to, or None.
-    diagnosis: the last diagnosis, or None.
-    diagnosed: the settings (`diagnosis_settings`) it belongs to, or None.
-    model_steps: the models on the way to the present one, the fewest effects first.
+    Attributes:
+        path: folder of the measurement set.
+        observer: its name.
+        bandwidth: of the observer [rad/s], one number or one per joint; None: its default.
+        roles: (group, role) of every group, in the order of the set.
+        effects: effects added to those of the set: "name" (every joint), "name:joint", "name:payload" or
+            "name:joint@group".
+        refine: whether to run the refinement stage.
+        identification, fitted: the last result and the `settings` it belongs to.
+        diagnosis, diagnosed: the last diagnosis and the `diagnosis_settings` it belongs to.
+        model_steps: the models before the current one, fewest effects first.
     """
 
     path: Path
@@ -81,31 +76,31 @@ class Analysis:
 
     @property
     def settings(self) -> Settings:
-        """Everything a result depends on."""
+        """Everything an identification depends on."""
         return Settings(self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine)
 
     @property
     def fitted_settings(self) -> Settings | None:
-        """The settings that the last result belongs to."""
+        """Settings of the last identification."""
         return None if self.fitted is None else Settings(*self.fitted)
 
     @property
     def up_to_date(self) -> bool:
-        """True when the last result belongs to the present settings."""
+        """Whether the last identification belongs to the current settings."""
         return self.identification is not None and self.fitted == self.settings
 
     @property
     def diagnosis_settings(self) -> tuple[Any, ...]:
-        """Everything a diagnosis depends on: it chooses its observer and its stages itself."""
+        """Everything a diagnosis depends on; it chooses observer and stages itself."""
         return (self.path, self.roles, self.effects)
 
     @property
     def diagnosis_up_to_date(self) -> bool:
-        """True when the last diagnosis belongs to the present settings."""
+        """Whether the last diagnosis belongs to the current settings."""
         return self.diagnosis is not None and self.diagnosed == self.diagnosis_settings
 
     def same_as(self, other: Analysis) -> bool:
-        """True when nothing distinguishes the two: same settings, the same results."""
+        """Whether both have the same settings and results."""
         results = self.identification is other.identification and self.diagnosis is other.diagnosis
         return results and self.settings == other.settings
 
@@ -114,7 +109,7 @@ class Analysis:
         return tuple(name for name, used in self.roles if used == role)
 
     def with_role(self, group: str, role: Role) -> Analysis:
-        """The same with another role for one group."""
+        """A copy with another role for one group."""
         names = [name for name, _ in self.roles]
         if group not in names:
             raise InputError(f'group "{group}" does not exist; {choose_from(group, names)}')
@@ -123,23 +118,22 @@ class Analysis:
         return replace(self, roles=tuple((name, role if name == group else old) for name, old in self.roles))
 
     def with_effect(self, effect: str, on: bool) -> Analysis:
-        """The same with an effect added or taken out; the order of the others stays."""
+        """A copy with an effect added or removed."""
         others = tuple(name for name in self.effects if name != effect)
         return replace(self, effects=(*others, effect) if on else others)
 
     def with_identification(self, result: Identification, settings: tuple[Any, ...]) -> Analysis:
-        """The same with a result that was computed for `settings`."""
+        """A copy with a result that was computed for `settings`."""
         return replace(self, identification=result, fitted=settings)
 
     def with_diagnosis(self, diagnosis: Diagnosis) -> Analysis:
-        """The same with a diagnosis of the present settings; its first model is a stair.
+        """A copy with a diagnosis of the current settings; its first model becomes the last model step.
 
-        Of the model_steps before it those stay that lead here: the same use of the groups, fewer effects.
+        Earlier steps are kept if they have the same roles and a subset of the effects.
         """
-        model_steps = list(
-            self.model_steps if self.diagnosed is None or self.diagnosed[1] == self.roles else ()
-        )
-        model_steps = [stair for stair in model_steps if set(stair.effects) < set(self.effects)]
+        same_roles = self.diagnosed is None or self.diagnosed[1] == self.roles
+        earlier = self.model_steps if same_roles else ()
+        model_steps = [step for step in earlier if set(step.effects) < set(self.effects)]
         if diagnosis.steps:
             model_steps.append(ModelStep(self.effects, diagnosis.steps[0]))
         return replace(
@@ -147,37 +141,29 @@ class Analysis:
         )
 
     def without_result(self) -> Analysis:
-        """The settings alone, light enough to be sent to another process."""
+        """A copy without results, cheap to send to another process."""
         return replace(self, identification=None, fitted=None, diagnosis=None, diagnosed=None, model_steps=())
 
     @staticmethod
     def start(measurements: MeasurementSet) -> Analysis:
-        """The state a set starts with: its own split into fit and validation groups."""
+        """The initial state, with the split of the set into fit and validation groups."""
         roles = tuple((g.name, "validate" if g.validation else "fit") for g in measurements.groups)
         return Analysis(path=measurements.path, roles=roles)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
 class SessionStep:
-    """A state and what led to it.
+    """An action and the state after it."""
 
-    Attributes
-    ----------
-    label: what was done.
-    analysis: the state after it.
-    when: the time, ISO 8601 in UTC; empty where it is not known.
-    version: of flexviz; empty where it is not known.
-    """
-
-    label: str
+    label: str  # of the action
     analysis: Analysis
-    when: str = ""
-    version: str = ""
+    when: str = ""  # ISO 8601, UTC; empty if unknown
+    version: str = ""  # of flexviz; empty if unknown
 
 
 @dataclass(frozen=True)
 class SessionNote:
-    """What a person wrote down, and when (ISO 8601 in UTC)."""
+    """A note of the user, with its time (ISO 8601, UTC)."""
 
     text: str
     when: str = ""
@@ -185,14 +171,7 @@ class SessionNote:
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """An analysis with the states before it and, after an undo, the ones that come again.
-
-    Attributes
-    ----------
-    present, past, future: the states.
-    notes: what was written down about it.
-    recordings: files that were recorded from it.
-    """
+    """An analysis with its undo history (`past`), redo history (`future`), notes and recordings."""
 
     present: SessionStep
     past: tuple[SessionStep, ...] = ()
@@ -202,33 +181,33 @@ class Session:
 
     @staticmethod
     def of(measurements: MeasurementSet) -> Session:
-        """A fresh session on a set."""
+        """A new session on a set."""
         return Session(
             SessionStep(f"opened {measurements.name}", Analysis.start(measurements), now(), __version__)
         )
 
     @property
     def analysis(self) -> Analysis:
-        """The present state."""
+        """The current state."""
         return self.present.analysis
 
     @property
     def steps(self) -> tuple[SessionStep, ...]:
-        """Past and present, in that order."""
+        """Past steps and the present one."""
         return (*self.past, self.present)
 
     @property
     def undoes(self) -> str:
-        """What `undo` takes back; empty where it does nothing."""
+        """Label of the action that `undo` reverts; empty if there is none."""
         return self.present.label if self.past else ""
 
     @property
     def redoes(self) -> str:
-        """What `redo` brings again; empty where it does nothing."""
+        """Label of the action that `redo` repeats; empty if there is none."""
         return self.future[0].label if self.future else ""
 
     def then(self, label: str, analysis: Analysis) -> Session:
-        """The session after a change; changes with the same label in a row (a slider) count as one."""
+        """The session after a change; consecutive changes with the same label (a slider) are merged."""
         if analysis.same_as(self.analysis):
             return self
         merge = bool(self.past) and label == self.present.label
@@ -236,36 +215,36 @@ class Session:
         return replace(self, present=SessionStep(label, analysis, now(), __version__), past=past, future=())
 
     def undo(self) -> Session:
-        """One change back (the same session when there is none)."""
+        """The session with the last change undone, if there is one."""
         if not self.past:
             return self
         return replace(self, present=self.past[-1], past=self.past[:-1], future=(self.present, *self.future))
 
     def redo(self) -> Session:
-        """One undone change forward (the same session when there is none)."""
+        """The session with the last undone change redone, if there is one."""
         if not self.future:
             return self
         return replace(self, present=self.future[0], past=(*self.past, self.present), future=self.future[1:])
 
     def with_note(self, text: str) -> Session:
-        """The same with something written down."""
+        """A copy with one more note."""
         if not text.strip():
-            raise InputError("an empty note; a word or more would be right")
+            raise InputError("an empty note, expected some text")
         return replace(self, notes=(*self.notes, SessionNote(text.strip(), now())))
 
     def with_recording(self, file: Path) -> Session:
-        """The same with a recording that belongs to it."""
+        """A copy with one more recording."""
         others = tuple(other for other in self.recordings if other != file)
         return replace(self, recordings=(*others, file))
 
 
 def now() -> str:
-    """The present time, ISO 8601 in UTC."""
+    """The current time, ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> MeasurementSet:
-    """The set as the roles say: ignored groups left out, the others marked for fitting or validation."""
+    """The set without ignored groups, the others marked for fitting or validation."""
     groups = tuple(
         replace(group, validation=roles[group.name] == "validate")
         for group in measurements.groups
