@@ -98,7 +98,10 @@ class PlainFit:
         """From the residual's own spectra."""
         solution, jacobian = self.solution, self.weighted_jacobian()
         residual = solution.evaluation.residual * solution.weights
-        score = score_covariance(residual, jacobian, [b.rows for b in self.equation.signals.blocks])
+        rows = [b.rows for b in self.equation.signals.blocks]
+        free = ~solution.at_bound
+        score = np.zeros((len(free), len(free)))
+        score[np.ix_(free, free)] = score_covariance(residual, jacobian[:, :, free], rows)
         flat = jacobian.reshape(-1, jacobian.shape[2])
         prior = self.start.prior.gradient_and_hessian(solution.x)[1]
         return sandwich(flat.T @ flat, score, prior, solution.at_bound)
