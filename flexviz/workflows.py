@@ -169,7 +169,7 @@ def record(
     options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
     options |= {"refine": refine, "progress": tell, "should_stop": should_stop}
     with file, ending_tidily():
-        file.recorder.begin(file.part(0.0, 0.1))
+        file.recorder.measured(file.part(0.0, 0.1))
         file.recorder.session(
             observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
         )

@@ -172,7 +172,7 @@ def test_simulated_data_are_called_simulated(content: Read) -> None:
 def test_words(pair: MeasurementSet, result: Any, content: Read) -> None:
     summary = content.text("/results/1/about")
     assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
-    assert "validation, never fitted" in content.text(path("groups", HELD_OUT, "about"))
+    assert "used for validation only" in content.text(path("groups", HELD_OUT, "about"))
     assert "closed loop" in content.text(path("groups", FIRST, "about")) or pair.kp is None
     assert escaped("a_b|c*") == "a\\_b\\|c\\*"
 

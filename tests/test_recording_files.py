@@ -61,7 +61,7 @@ def test_damage_is_named(whole: Recorded, tmp_path: Path) -> None:
         ("demo.rrd", bytes(turned), "damaged|readable"),  # found by its SHA-256 where by nothing else
         ("empty.rrd", b"", "Rerun recording"),
         ("garbage.rrd", b"garbage" * 99, "Rerun recording"),
-        ("doubled.rrd", raw + raw, f"footer lists {whole.chunks} chunks, {2 * whole.chunks} are there"),
+        ("doubled.rrd", raw + raw, f"footer lists {whole.chunks} chunks, found {2 * whole.chunks}"),
     ):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(InputError, match=words) as caught:
@@ -77,7 +77,7 @@ def test_a_truncated_file_is_repaired_beside_it(whole: Recorded, tmp_path: Path,
     raw = whole.file.read_bytes()
     cut = tmp_path / "cut.rrd"
     cut.write_bytes(raw[: int(share * len(raw))])
-    with pytest.raises(TruncatedRecording, match=r"cut\.rrd: was not ended"):
+    with pytest.raises(TruncatedRecording, match=r"cut\.rrd: is truncated"):
         check_recording(cut)
     for name in ("cut.repaired.rrd", "cut.repaired-2.rrd"):
         repaired = repair_recording(cut)

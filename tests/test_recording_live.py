@@ -100,7 +100,7 @@ def test_everything_as_it_comes(small: Any, tmp_path: Path) -> None:
     _, rows = content.line("/diagnoses/1/evidence/1/g2/signature")
     np.testing.assert_array_equal(rows, evidence.signature[200:])
     labels = " ".join(content.component("/diagnoses/1/staircase/all/words", "Points2D:labels"))
-    assert "as it is" in labels and "+ Coulomb friction on joint2" in labels
+    assert "initial model" in labels and "+ Coulomb friction on joint2" in labels
     views = " ".join(entry[0] for entry in blueprint_of(written.file)["ViewBlueprint:display_name"] if entry)
     for words in ("Residual [Nm] g1, result 2", "Errors step by step", "joint × variable", "Verdict"):
         assert words in views
@@ -133,9 +133,9 @@ def test_the_staircase_of_several_diagnoses() -> None:
     ]
     steps = [replace(beginning, model=model) for model in models]
     assert step_names(steps) == [
-        "as it is", "+ Coulomb friction on joint2", "+ Backlash on joint1", "without an effect"
+        "initial model", "+ Coulomb friction on joint2", "+ Backlash on joint1", "without an effect"
     ]  # fmt: skip
-    assert step_names(DIAGNOSIS.steps) == ["as it is", "+ Coulomb friction on joint2"]
+    assert step_names(DIAGNOSIS.steps) == ["initial model", "+ Coulomb friction on joint2"]
 
 
 def test_calls_from_many_threads(small: Any, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_a_running_viewer_sees_the_same(small: Any, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["nonsense://x", "1", "127.0.0.1:1", "a b", "rerun+http://:x/proxy"])
 def test_viewers_that_are_not_there(small: Any, text: str) -> None:
-    with pytest.raises(InputError, match=r"no Rerun viewer answers|no address of a Rerun viewer"):
+    with pytest.raises(InputError, match=r"no Rerun viewer answers|not the address of a Rerun viewer"):
         LiveRecording(small[0], viewer=text)
 
 

@@ -87,7 +87,7 @@ def test_a_truncated_one_is_repaired(files: tuple[Path, Path], tmp_path: Path, c
     raw = files[0].read_bytes()
     (tmp_path / "cut.rrd").write_bytes(raw[: len(raw) * 9 // 10])
     code, out, _ = review(capfd, tmp_path / "cut.rrd", "--check")
-    assert code == 0 and "was not ended" in out and "cut.repaired.rrd: whole" in out
+    assert code == 0 and "is truncated" in out and "cut.repaired.rrd: whole" in out
     assert (tmp_path / "cut.rrd").stat().st_size == len(raw) * 9 // 10
     check_recording(tmp_path / "cut.repaired.rrd")
 

@@ -1,4 +1,4 @@
-"""Record an analysis for the Rerun viewer, check and open recordings: the only place that imports rerun."""
+"""Recordings for the Rerun viewer: write, check, repair, compare, open. Only this package imports rerun."""
 
 from __future__ import annotations
 

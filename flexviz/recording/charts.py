@@ -1,7 +1,7 @@
-"""Charts and maps drawn in a 2D view, which needs no timeline.
+"""Charts and maps drawn in a 2D view.
 
-The viewer plots over timelines only. A residual against position, or an error against the number of effects,
-is therefore drawn: lines in a frame, labels at its edges. Lengths are in the drawing's units, y downwards.
+The viewer plots over timelines only, so a residual against position, or an error against the number of
+effects, is drawn as lines in a frame with labels. Lengths are in drawing units, y downwards.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from flexviz.wording import number
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 HEIGHT = 300.0  # of a frame
-WIDE, NARROW = 800.0, 560.0  # width of a single frame, of one of several
-ACROSS, DOWN = 980.0, 510.0  # from one frame to the next
-LABEL_ROW = 52.0  # from one label to the next: a label has a fixed size on the screen, about 22 pixels
-LABEL_ROWS = 6  # of names beside a frame, then a new column
-LABEL_COLUMN = 300.0  # its width
+WIDE, NARROW = 800.0, 560.0  # width of a single frame, and of one of several
+ACROSS, DOWN = 980.0, 510.0  # pitch of the frames
+LABEL_ROW = 52.0  # between labels, which have a fixed size on the screen, about 22 pixels
+LABEL_ROWS = 6  # per column of names beside a frame
+LABEL_COLUMN = 300.0  # width of such a column
 LIFT = 0.5  # of a cell: the viewer draws a label below its point
 FRAME_COLOUR: Colour = (120, 120, 120)
 LABEL_COLOUR: Colour = (128, 128, 128)
@@ -44,7 +44,7 @@ class Label(NamedTuple):
 
 
 def send_labels(stream: Stream, entity: str, labels: Sequence[Label], origin: Array | float = 0.0) -> None:
-    """Log labels for all times, moved by `origin` (2,)."""
+    """Log labels for all times, offset by `origin` (2,)."""
     points = rr.Points2D(
         np.array([(label.x, label.y) for label in labels], dtype=float) + origin,
         labels=[label.text for label in labels],
@@ -56,7 +56,7 @@ def send_labels(stream: Stream, entity: str, labels: Sequence[Label], origin: Ar
 
 
 def send_charts(stream: Stream, entity: str, charts: Sequence[Chart], columns: int = 2) -> None:
-    """Charts in rows of `columns`; those without lines are left out."""
+    """Charts in rows of `columns`; charts without lines are omitted."""
     drawn = [chart for chart in charts if any(len(series.x) > 1 for series in chart.series)]
     for place, chart in enumerate(drawn):
         origin = np.array([place % columns * ACROSS, place // columns * DOWN])
@@ -100,7 +100,7 @@ def _send_strips(
 
 
 def _labels(chart: Chart, x: tuple[float, float], y: tuple[float, float], width: float) -> list[Label]:
-    """The title, the ends of both axes or the ticks, the names of the lines beside them; from (0, 0)."""
+    """Title, axis limits or ticks, and line names of a chart at the origin."""
     low, high = (10.0**value for value in y) if chart.y.logarithmic else y
     found = [
         Label(width / 2, -1.1 * LABEL_ROW, chart.heading),
@@ -117,7 +117,7 @@ def _labels(chart: Chart, x: tuple[float, float], y: tuple[float, float], width:
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """The lowest and highest of the values with a margin; never the same."""
+    """Lowest and highest value with a margin; never equal."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     margin = 0.06 * (high - low) or max(abs(high), 1e-12) * 0.1
@@ -133,7 +133,7 @@ def _scaled(values: Array, logarithmic: bool) -> Array:
 def send_map(
     stream: Stream, entity: str, title: str, rows: Sequence[str], columns: Sequence[str], shares: Array
 ) -> None:
-    """Shares (rows, columns) of 0 … 1 as coloured cells with their numbers; NaN for none."""
+    """Shares (rows, columns) in 0 … 1 as coloured cells with percentages; NaN is drawn as –."""
     colours = np.array([[cividis(float(share)) for share in row] for row in shares], dtype=np.uint8)
     picture = np.repeat(np.repeat(colours, CELL_HEIGHT, axis=0), CELL_WIDTH, axis=1)
     picture[CELL_HEIGHT - 1 :: CELL_HEIGHT] = picture[:, CELL_WIDTH - 1 :: CELL_WIDTH] = 0

@@ -1,4 +1,4 @@
-"""Integrity of a recording: footer, number of chunks read back, SHA-256 in the file beside it."""
+"""Integrity of a recording: footer, number of chunks, SHA-256."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from flexviz.errors import InputError
 from flexviz.files import sha256_of
 
-CUT = ("no footer", "exceeds file size")  # in the reader's message on a file that ends too early
+TRUNCATED = ("no footer", "exceeds file size")  # in the reader's message on a truncated file
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,10 @@ class Checked:
     """A checked recording.
 
     Attributes:
-        file: the recording.
-        chunks, rows: how many.
-        entities: their paths.
+        chunks, rows: their numbers.
+        entities: entity paths.
         sha256: of the file.
-        confirmed: whether the file beside it has the same SHA-256.
+        confirmed: whether it agrees with the .sha256 file.
     """
 
     file: Path
@@ -41,7 +40,7 @@ class TruncatedRecording(InputError):
 
 
 def sidecar(file: Path) -> Path:
-    """The file with the recording's SHA-256, in the form `sha256sum --check` reads."""
+    """The recording's SHA-256 file, in the format of `sha256sum --check`."""
     return file.with_name(file.name + ".sha256")
 
 
@@ -49,11 +48,11 @@ def check_recording(path: str | Path) -> Checked:
     """Read a recording back.
 
     The viewer's own check accepts empty files and garbage, so every chunk is decoded here and counted against
-    the footer, and the SHA-256 is compared with that in the file beside it, if there is one.
+    the footer, and the SHA-256 is compared with the .sha256 file if it exists.
 
     Raises:
-        TruncatedRecording: it ends too early; `repair_recording` saves the rest.
-        InputError: it is damaged, empty, or no recording.
+        TruncatedRecording: the end is missing; `repair_recording` saves the rest.
+        InputError: damaged, empty, or not a recording.
     """
     file = Path(path)
     try:
@@ -67,11 +66,11 @@ def check_recording(path: str | Path) -> Checked:
         chunks, rows, entities = _content(file)
         promised = _promised(file)
     if found != expected:
-        raise InputError("is damaged: its SHA-256 is not the one written beside it", file=file)
+        raise InputError("is damaged: its SHA-256 differs from its .sha256 file", file=file)
     if chunks == 0:
         raise InputError("is empty, expected a Rerun recording with data", file=file)
     if chunks != promised:
-        raise InputError(f"is damaged: its footer lists {promised} chunks, {chunks} are there", file=file)
+        raise InputError(f"is damaged: its footer lists {promised} chunks, found {chunks}", file=file)
     return Checked(file, chunks, rows, entities, found, beside)
 
 
@@ -80,13 +79,13 @@ def _read_errors(file: Path) -> Iterator[None]:
     """Turn the reader's errors and warnings on a damaged file into one InputError."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error")  # a truncated file is only a warning for the reader
+            warnings.simplefilter("error")  # the reader only warns about a truncated file
             yield
     except Exception as error:
         text = " ".join(str(error).split())
-        if any(words in text for words in CUT):
+        if any(words in text for words in TRUNCATED):
             raise TruncatedRecording(
-                "was not ended: the program that wrote it was killed, or the file was cut", file=file
+                "is truncated: the program that wrote it was killed, or the file was cut", file=file
             ) from None
         raise InputError(f"is not a readable Rerun recording ({text})", file=file) from None
 

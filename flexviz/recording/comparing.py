@@ -1,4 +1,4 @@
-"""Two recordings compared: their newest results in numbers, and both side by side in one recording."""
+"""Compare the newest results of two recordings, and merge both side by side."""
 
 from __future__ import annotations
 
@@ -32,18 +32,13 @@ from flexviz.wording import number
 
 SIDES = ("A", "B")
 SCALARS = "Scalars:scalars"
-NOTABLE = 3.0  # standard errors: larger differences are rarely chance, even among a hundred parameters
+NOTABLE_DEVIATIONS = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters
 Views = list[rrb.Container | rrb.View]
 
 
 @dataclass(frozen=True)
 class ParameterDifference:
-    """One parameter in both recordings; NaN where one of them does not have it.
-
-    Attributes:
-        name, joint, unit: which one.
-        values, stds: in A and in B [unit].
-    """
+    """One parameter: `values` and `stds` in A and B [unit]; NaN where missing."""
 
     name: str
     joint: str | None
@@ -53,7 +48,7 @@ class ParameterDifference:
 
     @property
     def deviations(self) -> float:
-        """The difference in standard errors of the difference; NaN if unknown."""
+        """The difference divided by its standard error; NaN if unknown."""
         spread = math.hypot(*self.stds)
         difference = abs(self.values[0] - self.values[1])
         if math.isnan(difference) or math.isnan(spread):
@@ -66,10 +61,9 @@ class RecordingComparison:
     """The newest results of two recordings.
 
     Attributes:
-        a, b: the recordings.
-        rows: every parameter that at least one of them has.
-        rms: root mean square over the joints [Nm] in A and B; NaN if there is none.
-        facts: title -> texts for A and for B: set, model, effects, observer, errors, verdict.
+        rows: parameters of either recording.
+        rms: over all joints [Nm] in A and B; NaN if missing.
+        facts: title -> texts for A and B: set, model, effects, observer, errors, verdict.
     """
 
     a: Recording
@@ -80,8 +74,8 @@ class RecordingComparison:
 
     @property
     def notable(self) -> list[ParameterDifference]:
-        """The parameters that differ by more than `NOTABLE`, the largest difference first."""
-        return [row for row in sorted(self.rows, key=_rank) if row.deviations > NOTABLE]
+        """Parameters that differ by more than `NOTABLE_DEVIATIONS`, largest difference first."""
+        return [row for row in sorted(self.rows, key=_rank) if row.deviations > NOTABLE_DEVIATIONS]
 
 
 def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
@@ -117,7 +111,7 @@ def comparison_text(found: RecordingComparison) -> str:
     rows = []
     for row in sorted(found.rows, key=_rank):
         apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
-        mark = "**" if row.deviations > NOTABLE else ""
+        mark = "**" if row.deviations > NOTABLE_DEVIATIONS else ""
         values = (number(value, 5) for value in row.values)
         rows.append([escaped(row.name), escaped(row.joint or ""), *values, row.unit, f"{mark}{apart}{mark}"])
     if rows:
@@ -147,7 +141,7 @@ def merge_recordings(found: RecordingComparison, out: Path) -> None:
 
 
 def _largest_residuals(recording: Recording) -> dict[str, float]:
-    """Group -> the largest residual of the newest result [Nm]."""
+    """Group -> largest residual of the newest result [Nm]."""
     found: dict[str, float] = {}
     for group in recording.groups:
         where = result_path(len(recording.results), "groups", group, "residual")
@@ -165,7 +159,7 @@ def _largest_residuals(recording: Recording) -> dict[str, float]:
 
 
 def _blueprint(recordings: Sequence[Recording], largest: dict[str, float]) -> rrb.Blueprint:
-    """A on the left, B on the right; `largest`: group -> largest residual [Nm], the scale of both sides."""
+    """A on the left, B on the right; both sides are scaled by `largest`: group -> largest residual [Nm]."""
     groups = list(dict.fromkeys(group for recording in recordings for group in recording.groups))
     sides = list(zip(SIDES, recordings, strict=True))
     scenes = [
@@ -198,7 +192,7 @@ def _residual(side: str, recording: Recording, group: str, largest: float) -> rr
 
 
 def _details(sides: Sequence[tuple[str, Recording]], groups: Sequence[str]) -> rrb.Container:
-    """The differences, convergence, verdicts, descriptions, and the states one over the other."""
+    """Differences, convergence, verdicts, descriptions, and the states of A and B overlaid."""
     views: Views = [document("/comparison", "Differences")]
     curves = [
         plot(

@@ -44,7 +44,7 @@ def send_staircase(stream: Stream, where: str, steps: Sequence[Step]) -> None:
 
 
 def step_names(steps: Sequence[Step]) -> list[str]:
-    """What each step has added, by its finding or, for steps of several diagnoses, by its model."""
+    """The effect each step has added, from its finding or else from its model."""
     names: list[str] = []
     before: set[str] = set()
     for place, step in enumerate(steps):
@@ -52,7 +52,9 @@ def step_names(steps: Sequence[Step]) -> list[str]:
         added = sorted(effect_text_name(text) for text in now - before)
         if step.added is not None:
             added = [finding_name(step.added)]
-        names.append("as it is" if place == 0 else f"+ {', '.join(added)}" if added else "without an effect")
+        names.append(
+            "initial model" if place == 0 else f"+ {', '.join(added)}" if added else "without an effect"
+        )
         before = now
     return names
 
@@ -63,7 +65,7 @@ def send_free_curve(stream: Stream, where: str, curve: FreeCurve | None) -> None
 
 
 def send_evidence(stream: Stream, number: int, rank: int, finding: Finding) -> None:
-    """The residual of a finding's joint before the effect is added, and what the effect absorbs of it."""
+    """The residual of a finding's joint before the effect is added, and the effect's signature in it."""
     evidence = finding.evidence
     if evidence is None:
         return

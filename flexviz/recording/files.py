@@ -1,4 +1,4 @@
-"""Recording files: written at their own place or beside an older file, finished, repaired."""
+"""Recording files: temporary names while they grow, completion, repair."""
 
 from __future__ import annotations
 
@@ -19,20 +19,19 @@ from flexviz.recording.checking import Checked, check_recording, sidecar
 from flexviz.recording.viewers import rerun_program
 
 SUFFIX = ".rrd"
-NOTHING_TO_SAVE = "holds nothing that could be saved: the program was killed before anything was written"
+NOTHING_TO_SAVE = "holds nothing to repair: the program was killed before anything was written"
 SMALLEST_RECORDING = 1000  # bytes
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What was written.
+    """A written recording.
 
     Attributes:
-        file: the recording.
-        bytes: its size.
-        chunks: how many chunks it holds, read back.
-        sha256: of the file; also beside it in `<file>.sha256`.
-        complete: False where it was stopped before everything was recorded.
+        bytes: file size.
+        chunks: number of chunks, read back.
+        sha256: of the file; also in `<file>.sha256`.
+        complete: False if it was stopped early.
     """
 
     file: Path
@@ -46,10 +45,10 @@ class Target:
     """A file that is being recorded.
 
     Attributes:
-        file: where the finished recording belongs.
-        part: where it grows: `file` if there was none, so that it is found after the program was killed; else
-            `<name>.unfinished.rrd` beside the old file, which stays until the new one is whole.
-        now: where it is at present: hidden until its beginning is written.
+        file: the path of the finished recording.
+        part: the path of the growing recording: `file` itself, so that it is found after a crash, or
+            `<name>.unfinished.rrd` if `file` exists, which is kept until the new one is complete.
+        now: the current path; hidden until the first data are written.
     """
 
     def __init__(self, file: Path) -> None:
@@ -66,22 +65,22 @@ class Target:
             raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
 
     def appear(self) -> None:
-        """Make it visible, its beginning is written. The open file stays open."""
+        """Make the file visible; it stays open."""
         if self.now != self.part:
-            if self.part.exists():  # another program has taken the name meanwhile
+            if self.part.exists():  # created by another program in the meantime
                 self.part = beside(self.file, "unfinished")
             os.replace(self.now, self.part)
             self.now = self.part
 
     def finish(self, entities: set[str], layout: rrb.Blueprint | None, complete: bool = True) -> Recorded:
-        """Rewrite the recording in order, read it back, move it to its place, write its SHA-256 beside it.
+        """Rewrite the recording in order, read it back, move it into place and write its SHA-256 file.
 
-        `layout` replaces the many layouts of a growing recording. An incomplete recording stays
-        beside an older whole one.
+        `layout` replaces all layouts of the growing recording. An incomplete recording does not replace an
+        older file.
 
         Raises:
-            InputError: what was written cannot be read back.
-            OSError: something that was logged is not in it, or it cannot be moved.
+            InputError: the recording cannot be read back.
+            OSError: logged entities are missing, or the file cannot be moved.
         """
         place = self.file if complete else self.part
         tidy = hidden(place, "tidy")
@@ -100,12 +99,12 @@ class Target:
         return Recorded(place, place.stat().st_size, checked.chunks, checked.sha256, complete)
 
     def abandon(self) -> None:
-        """Remove what was written."""
+        """Remove the file."""
         self.now.unlink(missing_ok=True)
 
 
 def check_target(file: Path) -> None:
-    """InputError if `file` cannot be written."""
+    """Raise InputError if `file` cannot be written."""
     if file.is_dir():
         raise InputError("is a folder, expected a file name *.rrd", file=file)
     if not file.absolute().parent.is_dir():
@@ -113,7 +112,7 @@ def check_target(file: Path) -> None:
 
 
 def beside(file: Path, what: str) -> Path:
-    """A name beside `file` that is free: demo.rrd → demo.unfinished.rrd, demo.unfinished-2.rrd, …"""
+    """A free name beside `file`: demo.rrd → demo.unfinished.rrd, demo.unfinished-2.rrd, …"""
     stem = file.name.removesuffix(SUFFIX)
     for number in count(1):
         again = file.with_name(f"{stem}.{what}{'' if number == 1 else f'-{number}'}{SUFFIX}")
@@ -147,7 +146,7 @@ def _runs(process: int) -> bool:
 
 
 def rewrite(source: Path, target: Path, layout: rrb.Blueprint | None = None) -> None:
-    """Rewrite the data of a recording with one layout (None: without any) and a footer."""
+    """Rewrite the data of a recording with one layout (or none) and a footer."""
     reader = RrdReader(str(source))
     (entry,) = reader.recordings()
     stream = rr.RecordingStream(entry.application_id, recording_id=entry.recording_id, send_properties=False)
@@ -158,23 +157,21 @@ def rewrite(source: Path, target: Path, layout: rrb.Blueprint | None = None) -> 
 
 
 def write_sidecar(file: Path, sha256: str) -> None:
-    """Put a recording's SHA-256 beside it, in the form `sha256sum --check` reads."""
+    """Write a recording's SHA-256 file in the format of `sha256sum --check`."""
     write_whole(sidecar(file), f"{sha256}  {file.name}\n".encode())
 
 
 def repair_recording(path: str | Path) -> Checked:
-    """Write the readable part of a truncated recording beside it, as `<name>.repaired.rrd`, with a footer.
-
-    The file itself does not change.
+    """Write the readable part of a truncated recording to `<name>.repaired.rrd`; the file itself is unchanged.
 
     Raises:
-        InputError: there is nothing to save, or the file is damaged in the middle.
+        InputError: there is nothing to repair, or the file is damaged in the middle.
     """
     file = Path(path)
     target = beside(file, "repaired")
     part = hidden(target)
     try:
-        # Rerun's own tool rewrites every whole message, with a footer
+        # Rerun's own tool rewrites every complete message, with a footer
         run = subprocess.run(
             [str(rerun_program()), "rrd", "optimize", str(file), "-o", str(part)],
             capture_output=True,
@@ -182,7 +179,7 @@ def repair_recording(path: str | Path) -> Checked:
         )
         if run.returncode != 0 or not part.is_file():
             empty = file.stat().st_size < SMALLEST_RECORDING
-            raise InputError(NOTHING_TO_SAVE if empty else "is damaged, and cannot be repaired", file=file)
+            raise InputError(NOTHING_TO_SAVE if empty else "is damaged and cannot be repaired", file=file)
         try:
             checked = check_recording(part)
         except InputError:

@@ -1,8 +1,8 @@
 """The blueprint: what the viewer shows when the recording is opened.
 
-Left: both robots, a tab per group, and what was found in words. Right: the states, where the model fails, how
-the solver converged. Everything has data on the active timeline, `time`; the table of iterations has its own
-timeline, drawings and texts need none.
+Left: both robots, one tab per group, and the texts. Right: states, where the model fails, convergence.
+Everything has data on the active timeline, `time`; the table of iterations has its own timeline, drawings and
+texts need none.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ NANOSECONDS = 1_000_000_000  # per second
 
 @dataclass(frozen=True)
 class Shown:
-    """The newest of everything.
+    """The newest content.
 
     Attributes:
-        observer: the observer whose states are there, or None.
-        result: number of the newest result, running or done, or None.
-        residuals: the groups whose residual it has.
-        first: the joints whose residual the first result has.
-        mapped: whether it has maps of where it fails.
-        diagnosis: the newest diagnosis, or None.
+        observer: the recorded observer.
+        result: number of the newest result, running or done.
+        residuals: groups with a residual of that result.
+        first: joints with a residual of the first result.
+        mapped: whether the newest result has residual maps.
+        diagnosis: the newest diagnosis.
         diagnoses: its number.
     """
 
@@ -87,7 +87,7 @@ def blueprint(measurements: MeasurementSet, stage: Stage, shown: Shown) -> rrb.B
         rows.append(rrb.Tabs(*(_measured(group) for group in groups), name="Measured"))
     shares = [2.0 if row.name == "States" else 1.0 for row in rows]
     contents = rrb.Horizontal(left, rrb.Vertical(*rows, row_shares=shares), column_shares=[2, 3])
-    # the groups' own time is played in a loop: a long solve does not lengthen it
+    # loop over the groups' time only, not over that of a long solve
     first = min(group.segments[0].time[0] for group in groups if group.segments)
     last = max(group.segments[-1].time[-1] for group in groups if group.segments)
     span = AbsoluteTimeRange(round(first * NANOSECONDS), round(last * NANOSECONDS))
@@ -95,7 +95,7 @@ def blueprint(measurements: MeasurementSet, stage: Stage, shown: Shown) -> rrb.B
 
 
 def page(contents: rrb.Container, **time: Any) -> rrb.Blueprint:
-    """A blueprint with its side panels collapsed, playing on `time`; `time`: further options of its panel."""
+    """A blueprint with collapsed panels, playing on `time`; `**time` are options of the time panel."""
     return rrb.Blueprint(
         contents,
         rrb.BlueprintPanel(state="collapsed"),
@@ -107,7 +107,7 @@ def page(contents: rrb.Container, **time: Any) -> rrb.Blueprint:
 
 
 def scene_view(root: str, name: str, group: str, eye: Any, centre: Any) -> rrb.Spatial3DView:
-    """Both robots of one group, seen from `eye` (3,) towards `centre` (3,) [m]; `root`: before the path."""
+    """Both robots of one group, seen from `eye` (3,) towards `centre` (3,) [m]; `root` prefixes the path."""
     controls = None
     if eye is not None and centre is not None:
         controls = rrb.EyeControls3D(position=eye, look_target=centre, eye_up=[0.0, 0.0, 1.0])
@@ -120,12 +120,12 @@ def scene_view(root: str, name: str, group: str, eye: Any, centre: Any) -> rrb.S
 
 
 def document(origin: str, name: str) -> rrb.TextDocumentView:
-    """A text."""
+    """A text view."""
     return rrb.TextDocumentView(origin=origin, name=name)
 
 
 def drawing(origin: str, name: str) -> rrb.Spatial2DView:
-    """A drawing that needs no timeline."""
+    """A 2D drawing, which needs no timeline."""
     return rrb.Spatial2DView(origin=origin, name=name)
 
 
@@ -137,7 +137,7 @@ def plot(
     overrides: Mapping[Any, Any] | None = None,
     span: tuple[float, float] | None = None,
 ) -> rrb.TimeSeriesView:
-    """Lines over the whole active timeline, `time` or `iteration`; `span`: of the ordinate."""
+    """Lines over the whole active timeline, `time` or `iteration`; `span` limits the y axis."""
     return rrb.TimeSeriesView(
         origin=origin,
         contents=list(contents),
@@ -177,7 +177,7 @@ def _measured(group: Group) -> rrb.Container:
 
 
 def _states(group: Group, observer: Observer) -> rrb.Container:
-    """All observer states of one group, the measured signals under the filtered ones."""
+    """All observer states of one group, with the measured signals for comparison."""
     views = []
     for name in state_names(observer):
         contents = [observer_path(observer_name(observer), group.name, name) + "/**"]
@@ -225,7 +225,7 @@ def _residual(group: Group, shown: Shown) -> rrb.TimeSeriesView:
 
 
 def _evidence(diagnosis: Diagnosis, number: int) -> list[rrb.TimeSeriesView]:
-    """What the first findings absorb of the residual, each in the group with most samples."""
+    """Evidence of the best findings, each in its longest group."""
     views = []
     for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
         if finding.evidence is not None and finding.evidence.groups:

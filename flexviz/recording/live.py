@@ -2,15 +2,15 @@
 
     recording = LiveRecording(measurements, "demo.rrd")            # a file; and, or, viewer="9876"
     recording.observer(make_observer("butterworth-zero-phase"))
-    recording.started("with Coulomb friction")                     # a solve begins
-    result = identify(measurements, progress=recording.progress)  # every iteration as it comes
+    recording.started("with Coulomb friction")                     # start of a solve
+    result = identify(measurements, progress=recording.progress)  # every iteration
     recording.identified(result)
     recording.replayed("g1", run)                                  # the identified model's simulated motion
     recording.diagnosed(diagnosis)
     recording.close()
 
-Every call but `flush` and `close` puts its content into a queue and returns at once; one thread writes the
-queue in order and flushes within a second. Flushed content survives the end of the program, however it ends.
+All calls except `flush` and `close` only queue their content; one thread writes the queue in order and
+flushes within a second. Flushed content survives a crash of the program.
 """
 
 from __future__ import annotations
@@ -39,19 +39,17 @@ if TYPE_CHECKING:
     from flexviz.progress import Iteration
     from flexviz.simulation import Run
 
-WRITE_TIMEOUT = 120.0  # [s] that `flush` and `close` wait for the queue
+WRITE_TIMEOUT = 120.0  # [s] limit of `flush` and `close`
 
 
 class LiveRecording:
-    """A growing recording of one measurement set; all methods may be called from any thread.
+    """A growing recording of one measurement set; thread-safe.
 
-    A failure (a full disk, a result that does not fit the set) is raised by `flush` and `close` only: it ends
-    the recording, is kept in `failure` and passed to `on_failure`.
+    A failure (full disk, result of another set) ends the recording and is passed to `on_failure`; `flush`
+    and `close` raise it.
 
     Attributes:
-        file: where it is written, or None.
-        failure: why the recording has ended; empty while it goes on.
-        lost_viewer: why the viewer receives nothing; empty while it does.
+        failure: why the recording has ended, or "".
     """
 
     def __init__(
@@ -63,15 +61,14 @@ class LiveRecording:
         samples: int = MAX_SAMPLES,
         on_failure: Callable[[str], None] | None = None,
     ) -> None:
-        """Open it and record the set's own signals and the measured robot.
+        """Open the recording and record the measured signals and robot.
 
         Args:
             measurements: the set.
-            file: written from the start. An older file stays until this one is done: until then it is
-                written beside it (see `file`), `close` moves it.
+            file: the recording. An existing file is replaced by `close`; until then `file` is beside it.
             viewer: a running viewer: "" for the default, a port, host:port, or an address.
-            samples: recorded at most, per signal and group.
-            on_failure: called once, from the recording's thread, with the reason in one line.
+            samples: upper limit per signal and group.
+            on_failure: called once, from the recording's thread, with a one-line reason.
 
         Raises:
             InputError: neither file nor viewer, the file's folder does not exist, no viewer answers.
@@ -89,63 +86,65 @@ class LiveRecording:
         self._lock = threading.Lock()
         self._closed = False
         self._written: Recorded | None = None
-        self._put(partial(self._recorder.begin, self._flush))
+        self._put(partial(self._recorder.measured, self._flush))
         self._thread = threading.Thread(target=self._work, name="flexviz-recording", daemon=True)
         self._thread.start()
 
     @property
     def file(self) -> Path | None:
+        """Where it is written at present, or None."""
         return None if self._target is None else self._target.part
 
     @property
     def lost_viewer(self) -> str:
+        """Why the viewer no longer receives data, or ""."""
         return self._stream.lost
 
     # -- what is recorded ----------------------------------------------------------------------------
 
     def observer(self, observer: Observer) -> None:
-        """All states of an observer, unless they are recorded already."""
+        """Record all states of an observer, once."""
         self._put(partial(self._recorder.observe, observer, self._flush))
 
     def started(self, label: str = "") -> None:
-        """Begin a solve: the iterations and the result that follow belong to it."""
+        """Start a solve: later iterations and the next result belong to it."""
         self._begun = time.monotonic()
         self._put(partial(self._recorder.start, label))
 
     def progress(self, news: Progress) -> None:
-        """News of the running solve, as `identify` tells it."""
+        """Record the iterations of the running solve; a progress callback for `identify`."""
         if news.iteration is not None:
             self.iteration(news.iteration)
 
     def iteration(self, iteration: Iteration) -> None:
-        """One iteration of the running solve."""
+        """Record an iteration of the running solve."""
         seconds = time.monotonic() - self._begun
         self._put(partial(self._recorder.iteration, iteration, seconds))
 
     def identified(self, result: Identification, label: str = "") -> None:
-        """A result: residuals, parameters, iterations not sent yet; `label`: its model in a few words."""
+        """Record a result with residuals and parameters; `label` describes its model."""
         self._put(partial(self._recorder.result, result, label))
 
     def replayed(self, group: str, run: Run) -> None:
-        """The newest result's model simulated in a group: its signals, and the second robot."""
+        """Record the newest result's model, simulated in a group, with its robot."""
         self._put(partial(self._recorder.run, group, run))
 
     def mapped(self, maps: Sequence[ResidualMap]) -> None:
-        """Where the newest result's model fails."""
+        """Record where the newest result's model fails."""
         self._put(partial(self._recorder.maps, tuple(maps)))
 
     def diagnosed(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
-        """A diagnosis; `steps`: the models before it, if it has only one itself."""
+        """Record a diagnosis; `steps` replaces its own model steps."""
         self._put(partial(self._recorder.diagnosis, diagnosis, tuple(steps)))
 
     def note(self, text: str) -> None:
-        """A line in the recording's log."""
+        """Add a line to the log."""
         self._put(partial(self._recorder.note, text))
 
     # -- its end -------------------------------------------------------------------------------------
 
     def flush(self, timeout: float = WRITE_TIMEOUT) -> None:
-        """Wait until everything so far is in the file.
+        """Wait until everything queued is in the file.
 
         Raises:
             FlexvizError: the recording has failed, or takes longer than `timeout` [s].
@@ -155,12 +154,12 @@ class LiveRecording:
         end = time.monotonic() + timeout
         while not done.wait(0.05) and not self.failure:
             if time.monotonic() > end:
-                raise FlexvizError(f"the recording is not written after {timeout:g} s")
+                raise FlexvizError(f"writing the recording took longer than {timeout:g} s")
         if self.failure:
             raise FlexvizError(self.failure)
 
     def close(self, timeout: float = WRITE_TIMEOUT) -> Recorded | None:
-        """Write the rest, check the file and move it to its place; None without a file.
+        """Write the rest, check the file and move it into place; returns None without a file.
 
         Raises:
             FlexvizError: the recording has failed, or takes longer than `timeout` [s].
@@ -171,7 +170,7 @@ class LiveRecording:
             self._queue.put(None)
         self._thread.join(timeout)
         if self._thread.is_alive():
-            raise FlexvizError(f"the recording is not written after {timeout:g} s")
+            raise FlexvizError(f"writing the recording took longer than {timeout:g} s")
         if self.failure:
             raise FlexvizError(self.failure)
         return self._written
@@ -192,7 +191,7 @@ class LiveRecording:
                 self._queue.put(piece)
 
     def _flush(self, what: str, share: float) -> None:
-        """Write what is done of a long piece."""
+        """Flush during a long piece of work."""
         self._recorder.flush()
 
     def _work(self) -> None:
@@ -208,7 +207,7 @@ class LiveRecording:
                 piece()
                 dirty = piece != self._recorder.flush
                 if dirty and time.monotonic() - flushed > FLUSH_INTERVAL:
-                    self._stream.flush()  # iterations still being gathered stay in memory
+                    self._stream.flush()  # without the iterations of the current batch
                     flushed = time.monotonic()
             self._recorder.flush()
             self._stream.close()
@@ -224,8 +223,8 @@ class LiveRecording:
             str(error) if isinstance(error, FlexvizError) else f"{type(error).__name__}: {error}"
         )
         with self._lock:
-            self.failure = f"the recording has ended: {reason}"
-            while not self._queue.empty():  # it will not be written
+            self.failure = f"the recording has stopped: {reason}"
+            while not self._queue.empty():  # nothing more is written
                 self._queue.get_nowait()
         try:
             self._stream.close()

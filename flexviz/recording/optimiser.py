@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,20 +16,21 @@ from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
+    from flexviz.identification import Identification
     from flexviz.progress import Iteration
 
-# so that sending does not slow a solve down, iterations are gathered at least for MIN_WAIT, longer while
-# sending would take more than MAX_LOAD of the program's processor time, but at most for MAX_WAIT
+# To keep the solver fast, iterations are gathered for at least MIN_WAIT, longer while sending would take more
+# than MAX_LOAD of the program's processor time, but for at most MAX_WAIT.
 MIN_WAIT, MAX_WAIT = 0.25, 4.0  # [s]
 MAX_LOAD = 0.02
-FIRST_COST = 0.005  # [s] of processor time, assumed for the first sending
-RELATIVE_LIMIT = 10.0  # larger ratios of a parameter to its last value are drawn there
+FIRST_COST = 0.005  # [s] processor time assumed for the first batch
+RELATIVE_LIMIT = 10.0  # ratios of a parameter to its last value are clipped here
 
 
 class Optimiser:
-    """The iterations of one solve, sent in small batches as they come, or all at once.
+    """The iterations of one solve, sent in batches.
 
-    They are on `iteration`, counted from 1, and on `time`: seconds since the start.
+    Timelines: `iteration`, counted from 1, and `time` [s] since the start.
     """
 
     def __init__(self, stream: Stream, number: int) -> None:
@@ -39,10 +41,10 @@ class Optimiser:
         self._waiting: list[tuple[Iteration, float]] = []
         self._last = time.monotonic()
         self._used = time.process_time()
-        self._cost = FIRST_COST  # [s] processor time of the last sending
+        self._cost = FIRST_COST  # [s] processor time of the last batch
 
     def add(self, iteration: Iteration, seconds: float) -> bool:
-        """Add one, `seconds` [s] after the solve began; returns whether the waiting ones have been sent."""
+        """Add an iteration, `seconds` [s] after the start; returns whether the batch was sent."""
         self._waiting.append((iteration, seconds))
         passed, used = time.monotonic() - self._last, time.process_time() - self._used
         due = passed > MAX_WAIT or (passed > MIN_WAIT and used > self._cost / MAX_LOAD)
@@ -59,7 +61,7 @@ class Optimiser:
         self._cost = time.thread_time() - begun
 
     def send(self, iterations: Sequence[Iteration], seconds: Sequence[float]) -> None:
-        """Send iterations with their times since the solve began [s]."""
+        """Send iterations with their times since the start [s]."""
         if not iterations:
             return
         first = len(self.sent)
@@ -83,9 +85,9 @@ class Optimiser:
             send_line(self._stream, entity, self._indexes(inside), values)
 
     def finish(self, iterations: Sequence[Iteration], seconds: float) -> None:
-        """End the solve after `seconds` [s]: the iterations not sent yet, and all relative to the last.
+        """End the solve after `seconds` [s]: send the rest, and all parameters relative to their last value.
 
-        Iterations that were not sent one by one are spread evenly over the time.
+        Iterations without a time of arrival are spread evenly.
         """
         self.flush()
         rest = list(iterations[len(self.sent) :])
@@ -106,7 +108,7 @@ class Optimiser:
         self._stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=relative))
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
-        """The rows in which a parameter is estimated, and its values."""
+        """Rows where a parameter is estimated, and its values."""
         inside = [row for row in rows if name in self.sent[row].names]
         values = [self.sent[row].values[self.sent[row].names.index(name)] for row in inside]
         return inside, np.array(values, dtype=float)
@@ -119,6 +121,18 @@ class Optimiser:
         ]
 
 
+@dataclass(eq=False)
+class Solve:
+    """One result, running or done; `label` describes its model, `begun` is a monotonic time [s]."""
+
+    number: int
+    label: str
+    optimiser: Optimiser
+    begun: float
+    result: Identification | None = None
+    mapped: bool = False
+
+
 def parameter_names(iterations: Sequence[Iteration]) -> list[str]:
-    """Every parameter that some iteration estimates."""
+    """All parameters that any iteration estimates."""
     return list(dict.fromkeys(name for iteration in iterations for name in iteration.names))

@@ -6,23 +6,23 @@
     /groups/<group>/measured/<signal>/<joint>         as recorded: theta, tau, and q, tau_joint, theta_ref
     /groups/<group>/robots/<robot>/<body>             "measured" and "identified" in 3D; the newest result's
     /observers/<observer>/<group>/<state>/<joint>     theta_0 … theta_4, tau_0 … tau_2, disturbance
-    /observers/<observer>/<group>/transients/<state>/<joint>   the same, within start-up and end transients
+    /observers/<observer>/<group>/transients/<state>/<joint>   the same during start-up and end transients
     /results/<number>/about                           text: parameters, errors
-    /results/<number>/json                            text: the same as `identify --json` writes it
+    /results/<number>/json                            the same in the format of `identify --json`
     /results/<number>/groups/<group>/<signal>/<joint>       residual, torque, q of the equation
     /results/<number>/groups/<group>/simulated/<signal>/<joint>  the simulated model: theta, q, tau
     /results/<number>/optimiser/cost, step, stage, log10_cost, log10_step
     /results/<number>/optimiser/parameters/<parameter>/<joint>
-    /results/<number>/optimiser/relative              all of them, each divided by its last value
+    /results/<number>/optimiser/relative              all parameters, divided by their last values
     /diagnoses/<number>/verdict                       text: the verdict and the ranked findings
-    /diagnoses/<number>/json                          text: the same as `diagnose --json` writes it
+    /diagnoses/<number>/json                          the same in the format of `diagnose --json`
     /diagnoses/<number>/staircase, free                   drawings: the errors step by step, a free curve
     /results/<number>/map, curves/<joint>                 drawings: where this model fails
     /diagnoses/<number>/map, curves/<joint>               the same of a diagnosis' final model
     /diagnoses/<number>/evidence/<rank>/<group>/residual, signature
 
 Groups are on the timeline `time` (each group's own time), the optimiser is on `iteration` and, so that its
-views are never empty, also on `time` (seconds since it started). Results and diagnoses count from 1.
+views are never empty, also on `time` [s] since its start. Results and diagnoses count from 1.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ LOG = "/log"
 
 
 def path(*parts: str) -> str:
-    """An entity path; the parts may hold any characters."""
+    """An entity path; special characters in the parts are escaped."""
     return rr.new_entity_path(list(parts))
 
 
@@ -71,7 +71,7 @@ def group_path(group: str, *parts: str) -> str:
 
 
 def observer_name(observer: Observer) -> str:
-    """An observer with its bandwidth: "eso-50"; with one per joint: "eso-40-60"."""
+    """Observer name with its bandwidth, "eso-50", or one per joint, "eso-40-60"."""
     return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
 
 

@@ -1,4 +1,4 @@
-"""A recording's properties, results and diagnoses, read back from the file."""
+"""Read a recording's properties, results and diagnoses back from the file."""
 
 from __future__ import annotations
 
@@ -23,13 +23,10 @@ class Recording:
     """A recording's properties and results; signals and motion stay in the file.
 
     Attributes:
-        file: where it is.
-        set_name, robot: what was recorded.
-        simulated: whether a simulator wrote the measurement set.
-        joints, groups: their names.
-        results: as `identify --json` writes them, with "label" and "effects" of the model; oldest first.
-        diagnoses: as `diagnose --json` writes them; oldest first.
-        observer: name of the observer whose states were recorded last, or None.
+        simulated: whether the measurement set was simulated.
+        results: in the format of `identify --json`, with "label" and "effects" of the model; oldest first.
+        diagnoses: in the format of `diagnose --json`; oldest first.
+        observer: name of the last recorded observer, or None.
         eye, centre: (3,) of the view [m].
     """
 
@@ -47,10 +44,10 @@ class Recording:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read properties and results of a whole recording (see `check_recording`).
+    """Read properties and results of an intact recording (see `check_recording`).
 
     Raises:
-        InputError: the recording is not by flexviz.
+        InputError: not written by flexviz.
     """
     file = Path(path)
     properties: dict[str, Any] = {}
@@ -70,7 +67,7 @@ def read_recording(path: str | Path) -> Recording:
     missing = [name for name in ("set", "robot", "simulated", "joints", "groups") if name not in properties]
     if missing:
         raise InputError(
-            f"is no recording of flexviz (its {missing[0]} is not recorded), expected one written by "
+            f"is not a flexviz recording (property {missing[0]} is missing), expected one written by "
             "`flexviz record` or the app",
             file=file,
         )

@@ -1,11 +1,11 @@
-"""The content of an analysis, sent to an open recording piece by piece."""
+"""Sends an analysis to an open recording, part by part."""
 
 from __future__ import annotations
 
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import rerun as rr
@@ -17,12 +17,12 @@ from flexviz.observers import Observer
 from flexviz.recording import signals, texts
 from flexviz.recording.drawings import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.layout import Shown, blueprint
-from flexviz.recording.optimiser import Optimiser
+from flexviz.recording.optimiser import Optimiser, Solve
 from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
 from flexviz.recording.scene import Stage, send_robot, set_stage
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
-from flexviz.scene import RobotMotion, measured_motion, robot_shape, with_replay
+from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape, with_replay
 from flexviz.wording import verdict_text
 
 if TYPE_CHECKING:
@@ -33,23 +33,11 @@ if TYPE_CHECKING:
 
 MAX_SAMPLES = 10_000  # per signal and group
 FLUSH_INTERVAL = 1.0  # [s] at most between two flushes while a solve runs
-Check = Callable[[str, float], None]  # called with the next part and the share that is done; may raise
-
-
-@dataclass(eq=False)
-class Solve:
-    """One result, running or done; `label` describes its model, `begun` is a monotonic time [s]."""
-
-    number: int
-    label: str
-    optimiser: Optimiser
-    begun: float
-    result: Identification | None = None
-    mapped: bool = False
+Check = Callable[[str, float], None]  # gets the next part and the share done; may raise
 
 
 class Recorder:
-    """Sends the analysis of one measurement set; after `begin` the order of calls is free."""
+    """Sends the analysis of one measurement set; methods may be called in any order."""
 
     def __init__(
         self, measurements: MeasurementSet, stream: Stream, samples: int = MAX_SAMPLES, both: bool = True
@@ -59,7 +47,6 @@ class Recorder:
         self.stream = stream
         self.samples = samples
         self._both = both
-        self._stage: Stage | None = None
         self._rearranged = False
         self._lines: list[str] = []
         self._flushed = time.monotonic()
@@ -67,13 +54,12 @@ class Recorder:
         self.diagnoses: list[Diagnosis] = []
         self._observers: dict[str, Observer] = {}
         self._motions: dict[str, RobotMotion] = {}
-        self._drawn: set[tuple[str, str]] = set()  # robots whose shape was sent: group, name
-        self._groups = {group.name: group for group in measurements.groups}
+        self._drawn: set[tuple[str, str]] = set()  # (group, robot) whose shape was sent
 
     # -- the measurement set -------------------------------------------------------------------------
 
-    def begin(self, check: Check = lambda what, share: None) -> None:
-        """The set, its signals and the measured robot in every group."""
+    def measured(self, check: Check = lambda what, share: None) -> None:
+        """Send the set, its signals and the measured robot of every group."""
         measurements, stream = self.measurements, self.stream
         stream.name(measurements.name + (" (simulated data)" if measurements.simulated else ""))
         stream.property(
@@ -95,26 +81,23 @@ class Recorder:
                 samples=group.samples,
             )
         check("reading the robot's shape", 0.0)
-        self._shape = robot_shape(measurements.robot)
-        self._stage = stage = set_stage(measurements, self._shape, self._both)
-        stream.property("view", eye=list(stage.eye), centre=list(stage.centre))
+        stream.property("view", eye=list(self._stage.eye), centre=list(self._stage.centre))
         self._describe()
         self.arrange()
         for done, group in enumerate(measurements.groups):
             check(f"{group.name}: measured signals and motion", done / len(measurements.groups))
             signals.send_measured(stream, measurements, group, self.samples)
-            motion = measured_motion(measurements, group, None)
-            self._motions[group.name] = motion
+            motion = self._motion(group)
             self._robot(group, "measured", motion)
             self._describe_group(group, motion)
         self.note(f"measurement set {measurements.name}")
 
     def session(self, **values: Any) -> None:
-        """Properties of the session: settings, steps, notes; each a text, a number, or a list."""
+        """Properties of the session, such as settings, steps and notes: texts, numbers or lists."""
         self.stream.property("session", **values)
 
     def observe(self, observer: Observer, check: Check = lambda what, share: None) -> None:
-        """All states of an observer in every group, unless they are recorded already."""
+        """Send all states of an observer in every group, once."""
         name = observer_name(observer)
         if name in self._observers:
             return
@@ -128,7 +111,7 @@ class Recorder:
     # -- results -------------------------------------------------------------------------------------
 
     def start(self, label: str = "") -> Solve:
-        """Begin a solve: iterations and result that follow belong to it."""
+        """Start a solve: later iterations and the next result belong to it."""
         number = len(self.solves) + 1
         solve = Solve(number, label, Optimiser(self.stream, number), time.monotonic())
         self.solves.append(solve)
@@ -137,7 +120,7 @@ class Recorder:
         return solve
 
     def iteration(self, iteration: Iteration, seconds: float | None = None) -> None:
-        """One iteration of the newest solve, `seconds` [s] after it began; None: now."""
+        """Send an iteration of the newest solve, `seconds` [s] after its start (None: now)."""
         solve = self._newest()
         since = time.monotonic() - solve.begun if seconds is None else seconds
         if solve.optimiser.add(iteration, since) and time.monotonic() - self._flushed > FLUSH_INTERVAL:
@@ -145,7 +128,7 @@ class Recorder:
             self._flushed = time.monotonic()
 
     def result(self, result: Identification, label: str = "") -> None:
-        """The result of the newest solve, or of a new one if that is done."""
+        """Send the result of the running solve, or of a new one."""
         if not self.solves or self.solves[-1].result is not None:
             self.start(label)
         solve = self.solves[-1]
@@ -163,27 +146,29 @@ class Recorder:
         self.arrange()
 
     def run(self, group: str, run: Run) -> None:
-        """The newest result's model, simulated in a group."""
+        """Send the newest result's model, simulated in a group."""
         solve = self._newest()
-        motion = with_replay(self._motions[group], run)
+        place = self.measurements.group(group)
+        motion = with_replay(self._motion(place), run)
         joints = self.measurements.joints
         signals.send_run(self.stream, joints, solve.number, group, run, self.samples)
-        self._robot(self._groups[group], "identified", motion)
-        self._describe_group(self._groups[group], motion)
+        self._robot(place, "identified", motion)
+        self._describe_group(place, motion)
 
     def no_run(self, group: str, reason: str) -> None:
-        """Why the newest result's model could not be simulated in a group."""
-        self._describe_group(self._groups[group], self._motions[group], reason)
+        """Say why the newest result's model could not be simulated in a group."""
+        place = self.measurements.group(group)
+        self._describe_group(place, self._motion(place), reason)
 
     def maps(self, maps: Sequence[ResidualMap]) -> None:
-        """Where the newest result's model fails."""
+        """Send where the newest result's model fails."""
         solve = self._newest()
         send_maps(self.stream, result_path(solve.number), self.measurements.joints, maps)
         solve.mapped = True
         self.arrange()
 
     def diagnosis(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
-        """A diagnosis with its evidence; `steps`: the models before it, if it has only one itself."""
+        """Send a diagnosis with its evidence; `steps` replaces its own model steps."""
         self.diagnoses.append(diagnosis)
         number, joints = len(self.diagnoses), self.measurements.joints
         where = diagnosis_path(number)
@@ -202,8 +187,8 @@ class Recorder:
         """Write everything so far."""
         if self.solves:
             self.solves[-1].optimiser.flush()
-        if self._rearranged and (layout := self.layout()):
-            self.stream.blueprint(layout)
+        if self._rearranged:
+            self.stream.blueprint(self.layout())
             self._rearranged = False
         self.stream.flush()
         self._flushed = time.monotonic()
@@ -211,18 +196,16 @@ class Recorder:
     # -- texts and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
-        """A line in the log."""
+        """Add a line to the log."""
         self._lines.append(f"- {time.strftime('%H:%M:%S')} {texts.escaped(text)}")
         self.stream.text(LOG, "\n".join(self._lines))
 
     def arrange(self) -> None:
-        """Show the newest content from the next flush on."""
+        """Update the layout at the next flush."""
         self._rearranged = True
 
-    def layout(self) -> rrb.Blueprint | None:
-        """The layout for the newest content; None before `begin`."""
-        if self._stage is None:
-            return None
+    def layout(self) -> rrb.Blueprint:
+        """The layout for the newest content."""
         newest = self.solves[-1] if self.solves else None
         first = self.solves[0].result if self.solves else None
         shown = Shown(
@@ -236,11 +219,23 @@ class Recorder:
         )
         return blueprint(self.measurements, self._stage, shown)
 
+    @cached_property
+    def _shape(self) -> RobotShape:
+        return robot_shape(self.measurements.robot)
+
+    @cached_property
+    def _stage(self) -> Stage:
+        return set_stage(self.measurements, self._shape, self._both)
+
+    def _motion(self, group: Group) -> RobotMotion:
+        if group.name not in self._motions:
+            self._motions[group.name] = measured_motion(self.measurements, group, None)
+        return self._motions[group.name]
+
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()
 
     def _robot(self, group: Group, name: str, motion: RobotMotion) -> None:
-        assert self._stage is not None
         first = (group.name, name) not in self._drawn
         self._drawn.add((group.name, name))
         label = self.solves[-1].number if self.solves else 0
@@ -249,10 +244,7 @@ class Recorder:
         )
 
     def _describe(self) -> None:
-        done = [
-            (solve.number, solve.label, solve.result) for solve in self.solves if solve.result is not None
-        ]
-        self.stream.text(ABOUT, texts.about_text(self.measurements, done, self.diagnoses))
+        self.stream.text(ABOUT, texts.about_text(self.measurements, self.solves, self.diagnoses))
 
     def _describe_group(self, group: Group, motion: RobotMotion, reason: str = "") -> None:
         stride = stride_for(group.samples, self.samples)

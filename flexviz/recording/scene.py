@@ -20,19 +20,19 @@ from flexviz.scene import RobotMotion, RobotShape
 Array = NDArray[np.float64]
 RADIUS_PER_KG = 0.03  # [m/kg^⅓] of the ball that shows a payload
 ROBOT_COLOURS = {"measured": COLOURS.measured, "identified": COLOURS.model}
-VIEW = np.array([0.42, -0.84, 0.34])  # direction from the robots to the eye
+VIEW = np.array([0.42, -0.84, 0.34])  # direction from the robots to the camera
 POSES = 20  # per segment, for the size of the scene
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Placement of the robots and the eye, the same for all groups.
+    """Placement of the robots and the camera, the same for all groups.
 
     Attributes:
         offsets: (2, 3) of the measured and the identified robot [m].
         tops: heights of the labels of the measured and the identified robot [m].
-        centre: (3,) point that the eye looks at [m].
-        eye: (3,) its position [m].
+        centre: (3,) point the camera looks at [m].
+        eye: (3,) camera position [m].
     """
 
     offsets: Array
@@ -42,7 +42,7 @@ class Stage:
 
 
 def set_stage(measurements: MeasurementSet, shape: RobotShape, both: bool = True) -> Stage:
-    """Room for one robot in all its motion, or for both side by side as the eye sees them."""
+    """A stage for one robot in all its motion, or for both side by side in the camera's view."""
     robot = measurements.robot
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for group in measurements.groups:
@@ -56,12 +56,12 @@ def set_stage(measurements: MeasurementSet, shape: RobotShape, both: bool = True
     if not np.isfinite(low).all():
         low, high = np.full(3, -shape.reach), np.full(3, shape.reach)
     size = float(np.linalg.norm(high - low))
-    across = np.array([-VIEW[1], VIEW[0], 0.0]) / np.hypot(VIEW[0], VIEW[1])  # the eye's right
+    across = np.array([-VIEW[1], VIEW[0], 0.0]) / np.hypot(VIEW[0], VIEW[1])  # to the camera's right
     width = float(np.abs(across) @ (high - low)) * 1.05 + 0.05 * size
     offsets = np.outer([-0.5, 0.5], across * width) if both else np.zeros((2, 3))
     centre = (low + high) / 2
     distance = 1.35 * max(size, 2.0 * width) if both else 1.6 * size
-    tops = float(high[2]) + 0.08 * size, float(high[2]) + 0.18 * size  # at different heights: names are long
+    tops = float(high[2]) + 0.08 * size, float(high[2]) + 0.18 * size  # staggered: labels are long
     return Stage(offsets, tops, centre, centre + distance * VIEW / np.linalg.norm(VIEW))
 
 
@@ -78,8 +78,10 @@ def send_robot(
 ) -> None:
     """One of the two robots in one group, moved by its motor angles.
 
-    `name` is "measured" or "identified"; `first`: send its shape, later only its motion changes;
-    `result`: the number of the identified robot's result.
+    Args:
+        name: "measured" or "identified".
+        first: whether its shape must be sent, too.
+        result: number of the identified robot's result.
     """
     robot, theta = measurements.robot, motion.theta if name == "measured" else motion.model_theta
     if theta is None:
@@ -110,7 +112,7 @@ def send_robot(
 def send_shapes(
     stream: Stream, robot: Robot, shape: RobotShape, group: Group, name: str, pose: dict[str, Array]
 ) -> None:
-    """The constant parts: the bodies' meshes, the base's pose, the payload; `pose`: any pose."""
+    """The constant parts: meshes, base pose, payload; `pose` holds the link poses at any instant."""
     for body in shape.bodies:
         entity = group_path(group.name, "robots", name, body.link)
         mesh = rr.Mesh3D(
@@ -143,7 +145,7 @@ def send_shapes(
 
 
 def quaternions(rotations: Array) -> Array:
-    """(M, 4) x y z w of the rotation matrices (M, 3, 3), without sign jumps from one to the next."""
+    """Quaternions (M, 4) x y z w of rotation matrices (M, 3, 3), without sign jumps."""
     found = Rotation.from_matrix(rotations).as_quat()
     signs = np.where(np.sum(found[1:] * found[:-1], axis=1) < 0.0, -1.0, 1.0)
     found[1:] *= np.cumprod(signs)[:, None]

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from flexviz.simulation import Run
 
 Array = NDArray[Any]
-GAP = 2.5  # an interval longer than this many median intervals breaks the line
+GAP = 2.5  # [median intervals] longer intervals break the line
 
 
 def send_measured(stream: Stream, measurements: MeasurementSet, group: Group, most: int) -> None:
-    """The signals as recorded, after resampling of jitter; at most about `most` samples."""
+    """The measured signals, resampled if their time jitters; about `most` samples at most."""
     where, joints = ("groups", group.name, "measured"), measurements.joints
     stride = stride_for(group.samples, most)
     time = np.concatenate([segment.time[::stride] for segment in group.segments])
@@ -41,7 +41,7 @@ def send_measured(stream: Stream, measurements: MeasurementSet, group: Group, mo
 def send_states(
     stream: Stream, measurements: MeasurementSet, group: Group, observer: Observer, most: int
 ) -> None:
-    """All observer states; the transients are separate entities, outside the scale of the plots."""
+    """All observer states; transients are separate entities, so that they do not scale the plots."""
     stride = stride_for(group.samples, most)
     parts = [observer.states(segment, measurements.torque_hold) for segment in group.segments]
     where = ("observers", observer_name(observer), group.name)
@@ -125,19 +125,19 @@ def send_line(
     colour: str = "",
     width: float = 1.5,
 ) -> None:
-    """All values (N,) of one line of a plot; its style, too, if it has a name."""
+    """Values (N,) of one line of a plot, with its style if it has a name."""
     if name:
         stream.log(entity, rr.SeriesLines(names=name, colors=rgb(colour), widths=width), static=True)
     stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=np.ascontiguousarray(values)))
 
 
 def stride_for(samples: int, most: int) -> int:
-    """The stride that leaves at most about `most` of the samples."""
+    """The stride that keeps about `most` samples at most."""
     return max(1, -(-samples // most))
 
 
 def broken_at_gaps(time: Array, values: Array) -> tuple[Array, Array]:
-    """`time` (N,) and `values` (N, n) with a NaN row inside every gap, so that no line crosses it."""
+    """`time` (N,) and `values` (N, n) with a NaN row in every gap, which breaks the lines."""
     if len(time) < 3:
         return time, values
     steps = np.diff(time)

@@ -1,7 +1,7 @@
-"""An open recording: what is logged goes to a file, to a running viewer, or to both.
+"""An open recording that logs to a file, to a running viewer, or to both.
 
-The file holds everything up to the last `flush`, whatever happens to the program; `close` adds the footer. If
-a viewer goes away, the file goes on.
+The file holds everything up to the last `flush`, even after a crash; `close` adds the footer. If the viewer
+disconnects, the file is still written.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def viewer_address(text: str) -> str:
     """The complete address of a running viewer from "", a port, host:port or an address.
 
     Raises:
-        InputError: it is none of these, or nothing answers there.
+        InputError: not an address, or nothing answers there.
     """
     if not text:
         whole = VIEWER
@@ -43,7 +43,7 @@ def viewer_address(text: str) -> str:
     except ValueError:
         host, port, parts = None, 0, urlsplit("")
     if host is None or parts.scheme not in SCHEMES:
-        raise InputError(f'"{text}" is no address of a Rerun viewer, expected {VIEWER} or its port')
+        raise InputError(f'"{text}" is not the address of a Rerun viewer, expected {VIEWER} or its port')
     try:
         socket.create_connection((host, port), timeout=VIEWER_TIMEOUT).close()
     except OSError:
@@ -57,12 +57,12 @@ class Stream:
     """An open recording: Rerun's methods, applied to the file and the viewer.
 
     Attributes:
-        entities: every entity that was logged.
-        lost: why the viewer receives nothing; empty while it does, or without one.
+        entities: all logged entities.
+        lost: why the viewer no longer receives data, or "".
     """
 
     def __init__(self, name: str, target: Target | None, viewer: str | None = None) -> None:
-        """Open it; `name` is the measurement set's, `viewer` a complete address (`viewer_address`)."""
+        """`name` is that of the measurement set, `viewer` a complete address (`viewer_address`)."""
         self._target = target
         self.entities: set[str] = set()
         self.lost = ""
@@ -87,18 +87,18 @@ class Stream:
             stream.send_recording_name(text)
 
     def property(self, name: str, **values: Any) -> None:
-        """A property of the whole recording; empty lists are left out."""
+        """Set properties of the whole recording; empty lists are omitted."""
         given = {key: value for key, value in values.items() if not isinstance(value, list) or value}
         for stream in self._open:
             stream.send_property(name, rr.AnyValues(drop_untyped_nones=True, **given))
 
     def blueprint(self, layout: rrb.Blueprint) -> None:
-        """The viewer's layout from now on."""
+        """Set the viewer's layout."""
         for stream in self._open:
             stream.send_blueprint(layout, make_active=True, make_default=True)
 
     def log(self, entity: str, *what: Any, static: bool = False) -> None:
-        """Log at the stream's present time, or for all times."""
+        """Log at the current time, or for all times (`static`)."""
         self.entities.add(entity)
         for stream in self._open:
             stream.log(entity, *what, static=static)
@@ -111,7 +111,7 @@ class Stream:
             stream.send_columns(entity, indexes, columns)
 
     def text(self, entity: str, markdown: str) -> None:
-        """A text for all times; a later one replaces it."""
+        """Log a text for all times, replacing an earlier one."""
         self.log(entity, rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN), static=True)
 
     def flush(self) -> None:

@@ -24,22 +24,22 @@ from flexviz.wording import (
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
     from flexviz.identification import Identification
+    from flexviz.recording.optimiser import Solve
 
 SIMULATED = "**Simulated data**: a simulator wrote this measurement set, no robot was recorded."
 MAX_FINDINGS = 8
 MAX_ABSORBED = 4  # per finding
-MAX_LOCATIONS = 6  # where the final model fails
-NOTABLE_SHARE = 0.01  # of the residual that a location explains
-Done = tuple[int, str, "Identification"]  # number, label, result
+MAX_LOCATIONS = 6  # joint and variable, where the final model fails
+NOTABLE_SHARE = 0.01  # smallest share of the residual that is listed
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """The lines of a Markdown table; the cells are escaped already."""
+    """Lines of a Markdown table; cells must already be escaped."""
     return ["| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)]
 
 
-def about_text(measurements: MeasurementSet, done: Sequence[Done], diagnoses: Sequence[Diagnosis]) -> str:
-    """The set, every result with its error, the last verdict."""
+def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]) -> str:
+    """The set, every finished result with its error, the last verdict."""
     lines = [f"# {escaped(measurements.name)}", ""]
     if measurements.simulated:
         lines += [SIMULATED, ""]
@@ -51,23 +51,24 @@ def about_text(measurements: MeasurementSet, done: Sequence[Done], diagnoses: Se
     ]
     if diagnoses:
         lines += [f"**{escaped(verdict_text(diagnoses[-1]))}**", ""]
-    if not done:
-        return "\n".join([*lines, "Nothing is identified yet."])
     rows = [
         [
-            str(count),
-            escaped(label or "the set's own model"),
+            str(solve.number),
+            escaped(solve.label or "the set's own model"),
             f"{result.observer_name}, {bandwidth_text(result.bandwidth)}",
             *_errors(result.residual.rms, result.residual.rms_validation),
         ]
-        for count, label, result in done
+        for solve in solves
+        if (result := solve.result) is not None
     ]
+    if not rows:
+        return "\n".join([*lines, "Nothing is identified yet."])
     header = ["", "model", "observer", "rms fit [Nm]", "rms validation [Nm]"]
     return "\n".join([*lines, *table(header, rows)])
 
 
 def result_text(result: Identification, count: int, label: str) -> str:
-    """One result: model, observer, parameters, errors of every joint."""
+    """One result: model, observer, parameters, error per joint."""
     refined = ", refined" if result.refined else ""
     effects = ", ".join(f"{e.effect}{f' on {e.joint}' if e.joint else ''}" for e in result.model.effects)
     held_out = escaped(", ".join(result.validation_groups)) or "nothing"
@@ -108,17 +109,17 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += _finding_lines(finding, rank)
     more = len(diagnosis.findings) - MAX_FINDINGS
     if more > 0:
-        lines += [f"And {more} less likely.", ""]
+        lines += [f"… and {more} less likely.", ""]
     rows = [
         [
-            "the model as it is" if step.added is None else f"+ {escaped(finding_name(step.added))}",
+            "initial model" if step.added is None else f"+ {escaped(finding_name(step.added))}",
             *_errors(step.rms, step.rms_validation),
             step.verdict,
         ]
         for step in diagnosis.steps
     ]
     lines += ["## Errors step by step", ""]
-    lines += table(["model", "rms fit [Nm]", "rms validation [Nm]", "then"], rows)
+    lines += table(["model", "rms fit [Nm]", "rms validation [Nm]", "verdict"], rows)
     places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
     if places:
         lines += ["", "## Where the final model fails", ""]
@@ -146,7 +147,7 @@ def _finding_lines(finding: Finding, rank: int) -> list[str]:
 def group_text(
     measurements: MeasurementSet, group: Group, motion: RobotMotion, stride: int, reason: str = ""
 ) -> str:
-    """One group: its data, how the model was simulated (or, `reason`, why not), what was left out."""
+    """One group: its data, its simulated motion or the `reason` why there is none, the stride."""
     lines = [f"## {escaped(group_title(group))}", ""]
     if measurements.simulated:
         lines += [SIMULATED, ""]
@@ -154,12 +155,12 @@ def group_text(
     lines += [
         f"- trajectory {escaped(group.trajectory)}, payload {escaped(group.payload)}: {bodies}",
         f"- {group.samples} samples in {len(group.segments)} segments, {group.duration:.3g} s",
-        f"- for {'validation, never fitted' if group.validation else 'fitting'}",
+        f"- used for {'validation only' if group.validation else 'fitting'}",
     ]
     if stride > 1:
-        lines.append(f"- one in {stride} samples is recorded here (after filtering)")
+        lines.append(f"- 1 of every {stride} samples is recorded (after filtering)")
     if reason:
-        lines.append(f"- identified motion: none: {escaped(reason)}")
+        lines.append(f"- identified motion: not simulated: {escaped(reason)}")
     elif motion.model_theta is not None:
         error = np.max(np.abs(motion.model_theta - motion.theta))
         note = escaped(motion.model_note)
@@ -168,7 +169,7 @@ def group_text(
 
 
 def group_title(group: Group) -> str:
-    """The group's name, marked if it is for validation."""
+    """The group's name; validation groups are marked."""
     return group.name + (" (validation)" if group.validation else "")
 
 
@@ -178,11 +179,11 @@ def bandwidth_text(bandwidth: float | Sequence[float] | np.ndarray) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text without meaning in Markdown."""
+    """Text with its Markdown characters escaped."""
     return "".join("\\" + character if character in "\\`*_{}[]<>#|~" else character for character in text)
 
 
 def _errors(rms: Sequence[float], held_out: Sequence[float] | None) -> list[str]:
-    """The total rms of fit and validation [Nm]."""
+    """Total rms of fit and validation [Nm] as table cells."""
     validation = "–" if held_out is None else number(total_rms(np.asarray(held_out)), 4)
     return [number(total_rms(np.asarray(rms)), 4), validation]

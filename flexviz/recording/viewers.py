@@ -1,8 +1,7 @@
-"""Rerun's viewer on this machine: its own window, or its web page with nothing fetched from elsewhere.
+"""Rerun's viewer on this machine: its own window, or its web page served offline.
 
-Rerun's page loads fonts and sends statistics. Here it is served without those links, with a content security
-policy that lets the browser talk to this address only, and with the recordings beside it. One HTTP server on
-the loopback address, nothing else stays running.
+Rerun's page loads fonts and sends statistics. Here one HTTP server on the loopback address serves it, and the
+recordings, without those links and with a content security policy that blocks all other addresses.
 """
 
 from __future__ import annotations
@@ -38,12 +37,12 @@ POLICY = (
     "connect-src 'self' data: blob:; object-src 'none'; base-uri 'none'; form-action 'none'"
 )
 START_TIMEOUT = 20.0  # [s] for the viewer's own server to answer
-NO_STATISTICS = {"CI": "1"}  # with it the viewer sends none
-OUTSIDE = re.compile(rb"<link\b[^>]*https?://[^>]*>", re.IGNORECASE)
+NO_STATISTICS = {"CI": "1"}  # makes the viewer send none
+EXTERNAL_LINK = re.compile(rb"<link\b[^>]*https?://[^>]*>", re.IGNORECASE)
 
 
 def rerun_program() -> Path:
-    """The viewer itself; the `rerun` script beside Python only starts it and leaves it running."""
+    """The viewer itself; the `rerun` script only starts it and leaves it running."""
     import rerun_cli
 
     program = Path(rerun_cli.__file__).parent / "rerun"
@@ -60,28 +59,28 @@ def has_display() -> bool:
 
 
 def show_in_window(recordings: Sequence[Path]) -> str:
-    """Open the recordings in Rerun's window and wait until it is closed; returns why it failed, or ""."""
+    """Open the recordings in Rerun's window and wait until it is closed; returns the error, or ""."""
     command = [str(rerun_program()), *(str(file) for file in recordings), "--new", "--bind", HOST]
     viewer = subprocess.Popen(
         command, env=os.environ | NO_STATISTICS, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     )
     try:
-        _, said = viewer.communicate()
+        _, output = viewer.communicate()
     except BaseException:
         viewer.terminate()
         viewer.wait()
         raise
     if viewer.returncode == 0:
         return ""
-    lines = [line for line in said.splitlines() if line.strip()]
-    return lines[-1] if lines else f"it ended with code {viewer.returncode}"
+    lines = [line for line in output.splitlines() if line.strip()]
+    return lines[-1] if lines else f"exit code {viewer.returncode}"
 
 
 def free_port(wanted: int | None = None) -> int:
-    """`wanted`, or any port that is free.
+    """The port `wanted`, or any free one.
 
     Raises:
-        InputError: the wanted one is taken.
+        InputError: the port is in use.
     """
     with socket.socket() as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -93,7 +92,7 @@ def free_port(wanted: int | None = None) -> int:
 
 
 def viewer_page() -> dict[str, bytes]:
-    """The files of the viewer's page, fetched from its own server, which then ends."""
+    """The files of the viewer's page, fetched from its own server, which is then stopped."""
     port, data = free_port(), free_port()
     command = [str(rerun_program()), "--serve-web", "--bind", HOST, "--port", str(data)]
     server = subprocess.Popen(
@@ -103,7 +102,7 @@ def viewer_page() -> dict[str, bytes]:
         end = time.monotonic() + START_TIMEOUT
         while not _answers(port):
             if server.poll() is not None or time.monotonic() > end:
-                raise FlexvizError("Rerun's web viewer does not start; `rerun --serve-web` says why")
+                raise FlexvizError("Rerun's web viewer does not start; see the output of `rerun --serve-web`")
             time.sleep(0.05)
         content = {}
         for path in FILES:
@@ -112,7 +111,7 @@ def viewer_page() -> dict[str, bytes]:
     finally:
         server.terminate()
         server.wait()
-    content["/"] = OUTSIDE.sub(b"", content["/"])
+    content["/"] = EXTERNAL_LINK.sub(b"", content["/"])
     return content
 
 
@@ -126,7 +125,7 @@ def web_viewer(recordings: Sequence[Path], port: int | None = None) -> Iterator[
     """Serve the viewer with these recordings; yields the page's address.
 
     Raises:
-        InputError: the port is taken.
+        InputError: the port is in use.
     """
     port = free_port(port) if port is not None else _usual_port()
     files = {f"/recordings/{number}/{file.name}": file for number, file in enumerate(recordings)}
@@ -165,7 +164,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         path = unquote(urlsplit(self.path).path)
-        if self.headers.get("Host") not in self.server.hosts:  # another name resolved to this machine
+        if self.headers.get("Host") not in self.server.hosts:  # DNS rebinding
             self.send_error(403)
         elif path in self.server.page:
             content = self.server.page[path]

@@ -1,4 +1,4 @@
-"""Record a measurement set or a session into a file, which is ended in order whatever happens."""
+"""Record a measurement set or a session into a file, which is always closed properly."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 class RecordingFile:
     """A recording file as a context manager; `written` describes the finished file.
 
-    After Cancelled, Ctrl+C or SIGTERM the file is ended and kept, marked as incomplete. After another error
-    it is removed. A killed program leaves what was flushed, which every step is.
+    After Cancelled, Ctrl+C or SIGTERM the file is closed and kept, marked as incomplete; after another error
+    it is removed. If the program is killed, everything up to the last `step` remains.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class RecordingFile:
         progress: ProgressCallback | None = None,
         should_stop: StopCallback | None = None,
     ) -> None:
-        """`both`: leave room for the identified robot; the rest as in `record_set`."""
+        """`both` leaves room for the identified robot; other arguments as in `record_set`."""
         self.measurements = measurements
         self.written: Recorded | None = None
         self._progress = progress
@@ -75,7 +75,7 @@ class RecordingFile:
         return isinstance(error, Cancelled)
 
     def step(self, what: str, share: float) -> None:
-        """Flush and report progress; raises Cancelled if the user has stopped it."""
+        """Flush and report progress; raises Cancelled when stopped."""
         self.recorder.flush()
         if self._should_stop is not None and self._should_stop():
             raise Cancelled("stopped by the user")
@@ -83,11 +83,11 @@ class RecordingFile:
             self._progress(Progress(what, min(share, 1.0)))
 
     def part(self, first: float, last: float) -> Check:
-        """`step` for the part of the work from the share `first` to `last`."""
+        """`step` scaled to the shares `first` to `last` of the work."""
         return lambda what, share: self.step(what, first + (last - first) * share)
 
     def simulate(self, result: Identification, check: Check) -> None:
-        """The newest result's model, simulated in every group."""
+        """Record the newest result's model, simulated in every group."""
         from flexviz import simulation
 
         measurements = self.measurements
@@ -109,7 +109,7 @@ class RecordingFile:
                     progress=tell,
                     should_stop=self._should_stop,
                 )
-            except ConvergenceError as error:  # a bad model may diverge; everything else is recorded
+            except ConvergenceError as error:  # a poor model may diverge
                 self.recorder.no_run(group.name, str(error))
                 continue
             self.recorder.run(group.name, run)
@@ -129,13 +129,13 @@ def record_set(
     """Write a measurement set and its results to the file `out`.
 
     Args:
-        identification: its residuals, iterations and simulated motion; None: measurements only.
-        observer: whose states are recorded; None: the identification's, or the default.
-        progress: called as parts are recorded.
-        should_stop: stops it; what was recorded until then is kept, with `complete` False.
-        samples: recorded at most, per signal and group.
+        identification: the result; None records measurements only.
+        observer: the recorded states; None uses the identification's observer, or the default.
+        progress: called for every part.
+        should_stop: stops the recording; the file is kept with `complete` False.
+        samples: upper limit per signal and group.
         diagnosis: of the identification.
-        label: of the identified model, in a few words.
+        label: short description of the identified model.
     """
     with (
         RecordingFile(
@@ -148,7 +148,7 @@ def record_set(
         ) as file,
         ending_tidily(),
     ):
-        file.recorder.begin(file.part(0.0, 0.15))
+        file.recorder.measured(file.part(0.0, 0.15))
         file.recorder.observe(observer or chosen_observer(identification), file.part(0.15, 0.35))
         if identification is not None:
             file.recorder.result(identification, label)
@@ -164,11 +164,11 @@ def record_set(
 def record_session(
     session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback | None = None
 ) -> Recorded:
-    """Write a session with every result of its history to the file `out`; the newest one is simulated."""
+    """Write a session with all results of its history to the file `out`; only the newest is simulated."""
     steps = session.steps
     with RecordingFile(measurements, out, progress=progress) as file, ending_tidily():
         recorder = file.recorder
-        recorder.begin(file.part(0.0, 0.15))
+        recorder.measured(file.part(0.0, 0.15))
         newest = steps[-1].analysis.identification
         recorder.observe(chosen_observer(newest), file.part(0.15, 0.35))
         recorder.session(
@@ -185,7 +185,7 @@ def record_session(
             if result is not None and id(result) not in results:
                 results.append(id(result))
                 effects = ", ".join(step.analysis.effects)
-                recorder.result(result, f"with {effects}" if effects else "as it is")
+                recorder.result(result, f"with {effects}" if effects else "present model")
             if diagnosis is not None and id(diagnosis) not in verdicts:
                 verdicts.append(id(diagnosis))
                 recorder.diagnosis(diagnosis, [one.step for one in step.analysis.model_steps])
@@ -208,7 +208,7 @@ def chosen_observer(identification: Identification | None) -> Observer:
 
 @contextmanager
 def ending_tidily() -> Iterator[None]:
-    """Turn SIGTERM into SystemExit, so that a recording is ended in order."""
+    """Turn SIGTERM into SystemExit, so that a recording is closed properly."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
