@@ -162,7 +162,7 @@ def write_sidecar(file: Path, sha256: str) -> None:
 
 
 def repair_recording(path: str | Path) -> Checked:
-    """Write the readable part of a truncated recording to `<name>.repaired.rrd`; the file itself is unchanged.
+    """Write the readable part of a truncated recording to `<name>.repaired.rrd`, with a footer.
 
     Raises:
         InputError: there is nothing to repair, or the file is damaged in the middle.
