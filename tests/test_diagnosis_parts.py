@@ -193,7 +193,7 @@ def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
 
 def test_confidence_follows_what_speaks_for_it() -> None:
     nothing = probability((0.0, 0.5, 0.0))
-    assert nothing < probability((6.0, 1.0, 0.0)) <= THRESHOLDS.evidence.most_sure
+    assert nothing < probability((6.0, 1.0, 0.0)) <= THRESHOLDS.evidence.max_confidence
     for k, step in enumerate((1.0, 0.2, -1.0)):  # gain, share, and what is left
         more = [6.0, 0.5, 2.0]
         less = list(more)

@@ -160,7 +160,8 @@ def test_every_fit_takes_it_off(tmp_path: Path) -> None:
     measured = read_set(write_plan(plan, record(plan, move(plan, 1), 1), tmp_path / "set"))
     layout = layout_of(measured, ())
     context = FitContext(measured, layout)
-    prior, bounds = context.prior_and_bounds(layout)
+    begin = context.start(layout)
+    prior, bounds = begin.prior, begin.bounds
     start = layout.vector(plan.model)
 
     def check(two_band: TwoBandData, x: Array, window: NDArray[np.bool_] | None = None) -> None:

@@ -13,7 +13,7 @@ import pytest
 from flexviz.diagnosis.cross_validation import explained, make_folds, mean_and_error
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
-from flexviz.diagnosis.records import NOTE, UNITS
+from flexviz.diagnosis.records import FREE_CURVE_NOTE, UNITS
 from flexviz.diagnosis.residual_location import maps, residual_locations
 from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
@@ -302,7 +302,7 @@ def test_maps_have_every_variable_and_one_group_alone(clean):
 def test_free_form_draws_the_hidden_law(patched):
     context, fit = patched
     curve = fit_free_curve(context, fit, residual_locations(context, fit)[0])
-    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == NOTE
+    assert (curve.joint, curve.variable) == ("joint2", "position") and curve.note == FREE_CURVE_NOTE
     assert curve.directions == ("forward", "backward") and curve.explained > 0.9
     truth = 2.0 * np.exp(-(((curve.centres - 0.1) / 0.25) ** 2))
     for sign, value, std in zip((1, -1), curve.value, curve.std, strict=True):

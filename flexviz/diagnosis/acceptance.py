@@ -1,4 +1,4 @@
-"""Acceptance of fits: excess over the noise, gain that an effect has to bring, verdict on the last model."""
+"""Acceptance criteria: excess over the noise, minimum gain of an effect, verdict on the final model."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def removed_share(before: Fit, after: Fit) -> float:
 
 
 def held_out_share(before: Fit, after: Fit) -> float:
-    """Share of the excess held-out variance (the fit groups' without validation groups) a refit removed."""
+    """Share of the excess held-out variance that a refit removed; of the fit groups if none are held out."""
     held_out = np.isfinite(before.chi_held_out).all()
     old = before.chi_held_out if held_out else before.chi
     new = after.chi_held_out if held_out else after.chi
@@ -33,19 +33,13 @@ def held_out_share(before: Fit, after: Fit) -> float:
 
 
 def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
-    """Whether the values of an effect could be real.
-
-    Args:
-        fit: with the effect.
-        effect: which one.
-        raw_step: of the records [s].
-    """
+    """Whether the estimated parameters of an effect are plausible; `raw_step` is that of the records [s]."""
     values = fit.x[dict(fit.layout.effect_slices())[effect]]
     return EFFECTS[effect.effect].credible(values, _evidence(fit, effect, raw_step))
 
 
 def only_an_offset(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
-    """Whether, in this motion, an effect only shifts its joint by a constant."""
+    """Whether an effect amounts to a constant offset of its joint in this motion."""
     return EFFECTS[effect.effect].only_an_offset(_evidence(fit, effect, raw_step))
 
 
@@ -55,16 +49,16 @@ def _evidence(fit: Fit, effect: ChosenEffect, raw_step: float) -> EffectEvidence
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:
-    """Gain that an effect has to bring after other effects gained `gained`."""
+    """Minimum gain for accepting an effect after earlier effects gained `gained`."""
     episode = EFFECTS[effect.effect].scope == "episode"
     share = LIMITS.least_gain_share_episode if episode else LIMITS.least_gain_share
     return max(LIMITS.least_gain, share * gained)
 
 
 def structured(fit: Fit, reference: Fit) -> bool:
-    """Whether a residual is more than noise and the traces that approximate laws leave of `reference`'s.
+    """Whether a residual exceeds the noise plus a small share of the residual without any effects.
 
-    `reference` is a model without any effects.
+    Models of effects are approximate, so that each leaves a trace of what it explains.
     """
     hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
     share = LIMITS.trace_share_hidden_state if hidden else LIMITS.trace_share
@@ -72,5 +66,5 @@ def structured(fit: Fit, reference: Fit) -> bool:
 
 
 def verdict(fit: Fit, reference: Fit) -> Verdict:
-    """On a model to which nothing worth a name could be added; `reference` is one without any effects."""
+    """Verdict on a model without further acceptable candidates; `reference` has no effects at all."""
     return "unknown" if structured(fit, reference) else "nothing-missing"

@@ -1,14 +1,14 @@
-"""Bandwidth check: what changes with the observer's bandwidth is not physics.
+"""Bandwidth check: physical effects do not depend on the observer's bandwidth.
 
-The same model is compared with the same samples at several bandwidths.
+One model is fitted to the same samples at several bandwidths.
 
-- The residual at fixed parameters, low-passed far inside every band, must not change. Where it changes
-  by more than the noise, part of it is observer error: lag, droop, or motion beyond the band.
-- The parameters, fitted at every bandwidth, must stay within their standard errors. One that does not is not
-  to be trusted, however small its interval: its value depends on frequencies at which the model is wrong.
+- The residual at fixed parameters, low-passed well inside every band, must not change. A change above the
+  noise level is observer error: lag, droop, or motion beyond the band.
+- Every parameter, fitted at each bandwidth, must stay within its standard error. Otherwise it is unreliable,
+  however narrow its interval: its value depends on frequencies at which the model is wrong.
 
-The observer is either the diagnosis' own two bands, which noise does not bias, or any single one, fitted by
-plain least squares.
+The observer is either the two bands of the diagnosis, which noise does not bias, or any single observer with
+a least-squares fit.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ from flexviz.statistics import NORMAL_95
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # of the two bands' bandwidth
-PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # of a single observer's
-# of the narrowest bandwidth, up to which residuals are compared; the two bands are flat up to their end
-COMMON, COMMON_FLAT = 0.5, 1.0
+TWO_BAND_FACTORS = (0.3, 0.4, 0.55, 1.0, 1.25)  # bandwidths relative to the one in use
+PLAIN_FACTORS = (0.5, 0.7, 1.0, 1.4, 2.0)  # the same for a single observer
+# residuals are compared up to this share of the narrowest bandwidth; flat bands have no droop
+COMPARED_SHARE, COMPARED_SHARE_FLAT = 0.5, 1.0
 LIMITS = THRESHOLDS.bandwidth
 
 
@@ -69,16 +69,17 @@ def check_bandwidth(
     """Fit a model at several bandwidths.
 
     Args:
-        measurements: the set.
+        measurements: the measurement set.
         layout, x: the model, fitted at the bandwidth in use; x has shape (P,).
-        observer: the one in use, with its bandwidth; the diagnosis' own two bands where None.
-        factors: of its bandwidth; 1 is always among them. `FACTORS` or `PLAIN_FACTORS` where None.
-        groups: to fit; all but the validation groups where None.
+        observer: the observer in use, with its bandwidth; None for the two bands of the diagnosis.
+        factors: bandwidths relative to the one in use; 1 is always included. Default: `TWO_BAND_FACTORS` or
+            `PLAIN_FACTORS`.
+        groups: groups to fit; default: all but the validation groups.
         check: called between fits; may raise to stop.
     """
     began = time.perf_counter()
     chosen = [g for g in measurements.groups if not g.validation] if groups is None else list(groups)
-    factors = (FACTORS if observer is None else PLAIN_FACTORS) if factors is None else factors
+    factors = (TWO_BAND_FACTORS if observer is None else PLAIN_FACTORS) if factors is None else factors
     tried = sorted({1.0, *factors})
     if observer is None:
         bands = refined_bands(measurements, chosen, layout, tried)
@@ -98,7 +99,8 @@ def check_bandwidth(
         if observer is None and FlatZeroPhase.ratio * band.bandwidth <= bands[in_use].bandwidth:
             band = without_own_error(band, bands[in_use], begin.x)
         fits.append(fit(band, prior, bounds, begin, used, True))
-    top = (COMMON_FLAT if observer is None else COMMON) * min(b.bandwidth for b in bands)
+    share = COMPARED_SHARE_FLAT if observer is None else COMPARED_SHARE
+    top = share * min(b.bandwidth for b in bands)
     low = FlatZeroPhase(top / FlatZeroPhase.ratio)
     residuals = _compare_residuals(bands, in_use, fits, common, low, check)
     return BandwidthCheck(
@@ -119,7 +121,7 @@ def check_bandwidth(
 
 @dataclass(frozen=True, eq=False)
 class _ResidualComparison:
-    """The slow residual at every bandwidth against that at the one in use.
+    """The low-passed residual at every bandwidth, compared with the bandwidth in use.
 
     Attributes:
         size: shape (n,), rms at the bandwidth in use [Nm].
@@ -133,10 +135,10 @@ class _ResidualComparison:
     change_noise: Array
 
     def observer_error(self, in_use: int) -> Bools:
-        """Joints whose residual changes in a wider band, shape (n,)."""
+        """Joints whose residual changes with a wider band, shape (n,)."""
         noise = np.maximum(self.change_noise, self.noise_floor)
         beyond = (self.change > LIMITS.change * noise) & (self.change > LIMITS.change_share * self.size)
-        beyond[:in_use] = False  # errors of a narrower band do not concern the one in use
+        beyond[:in_use] = False  # errors of a narrower band do not affect the one in use
         return np.any(beyond, axis=0, keepdims=False).astype(bool)
 
 
@@ -148,7 +150,7 @@ def _compare_residuals(
     low: FlatZeroPhase,
     check: Callable[[], None],
 ) -> _ResidualComparison:
-    """Residuals at the parameters in use, for their change, and at every bandwidth's own, for their rms."""
+    """Change of the residual at the parameters in use; its rms at the parameters of each bandwidth."""
     used, reference = bands[in_use], fits[in_use].x
     base = compared(used, reference, used, common, low)
     rms, change, noise = [], [], []
@@ -175,10 +177,10 @@ def _parameter_curves(
     prior: Prior,
     wider: bool,
 ) -> tuple[ParameterCurve, ...]:
-    """Parameters that the data determine, over the bandwidth; of inertias the identifiable combinations.
+    """Identifiable parameters over the bandwidth; for inertias, the identifiable combinations.
 
-    `wider` says whether bands wider than the one in use count. That of the two bands is as wide as it can be:
-    beyond it noise biases the parameters, which says nothing about them.
+    `wider`: whether bands wider than the one in use count. The two bands are as wide as they can be: in a
+    wider one, noise biases the parameters even of a correct model.
     """
     base = base_parameters(measurements.robot)
     inertial = layout.inertial.stop
@@ -186,7 +188,7 @@ def _parameter_curves(
     for f in fits:
         single = parameter_estimates(layout, f.x, f.x, f.covariance, f.at_bound, prior)
         rows.append((*single[inertial:], *combinations(base, layout, f.x, f.covariance.matrix, prior)))
-        # the two fits share their data: the standard error of their difference is not that of either
+        # the two fits share their data: their difference has a standard error of its own
         apart = f.influence - fits[in_use].influence
         cov = apart.T @ apart
         between = replace(f.covariance, matrix=cov)
@@ -212,7 +214,6 @@ def _parameter_curves(
         if not wider:
             beyond[in_use + 1 :] = 0.0
         worst = int(np.argmax(beyond))
-        trusted = bool(beyond[worst] < 1.0)
         out.append(
             ParameterCurve(
                 name=first.name,
@@ -223,7 +224,7 @@ def _parameter_curves(
                 std=std,
                 moved=float(moved[worst]),
                 excuse=float(excuse[worst]),
-                trusted=trusted,
+                trusted=bool(beyond[worst] < 1.0),
             )
         )
     return tuple(out)

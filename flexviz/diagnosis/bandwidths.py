@@ -1,4 +1,4 @@
-"""One model's data, fits and residuals at several bandwidths, on the same samples."""
+"""Data, fits and residuals of one model at several bandwidths, on the same samples."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 Spans = dict[tuple[int, float], tuple[float, float]]
 
-STEPS = (6, 4)  # of Gauss–Newton at the bandwidth in use, to begin with, and from there at each
-NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
+MAX_STEPS = (6, 4)  # Gauss–Newton steps of the initial fit, at the bandwidth in use, and of each final fit
+NEGLIGIBLE_STEP = 0.05  # [standard deviations] step length that ends a fit
 
 
 @dataclass(frozen=True)
 class BandwidthData:
-    """One bandwidth's data.
+    """Data at one bandwidth.
 
     Attributes:
         bandwidth: [rad/s].
-        signals: of a single observer, or of the wide one of two.
-        equation: of a single observer, or of the narrow one of two.
-        two_band: the two; None for a single observer.
-        own_error: shape (N, n), what this bandwidth alone adds to the residual [Nm].
+        signals: signals of the single observer, or of the wide band.
+        equation: equation of the single observer, or of the narrow band.
+        two_band: both bands; None for a single observer.
+        own_error: shape (N, n), error of this band's residual [Nm].
     """
 
     bandwidth: float
@@ -59,7 +59,7 @@ class BandwidthData:
     own_error: Array | float = 0.0
 
     def residual(self, x: Array) -> Array:
-        """The residual at x, shape (N, n)."""
+        """Residual at x, shape (N, n) [Nm]."""
         equation = self.equation if self.two_band is None else self.two_band.wide
         return equation.at(x).residual(x) - self.own_error
 
@@ -72,8 +72,8 @@ class BandwidthFit:
         x: shape (P,).
         covariance: of the parameters.
         at_bound: shape (P,).
-        model_error: shape (n,), variance of the model error beside the noise [Nm²].
-        influence: shape (D, P), what each second of the residual does to x; their sum is nearly zero.
+        model_error: shape (n,), variance of the model error added to the noise [Nm²].
+        influence: shape (D, P), contribution of each second of data to x; sums to nearly zero.
     """
 
     x: Array
@@ -89,7 +89,8 @@ class BandwidthFit:
 def refined_bands(
     measurements: MeasurementSet, groups: list[Group], layout: Layout, factors: list[float]
 ) -> list[BandwidthData]:
-    found: dict[float, BandwidthData] = {}  # in coarse records some factors give the same wide band
+    """Data of the diagnosis at several bandwidths; in coarse records some factors give the same band."""
+    found: dict[float, BandwidthData] = {}
     for factor in factors:
         weighing = replace(SEARCH_WEIGHTING, hertz=SEARCH_WEIGHTING.hertz * factor, ridge=0.0)
         two_band = TwoBandData(measurements, groups, layout, weighing)
@@ -100,10 +101,10 @@ def refined_bands(
 
 
 def without_own_error(band: BandwidthData, wider: BandwidthData, x: Array) -> BandwidthData:
-    """The band as if its residual had been formed in the wider band and low-passed afterwards.
+    """The band with its residual replaced by the low-passed residual of the wider band.
 
-    Products of narrowly filtered signals are not the filtered products. That is an error of the narrow band;
-    it must not be held against the parameters that the wider one gave.
+    Products of narrowly filtered signals differ from the filtered products. This error of the narrow band
+    says nothing about the parameters found in the wider one.
     """
     assert isinstance(band.signals.observer, FlatZeroPhase)
     residual, wide = band.residual(x), wider.residual(x)
@@ -126,6 +127,7 @@ def plain_bands(
     observer: Observer,
     factors: list[float],
 ) -> list[BandwidthData]:
+    """Data of a single observer at several bandwidths, at common sample times."""
     made = [type(observer)(np.asarray(observer.bandwidth) * f) for f in factors]
     settling = np.array([o.settling() for o in made]).max(axis=0)
     step = min(s.step * equation_stride(s, o, 0.025) for o in made for g in groups for s in g.segments)
@@ -140,13 +142,13 @@ def plain_bands(
 
 
 def key_of(band: BandwidthData, index: int) -> tuple[int, float]:
-    """Which stretch a block is: its group and when it begins."""
+    """Key of a block that is common to all bandwidths: its group and start time."""
     block = band.signals.blocks[index]
     return block.group, float(block.segment.time[0])
 
 
 def spans(bands: list[BandwidthData]) -> Spans:
-    """First and last instant of every stretch that all bandwidths have [s]."""
+    """First and last common instant of every stretch that all bandwidths contain [s]."""
     found: dict[tuple[int, float], list[Array]] = {}
     for band in bands:
         for index, block in enumerate(band.signals.blocks):
@@ -159,9 +161,9 @@ def spans(bands: list[BandwidthData]) -> Spans:
 
 
 def seconds(band: BandwidthData, common: Spans) -> Ints:
-    """Which second of what every bandwidth has a sample belongs to, shape (N,); −1 outside.
+    """Index of each sample's second within the common spans, shape (N,); −1 outside.
 
-    On other samples at every bandwidth, stretches would be compared, not bandwidths.
+    All bandwidths have to be compared on the same stretches.
     """
     out = np.full(band.signals.count, -1)
     begins, total = {}, 0
@@ -186,16 +188,16 @@ def seconds(band: BandwidthData, common: Spans) -> Ints:
 def fit_refined(
     band: BandwidthData, prior: Prior, bounds: Bounds, begin: BandwidthFit, seconds: Ints, last: bool
 ) -> BandwidthFit:
-    """Gauss–Newton on Zᵀ W r = b from where `begin` is.
+    """Gauss–Newton on Zᵀ W r = b, starting from `begin`.
 
-    Unless it is the last fit, it also finds the model error that has to be allowed for where the noise cannot
-    be the reason of the residual. With that the last fits are made, at every bandwidth with the same.
+    The initial fit also estimates the model error, if noise does not explain the residual; the final fits use
+    it at every bandwidth.
     """
     assert band.two_band is not None
     kind = Whitening if last else ModelErrorWhitening
     two_band = band.two_band.with_model_error(begin.model_error)
     whitening = kind(two_band, own_error=band.own_error, window=seconds >= 0)
-    solved = solve(whitening, prior, bounds, begin.x, iterations=STEPS[last], negligible=NEGLIGIBLE)
+    solved = solve(whitening, prior, bounds, begin.x, iterations=MAX_STEPS[last], negligible=NEGLIGIBLE_STEP)
     point, model_error = solved.point, whitening.two_band.noise_model.model_error
     if not last:
         return replace(begin, x=point.x, model_error=model_error)
@@ -207,7 +209,7 @@ def fit_refined(
 def fit_plain(
     band: BandwidthData, prior: Prior, bounds: Bounds, begin: BandwidthFit, seconds: Ints, last: bool
 ) -> BandwidthFit:
-    """Least squares weighted by the residual's own size, from where `begin` is."""
+    """Least squares weighted by the size of the residual, starting from `begin`."""
     layout = band.equation.layout
     mask = np.broadcast_to((seconds >= 0)[:, None], band.signals.tau.shape[1:])
     solution = gauss_newton(
@@ -217,7 +219,7 @@ def fit_plain(
         bounds.clip(begin.x),
         mask=mask,
         reweightings=2,
-        max_iterations=STEPS[last],
+        max_iterations=MAX_STEPS[last],
     )
     if not last:
         return replace(begin, x=solution.x)
@@ -234,7 +236,7 @@ def fit_plain(
 
 
 def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array:
-    """−H⁻¹ times the sum over each second of the samples' scores, shape (N, P)."""
+    """−H⁻¹ times the score of each second, shape (D, P)."""
     score = np.zeros((int(seconds.max()) + 1, len(hessian)))
     used = seconds >= 0
     np.add.at(score, seconds[used], each[used])
@@ -244,7 +246,7 @@ def _influence(each: Array, hessian: Array, free: Bools, seconds: Ints) -> Array
 
 
 def unfitted(layout: Layout, x: Array) -> BandwidthFit:
-    """Where the first fit begins."""
+    """Start of the initial fit."""
     size = layout.size
     return BandwidthFit(
         x,
@@ -259,11 +261,10 @@ def unfitted(layout: Layout, x: Array) -> BandwidthFit:
 
 
 def compared(band: BandwidthData, x: Array, other: BandwidthData, common: Spans, low: FlatZeroPhase) -> Array:
-    """The residual's slow part at the other band's samples, where all bands have some, shape (N', n).
+    """Low-passed residual at the samples of another band within the common spans, shape (N', n) [Nm].
 
-    Each stretch is faded in and out: cut off hard, the quick noise at its ends would leak into what is slow.
-    Where it is faded fully in, over all but a cycle of the low-pass, nothing is changed; the size is that of
-    an unfaded stretch.
+    Each stretch is tapered over one cycle of the low-pass at both ends and rescaled to the rms of an
+    untapered stretch; without the taper, fast noise at the ends would leak into the pass band.
     """
     residual = band.residual(x)
     ramp = 2 * np.pi / float(np.max(low.bandwidth))  # [s]
@@ -282,17 +283,18 @@ def compared(band: BandwidthData, x: Array, other: BandwidthData, common: Spans,
         at = other.signals.time[there[key].rows]
         out.append(CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     if not out:
-        raise InputError("the records are too short for these bandwidths; take higher ones")
+        raise InputError("the records are too short for these bandwidths; use higher ones")
     return np.concatenate(out)
 
 
 def difference(one: BandwidthData, other: BandwidthData) -> Transfer:
+    """Difference of two observers' transfer functions."""
     a, b = one.signals.observer, other.signals.observer
     return lambda omega, k: a.transfer(omega, k) - b.transfer(omega, k)
 
 
 def slow_noise(band: BandwidthData, transfer: Transfer, x: Array, low: FlatZeroPhase) -> Array:
-    """Standard deviation that white measurement noise leaves in the slow residual, shape (n,) [Nm]."""
+    """Standard deviation of the low-passed residual due to measurement noise, shape (n,) [Nm]."""
     paths = noise_paths(band.equation.layout, x, band.equation.at(x).link_terms(x))
     noise = segments_noise([b.segment for b in band.signals.blocks])
     hertz = np.linspace(0.0, FlatZeroPhase.ratio * float(np.max(low.bandwidth)) / (2 * np.pi), 200)

@@ -1,4 +1,4 @@
-"""Candidate effects, and the start of a model with one more or one fewer."""
+"""Candidate effects, and start values of models with one effect more or fewer."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ModelStart:
-    """A model and the values from which its fit starts; x has shape (P,)."""
+    """A model and the start values of its fit, shape (P,)."""
 
     layout: Layout
     x: Array
 
 
 def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
-    """Every effect in every place where the model does not have it; episodes are searched for elsewhere."""
+    """Every effect at every joint, payload or group that lacks it; episodes are searched separately."""
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
     payloads = sorted({g.payload for g in groups if g.bodies})
@@ -41,7 +41,7 @@ def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
 
 
 def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> ModelStart:
-    """The model with one more effect at `values`, without the one that it replaces on its joint."""
+    """The model with an effect added at `values` and without the effect that this replaces on its joint."""
     replaces = EFFECTS[effect.effect].replaces
     kept = tuple(e for e in layout.effects if not (replaces == e.effect and e.joint == effect.joint))
     larger = Layout(layout.joints, (*kept, effect))

@@ -1,7 +1,7 @@
-"""Confidence in a finding, as a probability.
+"""Confidence in a finding: logistic regression on three features.
 
-The log-odds are a weighted sum of three features. The weights are fitted to the cases of the project's study
-and cross-checked, half by half (`python -m benchmarks.diagnosis_study calibrate`).
+The weights are fitted to the simulated cases of the diagnosis study and cross-validated in two halves
+(`python -m benchmarks.diagnosis_study calibrate`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from flexviz.diagnosis.acceptance import excess, removed_share
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 
-WEIGHTS = (1.294, 0.598, 0.546, -2.372)  # of one and of the features
+WEIGHTS = (1.294, 0.598, 0.546, -2.372)  # intercept, then the features
 
 
 def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
@@ -25,8 +25,8 @@ def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
         final: the last model of the diagnosis.
 
     Returns:
-        log of the gain in the objective relative to the least gain needed; share of the excess over the noise
-        that the effect removed; log of one plus the excess that the last model leaves.
+        log of the gain in the objective relative to the minimum gain; share of the excess over the noise that
+        the effect removed; log of one plus the excess of the final model.
     """
     gain = before.objective - after.objective
     least = THRESHOLDS.acceptance.least_gain
@@ -38,7 +38,8 @@ def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
 
 
 def probability(evidence: Sequence[float], weights: Sequence[float] = WEIGHTS) -> float:
-    """Probability that a finding with these features is right, or tied with the right one."""
+    """Probability that a finding with these features is correct, or tied with the correct one."""
     odds = weights[0] + float(np.dot(weights[1:], evidence))
-    most = THRESHOLDS.evidence.most_sure
-    return float(np.clip(1 / (1 + np.exp(-np.clip(odds, -30.0, 30.0))), 0.0, most))
+    return float(
+        np.clip(1 / (1 + np.exp(-np.clip(odds, -30.0, 30.0))), 0.0, THRESHOLDS.evidence.max_confidence)
+    )

@@ -1,13 +1,12 @@
-"""How much of a residual something explains, tested on samples that had no part in it.
+"""Cross-validated share of a residual that a prediction explains.
 
 A prediction p is fitted on some blocks of time and compared with the residual r of others:
 
     share = Σ_test r · p_train / Σ r²
 
-Where r is noise, r and p are independent and the share is zero on average, however free the prediction is
-(the usual 1 − Σ(r − p)² / Σ r² would be negative); where there is something, it is the share that is
-explained. Training samples closer to a test block than the noise's memory are left out, or coloured noise
-would explain itself.
+For pure noise, r and p are independent and the share is zero on average, however flexible the prediction
+(1 − Σ(r − p)² / Σ r² would be negative). Training samples within the correlation time of a test block are
+left out, because coloured noise predicts itself.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FOLDS = 5
-MEMORIES = 3.0  # times the lag at which the autocorrelation has fallen to 1/e: there it is forgotten
-WINDOWS = 8  # of time in one stretch, unless the noise's memory asks for longer ones
-# over which the remainder's spectrum is averaged: enough to follow it, few enough to scatter little; on a set
-# of two joints 32 and 128 change the standard errors of the maps by at most 6 %, and no verdict
+GAP_CORRELATION_TIMES = 3.0  # gap between blocks, relative to the lag of autocorrelation 1/e
+WINDOWS_PER_STRETCH = 8  # fewer where the noise is correlated for longer
+# bands of the smoothed spectrum of the remainder; on a two-joint set, 32 and 128 change the standard errors
+# of the maps by at most 6 % and no verdict
 SMOOTHED_BANDS = 64
-LONGEST_MEMORY = 12  # of a stretch, the most that blocks can be kept apart
+MAX_GAP_DIVISOR = 12  # the gap is at most this fraction of the longest stretch
 
 
 @dataclass(frozen=True)
@@ -38,10 +37,10 @@ class Folds:
 
     Attributes:
         fold: shape (N,), 0 … FOLDS − 1; −1 for samples that are not used.
-        train: shape (FOLDS, N), samples that may explain a fold: of other folds, and not next to it.
-        window: shape (N,), windows of time, two blocks long, counted within each stretch.
-        gap: samples after which the residual has forgotten itself.
-        stretches: which samples are contiguous.
+        train: shape (FOLDS, N), training samples of each fold: those of other folds beyond the gap.
+        window: shape (N,), index of the time window, two blocks long, within each stretch.
+        gap: samples after which the residual is uncorrelated.
+        stretches: contiguous samples.
     """
 
     fold: Ints
@@ -52,12 +51,12 @@ class Folds:
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """Samples that are used, shape (N,)."""
+        """Samples in a fold, shape (N,)."""
         return self.fold >= 0
 
 
 def memory(residual: Array, stretches: Sequence[slice], longest: int) -> int:
-    """Number of samples after which a residual (shape (N,)) has forgotten itself, at most `longest`."""
+    """Samples after which a residual, shape (N,), is uncorrelated; at most `longest`."""
     total = np.zeros(longest + 1)
     for rows in stretches:
         part = residual[rows]
@@ -67,20 +66,20 @@ def memory(residual: Array, stretches: Sequence[slice], longest: int) -> int:
     if total[0] <= 0:
         return 1
     small = np.flatnonzero(np.abs(total) < np.exp(-1) * total[0])
-    return min(longest, int(np.ceil(MEMORIES * small[0]))) if small.size else longest
+    return min(longest, int(np.ceil(GAP_CORRELATION_TIMES * small[0]))) if small.size else longest
 
 
 def make_folds(residual: Array, used: NDArray[np.bool_], stretches: Sequence[slice]) -> Folds:
-    """Folds for a residual, shape (N,): blocks long against its memory, short against the stretches."""
+    """Folds for a residual, shape (N,): blocks longer than its correlation time, shorter than a stretch."""
     longest = max(r.stop - r.start for r in stretches)
-    window = max(8, longest // WINDOWS)
-    # its memory is that of what is left when everything slow is taken off: a contact is no noise
+    window = max(8, longest // WINDOWS_PER_STRETCH)
+    # the correlation time is that of the fast part: a slow disturbance, such as a contact, is not noise
     quick = residual * used
     for rows in stretches:
         index = np.arange(rows.stop - rows.start) // window
         weight = np.maximum(np.bincount(index, used[rows]), 1)
         quick[rows] -= used[rows] * (np.bincount(index, quick[rows]) / weight)[index]
-    gap = memory(quick, stretches, max(1, longest // LONGEST_MEMORY))
+    gap = memory(quick, stretches, max(1, longest // MAX_GAP_DIVISOR))
     block = max(window // 2, 3 * gap, 4)
     fold = np.full(len(residual), -1)
     windows = np.zeros(len(residual), int)
@@ -106,12 +105,12 @@ def make_folds(residual: Array, used: NDArray[np.bool_], stretches: Sequence[sli
 
 @dataclass(frozen=True)
 class ExplainedShare:
-    """What was explained out of sample.
+    """Share of a residual's mean square explained out of sample; zero on average for noise.
 
     Attributes:
-        share: of the residual's mean square; zero on average where there is nothing.
+        share: total over all samples.
         std: its standard error.
-        product: shape (N,), each sample's part of the share.
+        product: shape (N,), contribution of each sample.
     """
 
     share: float
@@ -119,20 +118,14 @@ class ExplainedShare:
     product: Array
 
     def of(self, residual: Array, here: NDArray[np.bool_]) -> float:
-        """The share among the samples `here`, shape (N,)."""
+        """Share within the samples `here`, shape (N,)."""
         size = float(np.sum(residual[here] ** 2))
         whole = float(np.sum(residual**2))
         return float(self.product[here].sum()) * whole / size if size > 0 else 0.0
 
 
 def explained(index: Ints, residual: Array, folds: Folds) -> ExplainedShare:
-    """Share of a residual that its mean in bins explains.
-
-    Args:
-        index: shape (N,), the bin of each sample.
-        residual: shape (N,) [Nm], zero where not used.
-        folds: of that residual.
-    """
+    """Share of a residual, shape (N,) [Nm], explained by its mean in each bin; `index` of shape (N,)."""
     bins = int(index.max()) + 1
     prediction = np.zeros(len(residual))
     for k, train in enumerate(folds.train):
@@ -144,12 +137,12 @@ def explained(index: Ints, residual: Array, folds: Folds) -> ExplainedShare:
 
 
 def explained_by_prediction(prediction: Array, residual: Array, folds: Folds) -> ExplainedShare:
-    """A prediction, each sample's from other folds, held against the residual; shape (N,) each."""
+    """Share explained by an out-of-fold prediction, shape (N,), of the residual, shape (N,)."""
     used = folds.used
     size = max(float(np.sum(residual[used] ** 2)), 1e-300)
     product = np.where(used, prediction * residual, 0.0) / size
-    # blocks of a fold are far from each other: their sums would be independent, did not every pair of
-    # blocks meet twice, each time with the other as test
+    # sums over blocks are independent but for each pair of blocks occurring twice, with the roles of training
+    # and test exchanged: hence the factor 2
     block = np.cumsum(np.r_[0, np.diff(folds.fold) != 0])
     sums = np.bincount(block, product)
     spread = float(np.sqrt(2 * len(sums) / max(len(sums) - 1, 1) * np.sum((sums - sums.mean()) ** 2)))
@@ -157,7 +150,7 @@ def explained_by_prediction(prediction: Array, residual: Array, folds: Folds) ->
 
 
 def shortest_run(strength: Array, share: float = 0.5) -> slice:
-    """The shortest run of bins that carries `share` of what is positive in `strength`, shape (B,)."""
+    """Shortest run of bins that contains `share` of the positive part of `strength`, shape (B,)."""
     total = np.concatenate(([0.0], np.cumsum(np.maximum(strength, 0.0))))
     wanted = share * total[-1]
     best = slice(0, len(strength))
@@ -171,16 +164,16 @@ def shortest_run(strength: Array, share: float = 0.5) -> slice:
 
 
 def mean_and_error(index: Ints, residual: Array, bins: int, folds: Folds) -> tuple[Array, Array, Ints]:
-    """Binned mean, its standard error and the number of samples, shape (B,) each; NaN where there is none.
+    """Binned mean, its standard error and the number of samples, shape (B,) each; NaN in empty bins.
 
-    The error is that of correlated samples: Σ_tu γ(t − u) / n² over a bin's samples, γ the autocovariance of
-    what the means leave, by its smoothed spectrum.
+    The standard error accounts for correlated samples: Σ_tu γ(t − u) / n² over the samples of a bin, γ being
+    the autocovariance of the remainder, from its smoothed spectrum.
 
     Args:
-        index: shape (N,), the bin of each sample.
+        index: shape (N,), bin of each sample.
         residual: shape (N,) [Nm].
         bins: B.
-        folds: where the samples are contiguous, and which are used.
+        folds: of the residual.
     """
     used = folds.used
     count = np.bincount(index[used], minlength=bins)
@@ -199,10 +192,10 @@ def mean_and_error(index: Ints, residual: Array, bins: int, folds: Folds) -> tup
 
 
 def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
-    """Smoothed spectrum of what is left, such that Σ power · |rfft(y, length)|² = Σ_tu γ(t − u) y_t y_u.
+    """Smoothed spectrum of a remainder, such that Σ power · |rfft(y, length)|² = Σ_tu γ(t − u) y_t y_u.
 
     Returns:
-        the transform's length and the power, shape (length // 2 + 1,).
+        length of the transform; power, shape (length // 2 + 1,).
     """
     rest = np.where(folds.used, rest, 0.0)
     length = fft.next_fast_len(2 * max(r.stop - r.start for r in folds.stretches), real=True)
@@ -216,7 +209,7 @@ def remainder_spectrum(rest: Array, folds: Folds) -> tuple[int, Array]:
     power = np.convolve(
         np.concatenate((power[half:0:-1], power, power[-2 : -half - 2 : -1])), kernel, "valid"
     )
-    power *= 2.0 / length  # a real signal's spectrum is counted twice but for its ends
+    power *= 2.0 / length  # one-sided spectrum: all but the first and last line count twice
     power[0] /= 2
     if length % 2 == 0:
         power[-1] /= 2

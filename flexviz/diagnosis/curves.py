@@ -1,9 +1,9 @@
-"""A torque that is a free curve of one variable of its joint, and its response in the residual.
+"""Free curves: a torque as a spline of one joint variable, and its response in the residual.
 
-The curve is a sum of B-splines. A torque u on the motor of a flexible joint moves the residual by about
-u + κ ü, κ = M/K: slow components keep their sign, those above the frequency 1/√κ appear reversed and larger.
-The data choose κ, because the stiffness of an incomplete model may be far off. The response passes the
-residual's low-pass, so that fast passages are smeared alike in both.
+A torque u on the motor of a flexible joint changes the residual by about u + κ ü with κ = M/K: slow
+components keep their sign, those above the frequency 1/√κ are inverted and amplified. κ is chosen by the
+data, because the stiffness of an incomplete model may be far off. The response is low-passed like the
+residual.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from flexviz.diagnosis.residuals import SLOW, SlowResidual
 
 Array = NDArray[np.float64]
 
-PIECES = 24  # of a curve, at most
-SAMPLES_PER_PIECE = 40  # on average, at least
+MAX_PIECES = 24  # of a curve
+MIN_SAMPLES_PER_PIECE = 40  # on average
 TEST_PIECES = 14  # of a curve that effects are compared with
-OVERSAMPLING = 3  # of the curve against the equation's samples
-REVERSAL_VELOCITY = 0.005  # [rad/s] within which one direction passes into the other
-# 1/(2π√κ) [Hz]; the first is a rigid joint
-RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)
+OVERSAMPLING = 3  # of the curve relative to the equation's samples
+REVERSAL_VELOCITY = 0.005  # [rad/s] width of the transition between directions
+RESONANCES = (np.inf, 14.0, 9.0, 6.5, 5.0, 4.0, 3.2, 2.5, 2.0)  # 1/(2π√κ) [Hz]; the first is a rigid joint
 KAPPAS = tuple(1 / (2 * np.pi * f) ** 2 for f in RESONANCES)  # κ [s²]
-SMOOTHNESS, RIDGE = 0.03, 0.5  # weights [samples] on differences of neighbouring hats, on every hat
+SMOOTHNESS, RIDGE = 0.03, 0.5  # penalties [samples] on differences of neighbouring hats and on their values
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class Splines:
     Attributes:
         knots: shape (B + degree + 1,), for B splines.
         degree: 1 for hat functions, 3 for cubic splines.
-        sides: 2 where the curve may jump as the motion reverses, else 1.
+        sides: 2 if the curve may jump at a reversal of motion, else 1.
     """
 
     knots: Array
@@ -48,16 +47,16 @@ class Splines:
 
     @property
     def size(self) -> int:
-        """Number of coefficients: all of the first direction, then all of the second."""
+        """Number of coefficients, ordered by direction."""
         return self.sides * (len(self.knots) - self.degree - 1)
 
     @property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest value of the variable; the curve is constant beyond."""
+        """Range of the variable; the curve is constant beyond."""
         return float(self.knots[self.degree]), float(self.knots[-self.degree - 1])
 
     def design(self, value: Array, velocity: Array) -> Array:
-        """All splines at M instants, shape (M, size)."""
+        """Design matrix at M instants, shape (M, size)."""
         inside = np.clip(value, *self.range)
         one = np.array(BSpline.design_matrix(inside, self.knots, self.degree).toarray(), dtype=float)
         if self.sides == 1:
@@ -72,12 +71,12 @@ class Splines:
 
 
 def piece_count(samples: int, sides: int) -> int:
-    """As many pieces as the samples can determine."""
-    return int(np.clip(samples // (SAMPLES_PER_PIECE * sides), 4, PIECES))
+    """Number of pieces that the samples can determine."""
+    return int(np.clip(samples // (MIN_SAMPLES_PER_PIECE * sides), 4, MAX_PIECES))
 
 
 def hat_functions(values: Array, name: str) -> Splines:
-    """Piecewise linear; knots half way between equally spaced and equally filled; values of shape (N,)."""
+    """Piecewise linear; knots midway between equally spaced and equally filled; values of shape (N,)."""
     sides = 2 if name in (DIRECTED, "velocity") else 1
     share = np.linspace(0, 1, piece_count(len(values), sides))
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
@@ -87,7 +86,7 @@ def hat_functions(values: Array, name: str) -> Splines:
 
 
 def uniform_splines(values: Array, sides: int) -> Splines:
-    """Cubic, equally spaced over the values' range; shape (N,)."""
+    """Cubic, equally spaced over the range of the values, shape (N,)."""
     pieces = piece_count(len(values), sides)
     low, high = float(values.min()), float(values.max())
     knots: Array = low + max(high - low, 1e-9) / pieces * np.arange(-3.0, pieces + 4.0)
@@ -95,7 +94,7 @@ def uniform_splines(values: Array, sides: int) -> Splines:
 
 
 def equally_filled_splines(values: Sequence[Array]) -> Splines:
-    """Cubic, with as many samples in each piece; `values` per stretch."""
+    """Cubic, with the same number of samples in each piece; `values` per stretch."""
     together = np.concatenate(values)
     low, high = np.quantile(together, [0.001, 0.999])
     inner = np.quantile(together, np.linspace(0, 1, TEST_PIECES - 2)[1:-1])
@@ -106,7 +105,7 @@ def equally_filled_splines(values: Sequence[Array]) -> Splines:
 
 @dataclass(frozen=True)
 class CurveEquations:
-    """Of a curve's coefficients for any κ, from the samples of one fold's training set."""
+    """Normal equations of a curve's coefficients for any κ."""
 
     torque: Array
     mixed: Array
@@ -125,28 +124,26 @@ class CurveEquations:
 
 @dataclass(frozen=True)
 class CurveResponse:
-    """Every spline's torque in the slow residual.
+    """Response of the slow residual to every spline: torque u and curvature ü, shape (N, size) each.
 
-    Attributes:
-        torque: u, shape (N, size), zero where the residual is not shown.
-        curvature: ü, shape (N, size).
+    Both are zero where the residual is not shown.
     """
 
     torque: Array
     curvature: Array
 
     def normal(self, residual: Array, train: NDArray[np.bool_]) -> CurveEquations:
-        """From the samples `train`, shape (N,)."""
+        """Normal equations from the samples `train`, shape (N,)."""
         a, b, r = self.torque[train], self.curvature[train], residual[train]
         return CurveEquations(a.T @ a, a.T @ b, b.T @ b, a.T @ r, b.T @ r)
 
     def columns(self, kappa: float, rows: NDArray[np.bool_] | slice = slice(None)) -> Array:
-        """Response u + κ ü of some samples, shape (N', size)."""
+        """Response u + κ ü at some samples, shape (N', size)."""
         return self.torque[rows] + kappa * self.curvature[rows]
 
 
 def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splines) -> CurveResponse:
-    """Response to a torque on a joint that follows `values`, shape (N,)."""
+    """Response to a torque on a joint that depends on `values`, shape (N,)."""
     velocity = data.theta[1, :, joint]
     out = np.zeros((2, len(values), splines.size))
     for rows in data.stretches:
@@ -163,7 +160,7 @@ def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splin
 
 
 def explained_by_curve(data: SlowResidual, folds: Folds, joint: int, name: str) -> ExplainedShare:
-    """Share of a joint's residual that a free curve of one of its variables explains out of sample."""
+    """Out-of-sample share of a joint's residual explained by a free curve of one of its variables."""
     residual = data.residual[:, joint]
     values = data.variable("position" if name == DIRECTED else name, joint)
     splines = hat_functions(values[data.shown], name)

@@ -1,4 +1,4 @@
-"""Evidence for a finding: values, ties, parameters that had absorbed the effect, what it explains."""
+"""Evidence for a finding: parameters, ties, absorbing parameters and explained residual."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ LIMITS = THRESHOLDS.evidence
 
 def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
     """Covariance of a fit, from the residual's own spectra."""
-    prior, _ = context.prior_and_bounds(fit.layout)
+    prior = context.start(fit.layout).prior
     normal = fit.point.normal_equations(prior)
     return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
 
 def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence | None = None) -> Finding:
-    """A step of the search as a finding.
+    """Finding that describes a step of the search.
 
     Args:
         context: the data.
-        step: what was added to which model.
-        final: the last model of the diagnosis.
-        shown: what the effect explains; None for a candidate that is only mentioned.
+        step: the added effect and the models before and after.
+        final: final model of the diagnosis.
+        shown: residual that the effect explains; None for candidates that were not added.
     """
     before, effect, fit = step.before, step.chosen.effect, step.chosen.fit
     std = fit_covariance(context, fit).standard_errors
@@ -61,7 +61,7 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
 
 
 def ties(context: FitContext, step: SearchStep, scores: CandidateScores) -> tuple[Tie, ...]:
-    """What the data cannot tell from the step's effect."""
+    """Effects that the data cannot distinguish from the added one."""
     before, best = step.before, step.chosen
     tied_gain = max(LIMITS.tied_gain, LIMITS.tied_share * (before.objective - best.fit.objective))
     mine = _unit_signature(best.scored, scores)
@@ -85,20 +85,13 @@ def _unit_signature(scored: ScoredCandidate, scores: CandidateScores) -> Array:
 
 
 def telling_motion(context: FitContext, fit: Fit, effect: ChosenEffect, mine: Array, other: Array) -> str:
-    """A sentence naming the motion or payload in which two signatures differ most.
-
-    Args:
-        context: the data.
-        fit: at which the signatures were computed.
-        effect: whose joint is looked at.
-        mine, other: shape (N·n,), unit signatures.
-    """
+    """Sentence that names the motion or payload in which two unit signatures, shape (N·n,), differ most."""
     difference = mine - float(mine @ other) * other
     squares = difference.reshape(fit.point.r.shape) ** 2
     density = squares.sum(axis=1)
     used = fit.point.used
     if density[used].sum() <= 1e-12:
-        return "The two look the same in every motion of this set; a motion of another kind would be needed."
+        return "The two effects look the same in every motion of this set: record a different kind of motion."
     joint = effect.joint if effect.joint is not None else int(np.argmax(squares.sum(axis=0)))
     average = density[used].mean()
     ranked = [
@@ -108,12 +101,12 @@ def telling_motion(context: FitContext, fit: Fit, effect: ChosenEffect, mine: Ar
     ]
     ratio, text = max(ranked, default=(0.0, ""))
     if ratio < LIMITS.telling_density:
-        return "They differ a little in every motion; more data of any kind would help."
-    return f"They differ most in {text} ({ratio:.1f} times the average): record more of that."
+        return "They differ slightly in every motion: any additional data would help."
+    return f"They differ most in {text} ({ratio:.1f} times the average): record more data of this kind."
 
 
 def _kinds_of_motion(context: FitContext, joint: int, name: str) -> dict[str, NDArray[np.bool_]]:
-    """Samples of every kind of motion of a joint and of every group, shape (N,) each."""
+    """Description → samples, shape (N,), of each kind of motion of a joint and of each group."""
     signals = context.two_band.narrow.signals
     position, load = signals.theta[0, :, joint], np.abs(signals.tau[0, :, joint])
     speed, acceleration = np.abs(signals.theta[1:3, :, joint])
@@ -137,7 +130,7 @@ def _kinds_of_motion(context: FitContext, joint: int, name: str) -> dict[str, ND
 
 
 def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
-    """Parameters that moved when the effect was added, by the largest number of standard errors first."""
+    """Parameters that changed when the effect was added, the largest change in standard errors first."""
     old, new = before.layout, after.layout
     count = new.effect_start
     a, b = before.x[:count].copy(), after.x[:count].copy()
@@ -159,7 +152,7 @@ def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
 def explained_residual(
     step: SearchStep, band: PredictionErrorBand, before: PredictionErrors, after: PredictionErrors
 ) -> Evidence:
-    """Residual before the step, of the joint that the effect changes most, and what the effect explains."""
+    """Residual before the step on the joint that changes most, and the part that the effect explains."""
     change = before.residual - after.residual
     joint = step.chosen.effect.joint
     if joint is None:

@@ -1,7 +1,7 @@
 """Final refit of a complete model, with weights closer to the noise spectrum.
 
-Models are compared with weights under which a trace of an approximate law does no harm; that costs a fifth of
-the accuracy. A model that explains everything down to the noise need not pay it.
+The weights of the search tolerate the small errors of approximate effect models, which costs a fifth of the
+accuracy. A model that explains the data down to the noise does not need this tolerance.
 """
 
 from __future__ import annotations
@@ -20,35 +20,30 @@ from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
 
-# chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing
-# with more joints, what can be paid for gains a fortieth (Panda, UR5) for half a minute
+# chosen by the standard errors of planar arms with one effect; wider bands or more samples gain nothing;
+# with more joints (Panda, UR5) affordable orders gain 2.5 % for half a minute
 FINAL_WEIGHTING = replace(SEARCH_WEIGHTING, hertz=16.0, orders={1: 40, 2: 40, 3: 32}, ridge=1e-8)
-ITERATIONS = 8
+MAX_ITERATIONS = 8
 
 
 @dataclass(frozen=True, eq=False)
 class FinalRefit:
-    """Values of all parameters, shape (P,), and their covariance."""
+    """Refitted parameters, shape (P,), and their covariance."""
 
     x: Array
     covariance: Covariance
 
 
 def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:
-    """The same model fitted with the closer weighting.
+    """Refit of a complete model with the closer weighting.
 
-    None for robots with more joints than `FINAL_WEIGHTING` has orders for, and where the refit explains the
-    data less well.
-
-    Args:
-        measurements: the set.
-        fit: a model that explains everything.
-        check: called before each step; may raise to stop.
+    Returns:
+        None for more joints than `FINAL_WEIGHTING` lists, or if the refit explains the data less well.
     """
     if fit.layout.n not in FINAL_WEIGHTING.orders:
         return None
     context = FitContext(measurements, fit.layout, FINAL_WEIGHTING)
-    closer = context.fit(fit.layout, fit.x, iterations=ITERATIONS, check=check)
+    closer = context.fit(fit.layout, fit.x, iterations=MAX_ITERATIONS, check=check)
     worst = THRESHOLDS.evidence.final_refit_chi * max(float(fit.chi.max()), 1.0)
     if not closer.converged or closer.chi.max() > worst:
         return None

@@ -1,4 +1,4 @@
-"""Fits of one model to all data, in units of the measurement noise."""
+"""Fits of models to all data of a set, in units of the measurement noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from flexviz.estimation import (
     WIDE_HERTZ,
     Bounds,
     Point,
-    Prior,
     Solved,
     Start,
     TrackingWhitening,
@@ -33,29 +32,29 @@ from flexviz.observers import ButterworthZeroPhase
 Array = NDArray[np.float64]
 
 PLAIN_HERTZ = 7.0
-STIFFNESS_KNOWN = 0.5  # relative standard deviation of 1/K where the set says roughly how stiff joints are
-STIFFNESS_REACH = 20.0  # a stiffness is sought within this factor of its rough value
-NEGLIGIBLE = 0.05  # [standard deviations] a step that ends a fit
-WORSE = 100.0  # rise of the objective over the best on the way after which a fit is damped
+COMPLIANCE_SPREAD = 0.5  # relative prior standard deviation of 1/K around the set's rough stiffness
+STIFFNESS_RANGE = 20.0  # a stiffness is bounded to within this factor of its rough value
+NEGLIGIBLE_STEP = 0.05  # [standard deviations] step length that ends a fit
+DAMPING_RISE = 100.0  # rise of the objective above the best point after which a fit is repeated with damping
 
-# enough to tell models apart
+# sufficient to distinguish models
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to the fit groups and judged on all.
+    """A model fitted to the fit groups and evaluated on all groups.
 
     Attributes:
-        layout, x: the model.
-        point: whitened residual and instruments of the fit groups there.
-        held_out: the same of the validation groups; None without any.
+        layout, x: the model and its parameters, shape (P,).
+        point: whitened residual and instruments of the fit groups.
+        held_out: the same for the validation groups; None without any.
         chi: shape (n,), mean square of the whitened residual of the fit groups.
-        chi_held_out: shape (n,); NaN without validation groups.
-        objective: Σ_j N log max(χ_j, 1) + the cost of unknown pulses + k log N, over all groups.
-        noise_objective: its first part alone.
+        chi_held_out: shape (n,), the same for the validation groups; NaN without any.
+        objective: Σ_j N log max(χ_j, 1) + cost of nuisance pulses + k log N, over all groups.
+        noise_objective: the first term alone.
         converged: the last step was negligible.
-        noise_at: the noise's shape for which the whiteners of point and held_out were made.
+        noise_at: noise shapes for which the whiteners of `point` and `held_out` were computed.
     """
 
     layout: Layout
@@ -71,7 +70,7 @@ class Fit:
 
 
 class FitContext:
-    """The data of one diagnosis, shared by every model that is tried."""
+    """Data of one diagnosis, shared by all models."""
 
     def __init__(
         self, measurements: MeasurementSet, layout: Layout, weighing: WeightingSettings = SEARCH_WEIGHTING
@@ -89,30 +88,30 @@ class FitContext:
 
     @property
     def rough_compliance(self) -> Array:
-        """1/K of the set's rough stiffness, or of a guess, shape (n,)."""
+        """1/K from the set's rough stiffness, or else a guess, shape (n,) [rad/Nm]."""
         return self._start.x[self._start.prior.layout.compliance]
 
     def with_model_error(self, variance: Array) -> FitContext:
-        """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""
+        """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
         other = copy(self)
         other.two_band = self.two_band.with_model_error(variance)
         if self.validation is not None:
             other.validation = self.validation.with_model_error(variance)
         return other
 
-    def prior_and_bounds(self, layout: Layout) -> tuple[Prior, Bounds]:
-        """Prior and bounds of a layout.
+    def start(self, layout: Layout) -> Start:
+        """Start values of a layout, with the prior and bounds of the search.
 
-        A joint that hardly deflects, such as a light wrist, says nothing of its stiffness, and a soft joint
-        imitates much, a gap above all.
+        A rough stiffness given by the set narrows the prior: a joint that hardly deflects, such as a light
+        wrist, does not determine its stiffness, and a soft joint imitates other effects, backlash above all.
         """
         start = other_effects(self._start, layout, self.two_band.narrow.signals)
         prior = start.prior
         if self.measurements.initial_stiffness is not None:
             spread = prior.spread.copy()
-            spread[layout.compliance] = STIFFNESS_KNOWN * start.x[layout.compliance]
+            spread[layout.compliance] = COMPLIANCE_SPREAD * start.x[layout.compliance]
             prior = replace(prior, spread=spread)
-        return prior, search_bounds(start, layout)
+        return replace(start, prior=prior, bounds=search_bounds(start, layout))
 
     def fit(
         self,
@@ -126,26 +125,25 @@ class FitContext:
         """Gauss–Newton on Zᵀ W r = b from x.
 
         Args:
-            layout: the model's effects.
+            layout: the model.
             x: start, shape (P,).
-            iterations: at most this many steps.
+            iterations: maximum number of steps.
             check: called before each step; may raise to stop.
-            near: another model's fit with nearly the same stiffnesses and motor inertias as x, whose
-                whiteners may be taken.
+            near: fit with nearly the same stiffness and motor inertia, whose whiteners can be reused.
         """
         two_band = self.two_band.with_layout(layout)
         whitening = TrackingWhitening(two_band, _noise_of(near))
-        prior, bounds = self.prior_and_bounds(layout)
+        start = self.start(layout)
 
         def run(x: Array, damped: bool) -> Solved:
             return solve(
-                whitening, prior, bounds, x,
-                iterations=iterations, negligible=NEGLIGIBLE, least=1, damped=damped, check=check,
+                whitening, start.prior, start.bounds, x,
+                iterations=iterations, negligible=NEGLIGIBLE_STEP, least=1, damped=damped, check=check,
             )  # fmt: skip
 
         solved = run(x, damped=False)
-        if solved.end.objective > solved.best.objective + WORSE and iterations:
-            # the steps led far uphill from where they had been
+        if solved.end.objective > solved.best.objective + DAMPING_RISE and iterations:
+            # the steps led far uphill from the best point
             again = run(solved.best.x, damped=True)
             if again.end.objective < solved.end.objective:
                 solved = again
@@ -159,7 +157,7 @@ class FitContext:
         samples = np.count_nonzero(point.used)
         if self.validation is not None:
             two_band = self.validation.with_layout(layout)
-            # nothing is fitted to what is held out: its score is not needed
+            # nothing is fitted to the validation groups: no score is needed
             whitening = TrackingWhitening(two_band, _noise_of(near, held_out=True), with_bias=False)
             held_out = whitening.point(x)
             noise_there = whitening.noise_at
@@ -175,18 +173,22 @@ class FitContext:
         )  # fmt: skip
 
     def without_effects(self, fit: Fit) -> Fit:
-        """The same values without the effects: what these take is what their laws may leave traces of."""
+        """The same parameters without the effects, evaluated only."""
         if not fit.layout.effects:
             return fit
         return self.fit(Layout(fit.layout.joints), fit.x[: fit.layout.effect_start], iterations=0, near=fit)
 
     def plain_fit(self, layout: Layout, x: Array, check: Callable[[], None] = lambda: None) -> Array:
-        """A plain fit of a layout: weighted by its own residual, it finds its way from far off.
+        """Plain fit, weighted by its own residual, which converges from distant start values.
 
         Args:
-            layout: the model's effects.
-            x: the effects' values to start from; everything else starts from the rigid fit, because another
-                model's stiffness may be anywhere.
+            layout: the model.
+            x: shape (P,), start of the effects' parameters; all others start from the rigid fit, because the
+                stiffness of another model may be far off.
+            check: called after each step; may raise to stop.
+
+        Returns:
+            shape (P,).
         """
         if self._plain is None:
             observer = ButterworthZeroPhase(2 * np.pi * PLAIN_HERTZ)
@@ -198,7 +200,7 @@ class FitContext:
         start = other_effects(bare_start, layout, signals)
         begin = start.x.copy()
         begin[layout.effect_start :] = x[layout.effect_start :]
-        _, bounds = self.prior_and_bounds(layout)
+        bounds = self.start(layout).bounds
         solution = gauss_newton(
             equation, start.prior, bounds, bounds.clip(begin), reweightings=2, max_iterations=14,
             report=lambda *_: check(),
@@ -206,23 +208,23 @@ class FitContext:
         return solution.x
 
     def chain(self, fit: Fit) -> Chain:
-        """How changes of s and q move the residual at a fit."""
+        """Sensitivity of the residual to s and q at a fit."""
         lay = fit.layout
         return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.narrow.link)
 
 
 def search_bounds(start: Start, layout: Layout) -> Bounds:
-    """The diagnosis' own bounds of a layout."""
+    """Bounds of the search, wider than those of an identification."""
     lower, upper = start.bounds.lower.copy(), start.bounds.upper.copy()
-    # viscous friction may be negative while something is still missing
+    # viscous friction may be negative while an effect is missing
     lower[layout.link_viscous] = lower[layout.motor_viscous] = -np.inf
-    # a wrong model may want a rigid joint; the next one has to find its way back
+    # an incomplete model may drive a joint towards rigid; the next model has to recover from there
     rough = start.x[layout.compliance]
-    lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_REACH, rough * STIFFNESS_REACH
+    lower[layout.compliance], upper[layout.compliance] = rough / STIFFNESS_RANGE, rough * STIFFNESS_RANGE
     return Bounds(lower, upper)
 
 
 def _noise_of(near: Fit | None, held_out: bool = False) -> tuple[list[Whitener], Array] | None:
-    """Whiteners of a fit, with the noise shape that they were made for."""
+    """Whiteners of a fit and the noise shape for which they were computed."""
     point = None if near is None else near.held_out if held_out else near.point
     return None if near is None or point is None else (point.whiteners, near.noise_at[held_out])

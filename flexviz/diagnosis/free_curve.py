@@ -1,9 +1,9 @@
-"""A free curve for what no effect of the library explains: a stopgap, not a model.
+"""Free curve for a residual that no effect of the library explains: a stopgap, not a model.
 
-The residual of one joint as a smooth torque u of one variable: cubic B-splines with a penalty on the
-coefficients' second differences (Eilers and Marx, Statist. Sci. 11, 1996), its weight chosen by
-cross-validation over blocks of time. Before the fit, what the model's own parameters can absorb is subtracted
-from the splines' response in the residual.
+The residual of one joint is fitted by a smooth torque u of one variable: cubic B-splines with a penalty on
+the second differences of the coefficients (Eilers and Marx, Statist. Sci. 11, 1996), whose weight is chosen
+by cross-validation over blocks of time. First, the part that the model's parameters can absorb is subtracted
+from the response of the splines.
 """
 
 from __future__ import annotations
@@ -24,20 +24,14 @@ from flexviz.diagnosis.result import ResidualLocation
 
 Array = NDArray[np.float64]
 
-PENALTY_WEIGHTS = tuple(np.logspace(-4, 4, 9))  # relative to the splines' own size
-RIDGE = 1e-3  # relative, too: holds what neither data nor the penalty determine
-POINTS = 81  # at which a curve is drawn
+PENALTY_WEIGHTS = tuple(np.logspace(-4, 4, 9))  # relative to the mean square of the splines
+RIDGE = 1e-3  # likewise; fixes coefficients that neither data nor penalty determine
+CURVE_POINTS = 81  # of a plotted curve
 
 
 @dataclass(frozen=True)
 class SmoothFit:
-    """What cross-validation chose.
-
-    Attributes:
-        weight: of the penalty.
-        kappa: κ [s²].
-        prediction: shape (N,), of every sample from other folds [Nm].
-    """
+    """Penalty weight and κ [s²] chosen by cross-validation; out-of-fold prediction, shape (N,) [Nm]."""
 
     weight: float
     kappa: float
@@ -45,10 +39,10 @@ class SmoothFit:
 
 
 def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeCurve:
-    """The curve of a joint's residual against the variable of a place.
+    """Curve of a joint's residual against the variable of a location.
 
-    No torque can be drawn against a group or a frequency: the joint's best other variable is taken then.
-    Against position there is one curve per direction where that explains clearly more.
+    A group or a frequency is replaced by the variable of the joint that explains most. Against position there
+    is one curve per direction if this explains clearly more.
     """
     parts = joint_residuals(context, fit)
     data = samples(context, fit, parts)
@@ -72,7 +66,7 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
     hessian = shown.T @ shown + prior
     coefficients = np.asarray(np.linalg.solve(hessian, shown.T @ residual), float)
     cov = _covariance(shown, hessian, prior, residual - shown @ coefficients, folds)
-    centres: Array = np.linspace(*splines.range, POINTS)
+    centres: Array = np.linspace(*splines.range, CURVE_POINTS)
     value, std = _drawn(data, joint, variable, values, centres, splines, coefficients, cov)
     return FreeCurve(
         joint=place.joint,
@@ -98,7 +92,7 @@ def _drawn(
     coefficients: Array,
     cov: Array,
 ) -> tuple[Array, Array]:
-    """Value and standard error at the centres, shape (S, M) each; NaN where the joint never was."""
+    """Value and standard error at the centres, shape (S, M) each; NaN outside the range of the motion."""
     value, std = np.empty((2, splines.sides, len(centres)))
     for side in range(splines.sides):
         here = splines.design(centres, np.full(len(centres), 1.0 - 2.0 * side))
@@ -116,7 +110,7 @@ def _drawn(
 
 
 def _variable(data: SlowResidual, joint: int, wanted: str) -> tuple[str, int]:
-    """The variable to draw against, and the number of curves."""
+    """Variable of the curve, and the number of curves."""
     if wanted == "velocity":
         return wanted, 2  # friction may jump at a reversal
     if wanted in ("acceleration", "load", "time"):
@@ -133,7 +127,7 @@ def _variable(data: SlowResidual, joint: int, wanted: str) -> tuple[str, int]:
 def _subtract_absorbed(
     columns: Array, data: SlowResidual, joint: int, model: Absorption, fit_rows: int
 ) -> None:
-    """Subtract from columns, in place, what the model's parameters can absorb of them."""
+    """Subtract from columns, in place, the part that the model's parameters can absorb."""
     own = np.concatenate([j[:, joint] for j in model.jacobians])
     right = model.weight[joint] ** 2 * own[:fit_rows].T @ columns[:fit_rows]
     scale = 1 / np.sqrt(np.maximum(np.diag(model.hessian), 1e-300))
@@ -145,7 +139,7 @@ def _subtract_absorbed(
 def _cross_validated(
     response: CurveResponse, penalty: Array, ridge: Array, residual: Array, folds: Folds
 ) -> SmoothFit:
-    """Penalty weight and κ with the least error out of sample."""
+    """Penalty weight and κ of least out-of-sample error."""
     samples = max(int(folds.used.sum()), 1)
     tried = [(weight, kappa) for kappa in KAPPAS for weight in PENALTY_WEIGHTS]
     predictions = np.zeros((len(tried), len(residual)))
@@ -163,7 +157,7 @@ def _cross_validated(
 
 
 def _covariance(shown: Array, hessian: Array, prior: Array, rest: Array, folds: Folds) -> Array:
-    """Of the coefficients: from the remainder's own autocovariance, and from what the penalty assumes."""
+    """Covariance of the coefficients from the autocovariance of the remainder and from the penalty."""
     length, power = remainder_spectrum(rest, folds)
     score_covariance = np.zeros_like(hessian)
     for rows in folds.stretches:

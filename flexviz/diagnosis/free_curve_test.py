@@ -1,8 +1,8 @@
-"""Comparison of effects with a free curve, for models that leave much unexplained.
+"""Comparison of effects with a free curve, for models that leave a large residual.
 
-Where no model reaches the noise, some flexible effect always explains part of what is left (a ripple explains
-part of a bump in position). A free curve of one variable of the same joint shows how much an effect of that
-kind should explain; an effect that explains much less is an imitation.
+If no model reaches the noise, a flexible effect always explains part of the residual (a ripple explains part
+of a bump in position). A free curve of one variable of the same joint shows how much a correct effect would
+explain; one that explains much less is an imitation.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class FreeCurveGain:
     """The best free curve on a joint.
 
     Attributes:
-        variable: one of VARIABLES; "" where none explains anything.
-        gain: fall of the weighted sum of squares, less the number of coefficients times log N.
+        variable: one of VARIABLES; "" if none explains anything.
+        gain: decrease of the weighted sum of squares, less the number of coefficients times log N.
     """
 
     variable: str
@@ -40,12 +40,12 @@ class FreeCurveGain:
 
 
 class FreeCurveTest:
-    """Whether effects explain a fair share of what free curves on their joints do, in units of the noise.
+    """Compares scores of effects with free curves of their joints, in units of the noise.
 
     Args:
-        search: without a model error.
-        fit: the model so far.
-        scores: of all candidates there.
+        search: the search without a model error.
+        fit: the present model.
+        scores: scores of all candidates at this model.
     """
 
     def __init__(self, search: Search, fit: Fit, scores: CandidateScores) -> None:
@@ -53,14 +53,14 @@ class FreeCurveTest:
         self._gains: dict[int, float] = {}
 
     def passed(self, effect: ChosenEffect) -> bool:
-        """Whether the effect's score is large enough against the best free curve."""
+        """Whether the score of an effect reaches the required share of the best free curve."""
         joints = range(self.fit.layout.n) if effect.joint is None else [effect.joint]
         best = max(self.gain(joint) for joint in joints)
         gain = next((s.gain for s in self.scores.ranked if s.effect == effect), 0.0)
         return gain >= THRESHOLDS.model_error.free_curve_share * best
 
     def gain(self, joint: int) -> float:
-        """Gain of the best free curve on a joint."""
+        """Gain of the best free curve of a joint."""
         if joint not in self._gains:
             weigh = self.search.weigh(self.fit)
             projection = self.scores.projection
@@ -72,7 +72,7 @@ class FreeCurveTest:
 def best_free_curve(
     context: FitContext, fit: Fit, joint: int, weigh: Weigh, projection: Projection
 ) -> FreeCurveGain:
-    """The best free curve of a torque on the motor of a joint, beside what the model can explain."""
+    """Best free curve of a torque on the motor of a joint, in addition to the model's own parameters."""
     point = context.two_band.with_layout(fit.layout).narrow.at(fit.x)
     motions = point.context.motions(joint)
     chain = context.chain(fit)

@@ -1,8 +1,8 @@
-"""Search beside a model error, where no model reaches the noise, as on most real robots.
+"""Search with a model error, for data that no model explains down to the noise, as on most real robots.
 
-There the model, not the noise, limits the fit; measuring its errors in units of the noise would weight what
-does not matter. A white model error as large as the residual is added to the noise. An effect counts if it
-lowers the error of groups it was not fitted to by clearly more than the scatter between short stretches.
+Here the model, not the noise, limits the fit, and weights based on the noise alone would be misleading. A
+white model error as large as the residual is added to the noise. An effect is accepted if it reduces the
+error of held-out groups by clearly more than the scatter between short stretches.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ class ModelErrorSearch:
     """Adds effects one by one, each confirmed on held-out groups.
 
     Args:
-        search: without a model error.
-        most: steps.
+        search: the search without a model error.
+        max_steps: maximum number of effects.
 
     Attributes:
-        tolerance: shape (n,), variance of the model error [Nm²].
+        variance: shape (n,), variance of the model error [Nm²].
     """
 
-    def __init__(self, search: Search, most: int) -> None:
-        self.search, self.most = search, most
+    def __init__(self, search: Search, max_steps: int) -> None:
+        self.search, self.max_steps = search, max_steps
         signals = search.context.two_band.narrow.signals
-        self.tolerance = LIMITS.first_error**2 * np.mean(signals.tau[0] ** 2, axis=0)
+        self.variance = LIMITS.first_error**2 * np.mean(signals.tau[0] ** 2, axis=0)
         self.context = search.context
 
     def run(self, start: Fit) -> list[SearchStep]:
-        """The steps that lead on from a model."""
+        """Steps of the search from a model on."""
         fit = self.adapted(start.layout, start.x)
         steps: list[SearchStep] = []
-        for _ in range(self.most):
+        for _ in range(self.max_steps):
             search = Search(self.context, self.search.say)
             scores = search.scores(fit, episodes=False)  # other groups cannot confirm an episode
             plain = self.search.context.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
@@ -60,23 +60,23 @@ class ModelErrorSearch:
         return steps
 
     def adapted(self, layout: Layout, x: Array) -> Fit:
-        """A fit under a model error as large as its residual, from x or from a plain fit.
+        """Fit with a model error as large as its residual, the better of the starts x and plain fit.
 
-        While an effect is missing, another parameter often replaces it at a value far off (a soft joint
-        replaces friction); from there the way back may be blocked.
+        While an effect is missing, another parameter often compensates for it at an unphysical value (a soft
+        joint for friction), from which a local fit may not recover.
         """
         check = self.search.check
-        context = self.search.context.with_model_error(self.tolerance)
+        context = self.search.context.with_model_error(self.variance)
         iterations = LIMITS.start_iterations
         starts = (x, context.plain_fit(layout, x, check))
         fits = [context.fit(layout, start, iterations=iterations, check=check) for start in starts]
         fit = min(fits, key=lambda f: f.objective)
         for _ in range(LIMITS.error_rounds):
-            self.context = self.search.context.with_model_error(self.tolerance)
+            self.context = self.search.context.with_model_error(self.variance)
             fit = self.context.fit(layout, fit.x, iterations=LIMITS.iterations, check=check)
             if np.all(np.abs(np.log(fit.chi)) < LIMITS.error_settled):
                 break
-            self.tolerance = self.tolerance * fit.chi
+            self.variance = self.variance * fit.chi
         return fit
 
     def confirmed(
@@ -89,7 +89,7 @@ class ModelErrorSearch:
             batch, left = left[: LIMITS.batch], left[LIMITS.batch :]
             refitted = []
             for scored in batch:
-                search.say(f"testing candidate beside a model error: {EFFECTS[scored.effect.effect].title}")
+                search.say(f"testing candidate with a model error: {EFFECTS[scored.effect.effect].title}")
                 start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
                 refit = search.fit_from(start, LIMITS.iterations, near=fit)
                 refitted.append(RefittedCandidate(scored, refit))
@@ -100,17 +100,17 @@ class ModelErrorSearch:
         return None
 
     def improves(self, before: Fit, after: Fit, joint: int | None) -> bool:
-        """Whether the held-out variance falls clearly (the fit groups' without validation groups).
+        """Whether the held-out variance decreases significantly; that of the fit groups if none are held out.
 
-        On the effect's own joint it has to fall by clearly more than the scatter between stretches; the other
-        joints may scatter, as long as the likelihood of all together rises.
+        On the effect's joint the decrease has to exceed the scatter between stretches; on the other joints
+        the variance may change, as long as the joint likelihood rises.
         """
         a, b = before.held_out or before.point, after.held_out or after.point
         blocks = (self.context.validation or self.context.two_band).blocks
         step = float(blocks[0].segment.step * blocks[0].stride)
         length = max(1, round(LIMITS.stretch / step))
         old, new = _stretches(a, length), _stretches(b, length)
-        falls = (old - new) / np.maximum(old.mean(axis=0), 1e-300)  # relative to each joint's own
+        falls = (old - new) / np.maximum(old.mean(axis=0), 1e-300)  # relative to each joint's variance
         each = falls.sum(axis=1) if joint is None else falls[:, joint]
         error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else np.inf
         mean = float(each.mean())

@@ -1,4 +1,4 @@
-"""What a reader of a diagnosis should know beside the verdict."""
+"""Notes that accompany a verdict."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
 from flexviz.results import Note
 
-SPIKES = 5.0  # times the noise: an rms that needs a word where nothing is missing
+RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
 
 
 def notes(
     final: Fit,
     verdict: str,
     errors: PredictionErrors,
-    tolerance: NDArray[np.float64] | None,
+    model_error_variance: NDArray[np.float64] | None,
     curve: FreeCurve | None,
-    watch: BandwidthCheck | None,
+    bandwidths: BandwidthCheck | None,
 ) -> tuple[Note, ...]:
-    """The sentences.
+    """Notes on a diagnosis.
 
     Args:
-        final: the last model.
-        verdict: on it.
-        errors: its residuals.
-        tolerance: shape (n,) [Nm²], the model error that effects were judged beside; None without.
-        curve: for what stays unexplained.
-        watch: what moves with the bandwidth.
+        final: final model.
+        verdict: verdict on the final model.
+        errors: residuals of the final model.
+        model_error_variance: shape (n,) [Nm²], allowed in the search; None if there was none.
+        curve: free curve of the unexplained residual.
+        bandwidths: result of the bandwidth check.
     """
     out: list[Note] = []
     joints = final.layout.joints
-    if tolerance is not None:
-        sizes = ", ".join(f"{j} {np.sqrt(t):.3g}" for j, t in zip(joints, tolerance, strict=True))
+    if model_error_variance is not None:
+        sizes = ", ".join(f"{j} {np.sqrt(v):.3g}" for j, v in zip(joints, model_error_variance, strict=True))
         text = (
-            "no model reaches the measurement noise here: effects were judged by the error of held-out "
-            f"groups, beside a model error of (Nm) {sizes}"
+            "no model reaches the measurement noise: effects were accepted by the error of held-out groups, "
+            f"allowing for a model error of (Nm) {sizes}"
         )
         out.append(Note("model-error", text))
     floor = np.maximum(np.array(errors.noise_floor), 1e-300)
@@ -45,10 +45,10 @@ def notes(
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.basis is not None for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > SPIKES * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
         text = (
-            f"the error of {joints[j]} ({largest[j]:.3g} Nm) is that of the moments in which joints turn "
-            "round or cross a gap: what happens there is fitted as pulses of unknown size, which it holds"
+            f"the error of {joints[j]} ({largest[j]:.3g} Nm) arises at motion reversals and backlash "
+            "crossings: it includes their unknown torque, which the fit treats as pulses of unknown size"
         )
         out.append(Note("pulses", text))
     if verdict == "unknown":
@@ -56,14 +56,14 @@ def notes(
         left = ", ".join(
             f"{joints[j]} {rms[j]:.3g} ({ratio[j]:.0f} times the noise)" for j in np.argsort(-ratio)[:3]
         )
-        out.append(Note("unexplained", f"what stays unexplained (Nm): {left}"))
+        out.append(Note("unexplained", f"unexplained residual (Nm): {left}"))
     if curve is not None:
         sides = " and the direction of motion" if len(curve.directions) > 1 else ""
         text = (
-            f"a free curve against the {curve.variable}{sides} of {curve.joint} would take "
+            f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "
             f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
         )
         out.append(Note("free-curve", text))
-    if watch is not None:
-        out += [Note("bandwidth", text) for text in watch.texts()]
+    if bandwidths is not None:
+        out += [Note("bandwidth", text) for text in bandwidths.texts()]
     return tuple(out)

@@ -1,4 +1,4 @@
-"""Diagnosis of a set: score candidates, refit, accept, add, repeat; then describe the last model."""
+"""Diagnosis of a set: score, refit and accept candidate effects one by one, then describe the final model."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-SHARE_PER_STEP = 0.06  # of what is left of the progress bar: the number of steps is not known
+PROGRESS_SHARE = 0.06  # of the remaining progress bar per step: the number of steps is unknown
 
 
 class Interrupted(Exception):
@@ -45,7 +45,7 @@ class Interrupted(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
-    """The last model, with its verdict and uncertainty; whether it was refitted with closer weights."""
+    """Final model with verdict and covariance; `refined`: refitted with weights closer to the noise."""
 
     fit: Fit
     verdict: Verdict
@@ -62,31 +62,31 @@ def diagnose(
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Diagnosis:
-    """Say whether the set's model is complete, and if not, what is missing.
+    """Determine whether the set's model is complete, and if not, what is missing.
 
     Args:
-        measurements: the set.
-        apply: add the effects found one by one and refit after each. Without it, the first missing effect is
-            named, and everything else describes the set's own model.
-        start: values to start from; a plain identification where None.
-        guarded: also check what moves with the observer's bandwidth; where None, only if the noise is not
-            reached.
+        measurements: the measurement set.
+        apply: add the effects found one by one and refit after each. Otherwise only the first missing effect
+            is named and the result describes the set's own model.
+        start: start values; default: a plain identification.
+        guarded: whether to check the parameters against the observer's bandwidth; default: only if the
+            residual stays above the noise.
         progress: called between fits.
-        should_stop: asked between fits; what was found so far is returned.
+        should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"):
         return _Pipeline(measurements, start, progress, should_stop).run(apply, guarded)
 
 
 class _Pipeline:
-    """One diagnosis.
+    """State of one diagnosis.
 
     Attributes:
-        base: the set's own model, fitted.
-        reference: its values without any effects.
-        steps: the effects added to it.
-        tried: the candidates refitted for it.
-        tolerance: shape (n,) [Nm²], the model error under which later steps were judged; None without.
+        base: fit of the set's own model.
+        reference: the same parameters without any effects.
+        steps: effects added so far.
+        tried: candidates refitted for the base model.
+        model_error_variance: shape (n,) [Nm²], allowed in the later steps; None if there is none.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class _Pipeline:
         self.reference = self.context.without_effects(self.base)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
-        self.tolerance: Array | None = None
+        self.model_error_variance: Array | None = None
 
     @property
     def final(self) -> Fit:
@@ -115,7 +115,7 @@ class _Pipeline:
         return self.steps[-1].after if self.steps else self.base
 
     def say(self, text: str) -> None:
-        """Tell what is being done, or stop here."""
+        """Report progress; raise `Interrupted` if the user has stopped the diagnosis."""
         if self.should_stop is not None and self.should_stop():
             self.stopped = True
             raise Interrupted
@@ -123,7 +123,7 @@ class _Pipeline:
 
     def tell(self, text: str) -> None:
         if text and self.progress is not None:
-            self.share += SHARE_PER_STEP * (1 - self.share)
+            self.share += PROGRESS_SHARE * (1 - self.share)
             self.progress(Progress(text, self.share))
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
@@ -132,13 +132,13 @@ class _Pipeline:
             if verdict(self.final, self.reference) == "unknown":
                 self.continue_beside_model_error(apply)
         except Interrupted:
-            pass  # what was found so far is described
+            pass  # the result contains the findings so far
         return self.result(apply, guarded)
 
     # -- the search -------------------------------------------------------------------------------------
 
     def add_effects(self, apply: bool) -> None:
-        """Add effects until the residual is noise or no candidate is worth adding."""
+        """Add effects until no candidate is acceptable."""
         for number in range(LIMITS.rounds):
             fit = self.final
             self.say("scoring candidate effects")
@@ -159,7 +159,7 @@ class _Pipeline:
             self.drop_superfluous()
 
     def replace_final(self, fit: Fit) -> None:
-        """The last model ended far off; this is a better fit of it."""
+        """Replace the fit of the final model by a better one from other start values."""
         if self.steps:
             last = self.steps[-1]
             self.steps[-1] = replace(last, chosen=replace(last.chosen, fit=fit))
@@ -169,7 +169,8 @@ class _Pipeline:
     def drop_superfluous(self) -> None:
         """Drop earlier effects that the newest one made superfluous, and refit the steps without them."""
         earlier = tuple(step.chosen.effect for step in self.steps[:-1])
-        simpler, dropped = self.search.simplified(self.final, earlier)
+        simpler = self.search.without_superfluous(self.final, earlier)
+        dropped = set(self.final.layout.effects) - set(simpler.layout.effects)
         if not dropped:
             return
         *kept, last = (step for step in self.steps if step.chosen.effect not in dropped)
@@ -182,7 +183,7 @@ class _Pipeline:
         self.steps.append(replace(last, before=before, chosen=replace(last.chosen, fit=simpler)))
 
     def continue_beside_model_error(self, apply: bool) -> None:
-        """Take back imitations, then add what held-out groups confirm beside a model error."""
+        """Withdraw imitations, then add effects that held-out groups confirm, allowing for a model error."""
         limits = THRESHOLDS.model_error
         for k, step in enumerate(self.steps):
             if self.imitates(step):
@@ -193,10 +194,10 @@ class _Pipeline:
         search = ModelErrorSearch(self.search, limits.effects if apply else 1)
         if steps := search.run(self.final):
             self.steps += steps
-            self.tolerance = search.tolerance
+            self.model_error_variance = search.variance
 
     def imitates(self, step: SearchStep) -> bool:
-        """Whether an effect explains much less than a free curve on its joint."""
+        """Whether an effect explains much less than a free curve of its joint."""
         if step.chosen.effect.joint is None or step.scores is None:
             return False
         return not FreeCurveTest(self.search, step.before, step.scores).passed(step.chosen.effect)
@@ -204,11 +205,11 @@ class _Pipeline:
     # -- the result -------------------------------------------------------------------------------------
 
     def result(self, apply: bool, guarded: bool | None) -> Diagnosis:
-        """Describe what was found."""
+        """Findings, final model and residuals."""
         fits = [self.base, *(step.after for step in self.steps)]
         errors = [self.error_band.errors(fit) for fit in fits]
         in_noise_units = self.final
-        if self.tolerance is not None:
+        if self.model_error_variance is not None:
             in_noise_units = self.context.fit(self.final.layout, self.final.x, iterations=0)
         findings = [
             explain(
@@ -226,7 +227,7 @@ class _Pipeline:
         verdicts: list[Verdict] = [*("missing" for _ in self.steps), last.verdict]
         steps = [_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
-        prior, _ = self.context.prior_and_bounds(layout)
+        prior = self.context.start(layout).prior
         where, maps = locate_residual(self.context, final)
         curve = bandwidths = None
         reached = last.verdict != "unknown"
@@ -247,7 +248,7 @@ class _Pipeline:
             ),
             seconds=time.perf_counter() - self.began,
             stopped=self.stopped,
-            notes=notes(final, last.verdict, errors[-1], self.tolerance, curve, bandwidths),
+            notes=notes(final, last.verdict, errors[-1], self.model_error_variance, curve, bandwidths),
             model=layout.model(final.x),
             maps=maps,
             free_curve=curve,
@@ -255,7 +256,7 @@ class _Pipeline:
         )  # fmt: skip
 
     def conclude(self, final: Fit, apply: bool) -> Conclusion:
-        """The model to describe: the last one, refitted if complete, or the set's own if none is applied."""
+        """The final model, refitted if complete; the set's own model if effects are not applied."""
         if not apply and self.steps:
             return Conclusion(self.base, "missing", fit_covariance(self.context, self.base))
         last = verdict(final, self.reference)
@@ -271,7 +272,7 @@ class _Pipeline:
         return Conclusion(final, last, fit_covariance(self.context, final))
 
     def ranked(self, first: list[Finding]) -> list[Finding]:
-        """Candidates for the set's own model: the one that was added, then the others refitted."""
+        """Candidates for the set's own model: the one added first, then the others that were refitted."""
         out = list(first)
         named = {(f.effect, f.joint, f.group, f.payload) for f in out}
         results = objectives(self.tried)
@@ -299,7 +300,7 @@ def _step(added: Finding | None, fit: Fit, errors: PredictionErrors, verdict: Ve
 
 
 def _effect_values(fit: Fit, std: Array) -> tuple[dict[str, object], ...]:
-    """A model's effects with their values and standard errors; std has shape (P,)."""
+    """Effects of a model with parameters and standard errors; std has shape (P,)."""
     out = []
     for effect, where in fit.layout.effect_slices():
         rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
@@ -318,7 +319,7 @@ def _effect_values(fit: Fit, std: Array) -> tuple[dict[str, object], ...]:
 
 
 def objectives(refitted: Iterable[RefittedCandidate]) -> dict[ChosenEffect, float]:
-    """Objective of each candidate's best refit; the fits themselves hold hundreds of MB on long records."""
+    """Objective of each candidate's best refit, kept instead of the fits (hundreds of MB on long records)."""
     best: dict[ChosenEffect, float] = {}
     for r in refitted:
         best[r.effect] = min(best.get(r.effect, np.inf), r.fit.objective)

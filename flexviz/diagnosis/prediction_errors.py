@@ -1,4 +1,4 @@
-"""Errors in Nm for people: residuals of every group in one band that is flat where the robot moves."""
+"""Residuals of every group in Nm, for display, in one band that is flat at the frequencies of the motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]
 
-HERTZ = 5.0
+BAND_HERTZ = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class PredictionErrors:
     """Residuals of one model.
 
     Attributes:
-        rms: shape (n,), over the fit groups [Nm].
-        rms_validation: the same over the validation groups; None without any.
-        groups: (name, rms per joint [Nm], whether it is held out).
-        noise_floor: shape (n,), what measurement noise alone leaves [Nm].
+        rms: per joint, over the fit groups [Nm].
+        rms_validation: per joint, over the validation groups [Nm]; None without any.
+        groups: (name, rms per joint [Nm], whether held out) of every group.
+        noise_floor: per joint, rms due to measurement noise alone [Nm].
         residual: shape (N, n) [Nm].
     """
 
@@ -40,11 +40,11 @@ class PredictionErrors:
 
 
 class PredictionErrorBand:
-    """The signals of all groups in the band that errors are shown in."""
+    """Signals of all groups in the display band."""
 
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
-        self.signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * HERTZ))
+        self.signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * BAND_HERTZ))
         self.noise = segments_noise([b.segment for b in self.signals.blocks])
         self._shared: dict[object, Any] = {}
         self.rows = {

@@ -1,4 +1,4 @@
-"""Records of a diagnosis that plots and reports read; no computation."""
+"""Records of a diagnosis for plots and reports."""
 
 from __future__ import annotations
 
@@ -23,30 +23,29 @@ UNITS = {
     "frequency": "Hz",
 }
 DIRECTIONS = ("forward", "backward")
-DIRECTION_GAIN = 0.05  # share more that position and direction together have to explain
-NOTE = "a stopgap drawn through the residual, not a model: it says where, not why"
+DIRECTION_GAIN = 0.05  # additional share that position and direction together have to explain
+FREE_CURVE_NOTE = "a stopgap fitted to the residual, not a model: it shows where, not why"
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualMap:
-    """One joint's residual against one variable: what a plot shows, and what it explains.
+    """Residual of one joint against one variable.
 
     Attributes:
-        joint, variable: whose, against what; "position × direction" has one curve a direction.
+        joint, variable: joint and variable; "position × direction" has one curve per direction.
         unit: of the variable.
-        curves: names of the S curves: directions, groups (against time), "" where there is one. For
-            "frequency" they are the residual and its noise floor.
-        centres: shape (S, B), mean of the variable in each bin; NaN in empty ones.
-        mean: shape (S, B), mean residual there [Nm]; for "frequency" the root of its density [Nm/√Hz].
-        std: shape (S, B), standard error of the mean, autocorrelation included [Nm].
-        count: shape (S, B), samples; for "frequency" lines of the spectra.
-        explained: share of the residual's mean square that its mean against the variable predicts out of
-            sample: zero on average for noise, so that it may also be a little below zero. For "frequency"
-            the share that the strongest band of one hertz has above the noise floor, beyond the motion's own
-            frequencies and their harmonics: what is slower is a matter of the other variables.
+        curves: names of the S curves: directions, groups (against time), or "" for a single one; for
+            "frequency" the residual and its noise floor.
+        centres: shape (S, B), mean of the variable in each bin; NaN in empty bins.
+        mean: shape (S, B), mean residual [Nm]; for "frequency" the square root of its density [Nm/√Hz].
+        std: shape (S, B), standard error of the mean, including autocorrelation [Nm].
+        count: shape (S, B), samples; for "frequency" spectral lines.
+        explained: out-of-sample share of the residual's mean square; zero on average for noise, hence
+            sometimes negative. For "frequency" the share of the strongest band of one hertz above the noise
+            floor, excluding the frequencies of the motion and their harmonics.
         explained_std: its standard error.
-        explained_by_group: group → the same among its samples.
-        range: what carries most of it: the shortest range with half of what is explained.
+        explained_by_group: group → share within its samples.
+        range: shortest range of the variable that contains half of the explained share.
     """
 
     joint: str
@@ -65,21 +64,21 @@ class ResidualMap:
 
 @dataclass(frozen=True, eq=False)
 class FreeCurve:
-    """A curve of residual torque against one variable of one joint.
+    """Residual torque of one joint as a smooth curve of one variable.
 
     Attributes:
-        joint, variable: where; "position" and "velocity" may have one curve a direction of motion.
+        joint, variable: joint and variable; "position" and "velocity" may have one curve per direction.
         unit: of the variable.
-        directions: names of the S curves: forward and backward, or "" where there is one.
-        centres: shape (M,), of the variable.
-        value: shape (S, M), the torque that the model lacks [Nm]; positive like friction at positive speed.
-            NaN where the joint never was. What the model's own parameters can take is not in it: a patch of
-            friction beside Coulomb friction is known up to a constant.
+        directions: names of the S curves: forward and backward, or "" for a single one.
+        centres: shape (M,), values of the variable.
+        value: shape (S, M), torque missing in the model [Nm]; positive like friction at positive velocity;
+            NaN outside the range of the motion. The part that the model's parameters can absorb is excluded,
+            so that, e.g., extra friction beside Coulomb friction is known up to a constant.
         std: shape (S, M), its standard error [Nm].
         explained: share of the joint's residual that the curve predicts out of sample.
         explained_std: its standard error.
-        smoothing: weight of the penalty that cross-validation chose.
-        note: what it is.
+        smoothing: penalty weight, chosen by cross-validation.
+        note: one-sentence caveat.
     """
 
     joint: str
@@ -92,7 +91,7 @@ class FreeCurve:
     explained: float
     explained_std: float
     smoothing: float
-    note: str = NOTE
+    note: str = FREE_CURVE_NOTE
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +100,12 @@ class ParameterCurve:
 
     Attributes:
         name, joint, unit: as in the JSON contract; inertias as identifiable combinations, without a joint.
-        place: payload or group of an effect that concerns one.
-        values, std: shape (M,); NaN where the fit put it onto a bound.
-        moved: largest distance from its value at the bandwidth in use, in standard errors there.
-        excuse: the same in standard errors of the difference, from what every second of the data contributes
-            to both; noise and even a model error would keep it small.
-        trusted: it stays within its 95 % interval, or noise is an excuse.
+        place: payload or group of the effect, if any.
+        values, std: shape (M,); NaN at a bound.
+        moved: largest distance from the value at the bandwidth in use, in standard errors of that value.
+        excuse: the same in standard errors of the difference, computed from the contribution of every second
+            of data to both fits; small for noise and even for a model error.
+        trusted: the parameter stays within its 95 % interval, or noise explains the change.
     """
 
     name: str
@@ -122,23 +121,23 @@ class ParameterCurve:
 
 @dataclass(frozen=True, eq=False)
 class BandwidthCheck:
-    """What moves with the bandwidth.
+    """Dependence of residual and parameters on the observer's bandwidth.
 
     Attributes:
-        observer: its name; "two bands" for the diagnosis' own.
-        bandwidths: shape (M,), rising [rad/s].
-        in_use: index of the one that is in use.
+        observer: name of the observer; "two bands" for that of the diagnosis.
+        bandwidths: shape (M,), ascending [rad/s].
+        in_use: index of the bandwidth in use.
         joints: names.
-        rms: shape (M, n), residual after fitting at that bandwidth, compared below `band` [Nm].
-        noise_floor: shape (n,), what the measurement noise leaves of it [Nm].
-        change: shape (M, n), rms of the residual's change against the bandwidth in use, at the parameters
+        rms: shape (M, n), residual below `band` after fitting at each bandwidth [Nm].
+        noise_floor: shape (n,), its part due to measurement noise [Nm].
+        change: shape (M, n), rms change of the residual relative to the bandwidth in use, at the parameters
             found there [Nm].
-        change_noise: shape (M, n), what the noise explains of that [Nm].
-        band: the residuals are compared up to here [rad/s].
-        observer_error: shape (n,), at a wider band the residual differs by more than noise and by a fair
-            share of itself.
-        parameters: those that the data determine.
-        seconds: it took.
+        change_noise: shape (M, n), its part due to measurement noise [Nm].
+        band: upper limit of the frequencies compared [rad/s].
+        observer_error: shape (n,), a wider band changes the residual by more than noise and by a considerable
+            share of the residual.
+        parameters: identifiable parameters.
+        seconds: wall time.
     """
 
     observer: str
@@ -156,23 +155,23 @@ class BandwidthCheck:
 
     @property
     def untrusted(self) -> tuple[ParameterCurve, ...]:
-        """Parameters that move by more than their interval, the one that moves most first."""
+        """Parameters that leave their interval, the largest change first."""
         return tuple(sorted((p for p in self.parameters if not p.trusted), key=lambda p: -p.moved))
 
     def texts(self) -> tuple[str, ...]:
-        """One sentence for each thing that moves; empty where nothing does."""
+        """One sentence per joint with observer error and per untrusted parameter."""
         low, high = self.bandwidths[0], self.bandwidths[-1]
         out = [
-            f"{joint}: the residual changes by up to {self.change[:, j].max():.3g} Nm when the bandwidth "
-            f"goes from {low:.3g} to {high:.3g} rad/s: part of it is observer error, not physics"
+            f"{joint}: the residual changes by up to {self.change[:, j].max():.3g} Nm between bandwidths of "
+            f"{low:.3g} and {high:.3g} rad/s: part of it is observer error, not physics"
             for j, joint in enumerate(self.joints)
             if self.observer_error[j]
         ]
         for p in self.untrusted:
             place = ", ".join(part for part in (p.joint, p.place) if part)
             out.append(
-                f"{p.name}{f' ({place})' if place else ''} moves with the bandwidth from "
-                f"{np.nanmin(p.values):.4g} to {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
+                f"{p.name}{f' ({place})' if place else ''} changes with the bandwidth between "
+                f"{np.nanmin(p.values):.4g} and {np.nanmax(p.values):.4g} {p.unit}, {p.moved:.1f} standard "
                 "errors: not to be trusted"
             )
         return tuple(out)

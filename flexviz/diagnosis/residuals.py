@@ -1,4 +1,4 @@
-"""The residual as the diagnosis looks at it: each joint by itself, and slow enough to be looked at."""
+"""Residuals for inspection: joint by joint, low-passed, without what the model's parameters can absorb."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from flexviz.observers import FlatZeroPhase
 
 Array = NDArray[np.float64]
 
-SLOW_HERTZ = 6.0  # the residual is shown, and explained by other variables, up to here
+SLOW_HERTZ = 6.0  # band of the slow residual
 SLOW = FlatZeroPhase(2 * np.pi * SLOW_HERTZ)
-SLOW_EDGE = 1 / SLOW_HERTZ  # [s] at both ends, where the quick noise beyond them is not known
+SLOW_EDGE = 1 / SLOW_HERTZ  # [s] dropped at both ends of a stretch: transient of the low-pass
 
 
 @dataclass(frozen=True)
 class JointResiduals:
-    """The residual of the fit groups or of the validation groups at a fit.
+    """Residual of the fit groups or of the validation groups at a fit.
 
     Attributes:
-        two_band: its signals.
-        point: the fit's residual and instruments there.
-        residual: shape (N, n) [Nm], in the wide band, without what is not known of the laws' reversals.
-        slow: shape (N, n) [Nm], that, low-passed after it was formed; zero where not shown. A residual formed
-            from signals filtered as narrowly would also hold what the filter does to their products.
-        shown: shape (N,), samples of `slow` that are not next to an end of the stretch.
-        white: shape (N, n), every joint whitened by itself; zero where not used.
-        paths: of the noise into the residual.
+        two_band: signals.
+        point: whitened residual and instruments of the fit.
+        residual: shape (N, n) [Nm], in the wide band, without nuisance pulses at reversals.
+        slow: shape (N, n) [Nm], `residual` after a low-pass; zero if not shown. (A residual formed from
+            equally low-passed signals would contain errors in their products.)
+        shown: shape (N,), samples of `slow` away from the ends of the stretch.
+        white: shape (N, n), each joint whitened separately; zero if not used.
+        paths: noise paths into the residual.
     """
 
     two_band: TwoBandData
@@ -58,10 +58,7 @@ class JointResiduals:
         return self.point.used
 
     def floor(self, rows: slice, step: float, hertz: Array) -> tuple[Array, Array]:
-        """Densities of the noise in `residual` and in `slow` over some rows, (F, n) each [Nm²/Hz].
-
-        `step` is that of the raw samples [s].
-        """
+        """Noise densities of `residual` and `slow` over some rows, (F, n) each [Nm²/Hz]; raw `step` [s]."""
         here = [path.rows(rows) for path in self.paths]
         observer = self.two_band.wide.signals.observer
         wide = noise_density(here, self.two_band.noise, observer.transfer, step, hertz)
@@ -69,7 +66,7 @@ class JointResiduals:
 
 
 def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
-    """Of the fit groups, and of the validation groups where there are some."""
+    """Residuals of the fit groups and, if any, of the validation groups."""
     out = []
     for source, point in ((context.two_band, fit.point), (context.validation, fit.held_out)):
         if source is None or point is None:
@@ -104,17 +101,17 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
 def settled_reversals(
     whitener: Whitener, residual: Array, used: NDArray[np.bool_], pulses: Array | None
 ) -> tuple[Array, Array]:
-    """A joint's residual without what is not known of its laws' reversals, and that in units of the noise.
+    """Residual of one joint without nuisance pulses at reversals.
 
     Args:
-        whitener: of that joint alone.
+        whitener: of this joint alone.
         residual: shape (N,) [Nm].
         used: shape (N,).
         pulses: shape (N, M), ∂r for pulses of one standard deviation each; None without any.
 
     Returns:
-        the residual less the most probable pulses, and its whitened form P W r (as `NoiseWeighting`),
-        shape (N,) each.
+        residual less the most probable pulses, and its whitened form P W r (see `NoiseWeighting`), shape (N,)
+        each.
     """
     white = whitener.apply(residual[:, None])[:, 0] * used
     if pulses is None:
@@ -125,25 +122,25 @@ def settled_reversals(
     kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
     shrink = (1 - 1 / np.sqrt(1 + squares[kept])) / squares[kept]
     white -= seen @ (turn[:, kept] @ (shrink * along[kept]))
-    # where more is wrong than the noise, pulses must not be bent to please it
+    # a residual above the noise must not be absorbed by the pulses
     chi = max(1.0, float(np.sum(white**2)) / max(int(used.sum()), 1))
     return residual - pulses @ (turn @ (along / (chi + squares))), white
 
 
 @dataclass(frozen=True)
 class SlowResidual:
-    """The slow residual of all groups of a context, with what it is held against.
+    """Slow residual of all groups of a context, with the variables it may depend on.
 
     Attributes:
         joints: names.
-        groups: names of the groups, in the set's order.
+        groups: names, in the order of the set.
         group: shape (N,), index into `groups`.
-        stretches: which samples are contiguous.
+        stretches: contiguous samples.
         shown: shape (N,).
-        time: shape (N,) [s], each group's own.
-        step: shape (N,) [s], of the samples in their stretch.
-        residual: shape (N, n) [Nm]; zero where not shown.
-        theta: shape (3, N, n), motor angle, velocity, acceleration.
+        time: shape (N,) [s], within the group.
+        step: shape (N,) [s], sample step.
+        residual: shape (N, n) [Nm]; zero if not shown.
+        theta: shape (3, N, n), motor angle, velocity, acceleration [rad/s^k].
         load: shape (N, n), transmission torque [Nm].
     """
 
@@ -170,7 +167,7 @@ class SlowResidual:
 def samples(
     context: FitContext, fit: Fit, parts: list[JointResiduals], group: str | None = None
 ) -> SlowResidual:
-    """Fit and validation groups, one after the other; only one group's are shown where it is named."""
+    """Slow residual of fit and validation groups; shown for a single `group` if given."""
     names = tuple(g.name for g in context.measurements.groups)
     index, stretches, steps, at = [], [], [], 0
     for part in parts:
@@ -199,17 +196,17 @@ def samples(
 
 @dataclass(frozen=True)
 class Absorption:
-    """What the model's parameters still take off a residual, by least squares in Nm.
+    """Part of a residual that the model's parameters can absorb, by least squares in Nm.
 
-    The fit weighs every frequency by how little noise there is. Where the model is wrong by far more than the
-    noise, that throws the parameters off to please a few frequencies, and what is missing is spread over all
-    the others. One step of least squares in Nm brings the residual back to what no parameter explains.
+    The fit weights every frequency by its noise. If the model error exceeds the noise by far, a few
+    frequencies with little noise bias the parameters, and the missing effect spreads over all other
+    frequencies. One step of least squares in Nm leaves the residual that no parameter explains.
 
     Attributes:
-        weight: shape (n,), of each joint's residual [1/Nm].
+        weight: shape (n,), weight of each joint's residual [1/Nm].
         hessian: shape (P, P), of the weighted residual and the prior.
-        step: shape (P,), of the parameters; zero where the fit is at the noise.
-        jacobians: shape (N, n, P), one a part.
+        step: shape (P,), parameter step; zero if the fit reaches the noise.
+        jacobians: shape (N, n, P), one per part.
     """
 
     weight: Array
@@ -219,9 +216,9 @@ class Absorption:
 
 
 def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Absorption:
-    """From the fit groups' slow residual."""
-    prior, bounds = context.prior_and_bounds(fit.layout)
-    gradient, prior_hessian = prior.gradient_and_hessian(fit.x)
+    """Absorption estimated from the slow residual of the fit groups."""
+    start = context.start(fit.layout)
+    gradient, prior_hessian = start.prior.gradient_and_hessian(fit.x)
     shown = parts[0].shown
     jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]
     step = np.zeros(fit.layout.size)
@@ -235,12 +232,12 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
         if done == rounds:
             break
         right = gradient + scaled.T @ (residual * weight).ravel()
-        step = bounded_step(right, hessian, fit.x, bounds)[0]
+        step = bounded_step(right, hessian, fit.x, start.bounds)[0]
     return Absorption(weight, hessian, step, tuple(p.point.narrow.jacobian for p in parts))
 
 
 def absorbed(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> list[Array]:
-    """The slow residuals, less what the model's parameters can still take off them, shape (N, n) each."""
+    """Slow residuals without the part that the model's parameters can absorb, shape (N, n) each."""
     found = absorption(context, fit, parts)
     if not found.step.any():
         return [p.slow for p in parts]

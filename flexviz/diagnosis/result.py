@@ -1,4 +1,4 @@
-"""The result of a diagnosis."""
+"""Result of a diagnosis."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Tie:
-    """Another effect that the data hardly tell from this one.
+    """An effect that the data hardly distinguish from the one found.
 
     Attributes:
-        effect, joint: which one.
-        correlation: of the two signatures, once everything the model can do by itself is taken out.
-        breaks: a sentence: the motion or payload in which the two differ most; empty where nothing is known.
+        effect, joint: name and joint of the other effect.
+        correlation: of the two signatures, after projecting out the model's own parameters.
+        breaks: sentence naming the motion or payload in which the two differ most; may be empty.
     """
 
     effect: str
@@ -34,12 +34,12 @@ class Tie:
 
 @dataclass(frozen=True)
 class Absorbed:
-    """A parameter that had taken up the effect: it moved when the effect was added.
+    """A parameter that absorbed the missing effect and changed when the effect was added.
 
     Attributes:
-        name, joint: as in the JSON contract.
-        before, after: its value [unit].
-        deviations: the change in standard errors.
+        name, joint, unit: as in the JSON contract.
+        before, after: value [unit].
+        deviations: change in standard errors.
     """
 
     name: str
@@ -52,14 +52,14 @@ class Absorbed:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What an effect takes from the residual of its joint.
+    """Residual of one joint and the part that an effect explains.
 
     Attributes:
-        joint: where it is seen best.
-        groups: (name, first row, row after the last) of each.
-        time: shape (N,) [s], each group's own.
+        joint: joint whose residual changes most.
+        groups: (name, first row, row after the last) of each group.
+        time: shape (N,) [s], within the group.
         residual: shape (N,) [Nm], before the effect is added.
-        signature: shape (N,) [Nm], what the effect takes away.
+        signature: shape (N,) [Nm], part explained by the effect.
     """
 
     joint: str
@@ -70,7 +70,7 @@ class Evidence:
 
 
 class EffectParameter(NamedTuple):
-    """A parameter of an effect: value, standard error (None where it is not known), unit."""
+    """A parameter of an effect: value, standard error (None if unknown), unit."""
 
     value: float
     std: float | None
@@ -79,18 +79,18 @@ class EffectParameter(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """One candidate for what is missing.
+    """A candidate for the missing effect.
 
     Attributes:
-        effect, joint, group, payload: which effect, where.
-        score: share of the excess held-out variance that it removes after refitting.
-        confidence: probability that it is the right one.
+        effect, joint, group, payload: effect and location.
+        score: share of the excess held-out variance removed after refitting.
+        confidence: probability that the candidate is correct.
         parameters: name → value, standard error and unit.
-        inseparable_from: what the data cannot tell from it.
-        gain: fall of the objective when it is added.
-        absorbed: parameters that had taken it up, the largest change first.
-        evidence: what it takes from the residual; None where it was not refitted to the end.
-        features: what the confidence was computed from (`confidence.features`).
+        inseparable_from: effects that the data cannot distinguish from it.
+        gain: decrease of the objective when it is added.
+        absorbed: parameters that absorbed the effect before, the largest change first.
+        evidence: explained part of the residual; None for candidates that were not added.
+        features: input of the confidence (`confidence.features`).
     """
 
     effect: str
@@ -112,7 +112,7 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """As it is named on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
+        """Name on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
         return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
 
     def to_dict(self) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class ResidualLocation:
-    """Where the residual lives: a joint and a variable that explains a share of it out of sample."""
+    """A joint, and a variable that explains a share of its residual out of sample."""
 
     joint: str
     variable: str
@@ -132,15 +132,15 @@ class ResidualLocation:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """The model after one more effect, and what is missing then.
+    """One step of the diagnosis: the model after adding an effect.
 
     Attributes:
-        added: the effect; None for the model the diagnosis starts with.
+        added: the effect; None for the initial model.
         rms, rms_validation: per joint, over the fit and the validation groups [Nm].
         verdict: "missing", "nothing-missing" or "unknown".
-        groups: (name, rms per joint [Nm], whether it is held out) of every group.
-        noise_floor: per joint, what measurement noise alone leaves [Nm].
-        model: with the values of this step.
+        groups: (name, rms per joint [Nm], whether held out) of every group.
+        noise_floor: per joint, rms due to measurement noise alone [Nm].
+        model: model with the parameters of this step.
     """
 
     added: Finding | None
@@ -158,19 +158,19 @@ class Diagnosis:
 
     Attributes:
         set_name: the measurement set.
-        verdict: "missing", "nothing-missing" or "unknown", for the model the set starts with.
-        findings: ranked candidates for that model.
-        where: where the final model's residual lives.
-        steps: the staircase.
-        effects: the final model's effects with their values.
-        parameters: the final model's parameters.
+        verdict: "missing", "nothing-missing" or "unknown", for the set's own model.
+        findings: ranked candidates for the set's own model.
+        where: locations of the final model's residual.
+        steps: initial model, then one step per added effect.
+        effects: effects of the final model with their parameters.
+        parameters: parameters of the final model.
         seconds: wall time.
-        stopped: the user stopped it; what was found so far is here.
-        notes: what else a reader should know.
+        stopped: stopped by the user, with the findings so far.
+        notes: notes that accompany the verdict.
         model: the final model.
-        maps: its residual against each variable, joint by joint.
-        free_curve: where something unknown is left, a curve for it, as a stopgap.
-        guard: what moves with the observer's bandwidth; None where that was not looked at.
+        maps: residual of the final model against each variable, joint by joint.
+        free_curve: curve of an unexplained residual, as a stopgap; None if nothing is unexplained.
+        guard: result of the bandwidth check; None if not run.
     """
 
     set_name: str
@@ -192,7 +192,7 @@ class Diagnosis:
         """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
 
         Raises:
-            ParameterNotFound: a FlexvizError and KeyError that suggests what was meant.
+            ParameterNotFound: unknown name or joint, with suggestions (a FlexvizError and KeyError).
         """
         return find_parameter(self.parameters, key)
 
@@ -208,14 +208,14 @@ class Diagnosis:
         return self.document()._repr_html_()
 
     def to_dict(self, *, steps: bool = True) -> dict[str, Any]:
-        """The contract's `diagnose --json` document; without `steps`, that of a diagnosis not applied."""
+        """The `diagnose --json` document; `steps=False` as without `--apply`."""
         document = self.document().to_dict()
         if not steps:
             del document["steps"]
         return document
 
     def document(self) -> ResultDocument:
-        """The result as it is written to files."""
+        """The result as a document for files."""
         return ResultDocument.model_validate(
             {
                 "format": 1,

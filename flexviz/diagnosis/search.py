@@ -1,4 +1,4 @@
-"""One round of the search: score every candidate, refit the best, drop superfluous effects."""
+"""One round of the search: score all candidates, refit the best, drop superfluous effects."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ ACCEPTANCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.search
 
 @dataclass(frozen=True, eq=False)
 class CandidateScores:
-    """Every candidate's score at a fit, best first, and the projection it was computed with."""
+    """Scores of all candidates at a fit, best first, and the projection used."""
 
     ranked: list[ScoredCandidate]
     projection: Projection
 
     def shortened(self) -> CandidateScores:
-        """The same with the leading candidates' signatures only: all of them hold hundreds of MB."""
+        """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""
         kept = LIMITS.kept_signatures
         rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[kept:]]
         return CandidateScores([*self.ranked[:kept], *rest], self.projection)
@@ -43,7 +43,7 @@ class CandidateScores:
 
 @dataclass(frozen=True, eq=False)
 class RefittedCandidate:
-    """A candidate with its refit."""
+    """A candidate and the model refitted with it."""
 
     scored: ScoredCandidate
     fit: Fit
@@ -55,14 +55,14 @@ class RefittedCandidate:
 
 @dataclass(frozen=True, eq=False)
 class SearchStep:
-    """One effect that was added.
+    """One added effect.
 
     Attributes:
         before: the model without it.
         chosen: the effect with its refit.
-        objectives: of all candidates that were refitted.
-        scores: of all candidates at `before`; None for a candidate that is only mentioned.
-        adapted: the refit under the model error that is then left; None without a model error.
+        objectives: objectives of all refitted candidates.
+        scores: scores of all candidates at `before`; None for candidates that were not added.
+        adapted: refit with the remaining model error; None without a model error.
     """
 
     before: Fit
@@ -78,7 +78,7 @@ class SearchStep:
 
 
 def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
-    """The best fit first."""
+    """Refitted candidates, the best first."""
     return sorted(refitted, key=lambda r: r.fit.objective)
 
 
@@ -87,7 +87,7 @@ class Search:
 
     Args:
         context: the data.
-        say: called with what is being tried; may raise to stop.
+        say: called with a progress message; may raise to stop.
     """
 
     def __init__(self, context: FitContext, say: Callable[[str], None]) -> None:
@@ -100,10 +100,10 @@ class Search:
     # -- scores -----------------------------------------------------------------------------------------
 
     def scores(self, fit: Fit, episodes: bool = True) -> CandidateScores:
-        """Every candidate's score at a fit."""
+        """Scores of all candidates at a fit."""
         layout, point = fit.layout, fit.point
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
-        prior, _ = self.context.prior_and_bounds(layout)
+        prior = self.context.start(layout).prior
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
         projection = Projection(point.r.ravel(), flat, hessian)
@@ -119,7 +119,7 @@ class Search:
         return CandidateScores(sorted(scored, key=lambda s: -s.gain), projection)
 
     def weigh(self, fit: Fit) -> Weigh:
-        """Columns of a stretch weighted as the fit's residual."""
+        """Function that weights the columns of a stretch like the residual of a fit."""
         point, blocks = fit.point, self.context.two_band.blocks
 
         def weigh(columns: Array, block: int) -> Array:
@@ -130,7 +130,7 @@ class Search:
         return weigh
 
     def leading(self, scores: CandidateScores) -> list[ScoredCandidate]:
-        """The candidates with the best scores, few episodes among them."""
+        """The candidates with the best scores, with a limited number of episodes."""
         chosen: list[ScoredCandidate] = []
         episodes = 0
         for s in scores.ranked:
@@ -146,7 +146,7 @@ class Search:
     # -- refits -----------------------------------------------------------------------------------------
 
     def refits(self, fit: Fit, scores: CandidateScores, gained: float) -> list[RefittedCandidate]:
-        """The leading candidates refitted, best first, after other effects gained `gained`."""
+        """The leading candidates refitted, best first; earlier effects gained `gained`."""
         chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
         first = self.refit_leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains_everything(fit, first.fit):
@@ -163,18 +163,18 @@ class Search:
         return by_objective(refitted)
 
     def explains_everything(self, before: Fit, after: Fit) -> bool:
-        """Whether hardly anything is left to explain."""
+        """Whether hardly any excess is left to explain."""
         enough = excess(after) < max(LIMITS.explained_excess * excess(before), LIMITS.explained_floor)
         return enough and not structured(after, before) and after.objective < before.objective
 
     def refit(self, fit: Fit, scored: ScoredCandidate, iterations: int) -> RefittedCandidate:
-        """One candidate, refitted from the present model."""
+        """Refit of one candidate from the present model."""
         self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
         start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
         return RefittedCandidate(scored, self.fit_from(start, iterations, near=fit))
 
     def refit_afresh(self, fit: Fit, scored: ScoredCandidate, iterations: int) -> RefittedCandidate:
-        """One candidate, from a plain fit: the present model may be far off."""
+        """Refit of one candidate from a plain fit, for a present model that may be far off."""
         start = with_effect(fit.layout, fit.x, scored.effect, scored.values)
         x = self.context.plain_fit(start.layout, start.x, self.check)
         return RefittedCandidate(scored, self.fit_from(ModelStart(start.layout, x), iterations))
@@ -186,14 +186,14 @@ class Search:
         return self.fit_from(ModelStart(fit.layout, fit.x), iterations, near=fit)
 
     def refit_leader(self, fit: Fit, scored: ScoredCandidate) -> RefittedCandidate:
-        """The best score refitted to the end; afresh too where that leaves much."""
+        """Full refit of the candidate with the best score; also from a plain fit if much excess is left."""
         direct = self.converged(self.refit(fit, scored, LIMITS.full_refit))
         if excess(fit) < LIMITS.far_off or excess(direct.fit) < LIMITS.noise_reached:
             return direct
         return by_objective([direct, self.refit_afresh(fit, scored, LIMITS.full_refit)])[0]
 
     def short_refits(self, fit: Fit, chosen: list[ScoredCandidate]) -> list[RefittedCandidate]:
-        """A few iterations of every candidate, from the present model and, where that is far off, afresh."""
+        """A few iterations per candidate, from the present model and, if far off, also from a plain fit."""
         out = []
         for s in chosen:
             out.append(self.refit(fit, s, LIMITS.short_refit))
@@ -202,10 +202,10 @@ class Search:
         return out
 
     def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
-        """Elastic laws of the joints with the largest residual, from several starts.
+        """Refits of elastic effects on the joints with the largest residual, from several starts.
 
-        A stiffness that has absorbed part of such a law hides it from the score: the law's own starts give
-        that part back.
+        A stiffness that has absorbed part of such an effect hides it from the score; the starts provided by
+        the effect undo this.
         """
         torque = fit.point.narrow.torque[0]
         ranked = {s.effect: s for s in scores.ranked}
@@ -236,7 +236,7 @@ class Search:
     def rivals(
         self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]
     ) -> list[RefittedCandidate]:
-        """The others where the leader explains everything: can one of them do so from the same start?"""
+        """Refits of the other candidates from the values of a leader that explains everything."""
         gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
         out = []
         for s in others:
@@ -252,7 +252,7 @@ class Search:
         return out
 
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
-        """The best refit of each effect; the leading ones are continued, fewer each time and for longer."""
+        """Best refit of each effect; successively fewer leading ones are continued for longer."""
         best: dict[ChosenEffect, RefittedCandidate] = {}
         for r in refitted:
             if r.effect not in best or r.fit.objective < best[r.effect].fit.objective:
@@ -270,7 +270,7 @@ class Search:
     def acceptable(
         self, fit: Fit, refitted: list[RefittedCandidate], gained: float
     ) -> RefittedCandidate | None:
-        """The best refitted candidate if it is worth adding after other effects gained `gained`."""
+        """The best refitted candidate if its gain is sufficient after earlier effects gained `gained`."""
         possible = [r for r in refitted if credible(r.fit, r.effect, self.raw_step)]
         if not possible:
             return None
@@ -281,9 +281,9 @@ class Search:
         return self.converged(best) if gain >= needed_gain(best.effect, gained) and worth else None
 
     def simplest(self, possible: list[RefittedCandidate]) -> RefittedCandidate:
-        """The best candidate, or a simpler one that does as well.
+        """The best candidate, or a simpler one that fits nearly as well.
 
-        Simpler is the law that it refines, and anything beside a gap that is never crossed.
+        Simpler means the effect that it refines, or any effect compared with backlash that is never crossed.
         """
         best = possible[0]
         if only_an_offset(best.fit, best.effect, self.raw_step):
@@ -297,9 +297,9 @@ class Search:
         return best
 
     def restarted(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
-        """The present model refitted from the best candidate's values, if it does as well without the effect.
+        """The present model refitted from the best candidate's values, if it fits as well without the effect.
 
-        A fit that ended far off is improved by any effect that happens to lead away from there.
+        A fit in a distant local minimum is improved by any effect that happens to lead out of it.
         """
         if excess(fit) < LIMITS.far_off:
             return None
@@ -309,15 +309,14 @@ class Search:
         return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None
 
     def converged(self, refitted: RefittedCandidate) -> RefittedCandidate:
-        """The same fitted to the end: what an unfinished fit leaves looks like another effect."""
+        """The candidate with a converged fit: the residual of an unfinished fit looks like another effect."""
         if refitted.fit.converged:
             return refitted
         more = self.continued(refitted.fit, LIMITS.last_refit)
         return replace(refitted, fit=more) if more.objective < refitted.fit.objective else refitted
 
-    def simplified(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> tuple[Fit, list[ChosenEffect]]:
-        """The model without superfluous earlier effects, and which those are."""
-        dropped: list[ChosenEffect] = []
+    def without_superfluous(self, best: Fit, earlier: tuple[ChosenEffect, ...]) -> Fit:
+        """The model refitted without superfluous earlier effects."""
         for effect in earlier:
             if effect not in best.layout.effects:
                 continue
@@ -325,17 +324,16 @@ class Search:
             smaller = self.fit_from(start, LIMITS.longer_refit, near=best)
             if smaller.objective < best.objective + ACCEPTANCE.superfluous_gain:
                 best = smaller
-                dropped.append(effect)
-        return best, dropped
+        return best
 
 
 def optimistic_gain(scored: ScoredCandidate) -> float:
-    """The most that a refit is expected to gain."""
+    """Upper estimate of the gain of a refit."""
     return EFFECTS[scored.effect.effect].optimism * scored.gain
 
 
 def _common_values(leader: Fit, before: Fit) -> Array:
-    """The leader's values of the parameters of `before`; its own for effects that the leader lacks."""
+    """Parameters of `before` with the leader's values; effects that the leader lacks keep their own."""
     x = before.layout.vector(leader.layout.model(leader.x))
     for effect, where in before.layout.effect_slices():
         if effect not in leader.layout.effects:

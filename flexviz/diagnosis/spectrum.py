@@ -1,4 +1,4 @@
-"""The residual's spectrum against the noise floor, and each joint's whiteness."""
+"""Spectrum of the residual, its noise floor, and a whiteness test per joint."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from flexviz.diagnosis.residuals import JointResiduals, joint_residuals
 
 Array = NDArray[np.float64]
 
-PASSED = 1.3  # times the wide filter's flat band: above, the floor falls too steeply to divide by
+PASSED = 1.3  # upper limit relative to the flat band; above, the floor is too steep to divide by
 BANDS = 40  # of equal width
 LAGS = 25  # of the portmanteau statistic
-HANN_LINES = 1.94  # lines of a Hann-windowed spectrum that count as one independent line
+HANN_LINES = 1.94  # lines of a Hann-windowed spectrum per independent line
 
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One joint's residual by frequency, over all groups.
+    """Spectrum of one joint's residual over all groups.
 
     Attributes:
-        joint: its name.
-        frequency: shape (F,), the bands' centres [Hz], as far as the wide filter passes.
+        joint: name.
+        frequency: shape (F,), centres of the bands [Hz], within the pass band of the wide filter.
         density: shape (F,), of the residual [Nm²/Hz].
-        floor: shape (F,), what the measurement noise leaves there [Nm²/Hz].
+        floor: shape (F,), density due to measurement noise [Nm²/Hz].
         std: shape (F,), standard error of `density` [Nm²/Hz].
-        lines: shape (F,), lines of the spectra in each band.
-        above: share of the slow residual's variance that is above the floor; about 0 for noise.
+        lines: shape (F,), spectral lines in each band.
+        above: share of the slow residual's variance above the floor; about 0 for noise.
         above_std: its standard error for noise.
-        band: where most of the excess lies [Hz].
-        noise_floor: rms of what the measurement noise leaves in the slow residual [Nm].
+        band: shortest band with half of the excess [Hz].
+        noise_floor: rms of the slow residual due to measurement noise [Nm].
         rms: of the slow residual [Nm].
-        chi_square: mean square of the joint's whitened residual; 1 for noise.
-        whiteness: portmanteau statistic, N times the sum of the LAGS first squared autocorrelations of the
-            residual divided by its floor, frequency by frequency; χ²-distributed where noise is all there is.
-        p_value: probability of a larger one where noise is all there is.
+        chi_square: mean square of the whitened residual; 1 for noise.
+        whiteness: portmanteau statistic, N times the sum of the first LAGS squared autocorrelations of the
+            residual divided by its floor in the frequency domain; χ²-distributed for pure noise.
+        p_value: probability of a larger statistic for pure noise.
     """
 
     joint: str
@@ -60,7 +60,7 @@ class Spectrum:
 
 
 def spectra(context: FitContext, fit: Fit, parts: list[JointResiduals] | None = None) -> tuple[Spectrum, ...]:
-    """Every joint's residual against the noise floor, over all groups of the context."""
+    """Spectra of all joints, over all groups of the context."""
     parts = joint_residuals(context, fit) if parts is None else parts
     n = fit.layout.n
     used = max(sum(int(np.count_nonzero(p.used)) for p in parts), 1)
@@ -119,9 +119,9 @@ def spectra(context: FitContext, fit: Fit, parts: list[JointResiduals] | None = 
 
 
 def periodogram(y: Array, step: float) -> tuple[Array, Array]:
-    """One-sided density of y (shape (N, n)) at its Fourier frequencies: (F,) [Hz] and (F, n) [·²/Hz].
+    """One-sided density of y, shape (N, n), at its Fourier frequencies: (F,) [Hz] and (F, n) [·²/Hz].
 
-    A Hann window keeps the floor at low frequencies, decades below that at high ones, from being buried.
+    The Hann window limits leakage: the floor at low frequencies is decades below that at high ones.
     """
     window = np.hanning(len(y) + 2)[1:-1, None]
     power = np.abs(fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
@@ -131,12 +131,12 @@ def periodogram(y: Array, step: float) -> tuple[Array, Array]:
 def whiteness(ratio: Array, hertz: Array, top: float) -> tuple[Array, Array]:
     """Portmanteau statistic of spectra divided by their floor, and its p-value, shape (n,) each.
 
-    The autocorrelations are those of the series with these spectra, sampled at 2 · top.
+    The autocorrelations are those of a series with these spectra, sampled at 2 · top.
 
     Args:
-        ratio: shape (F, n), lines of Hann-windowed spectra, of one or more stretches.
-        hertz: shape (F,).
-        top: the lines' highest frequency [Hz].
+        ratio: shape (F, n), lines of Hann-windowed spectra of one or more stretches.
+        hertz: shape (F,), frequencies of the lines.
+        top: highest frequency [Hz].
     """
     waves = np.cos(np.outer(np.pi * np.arange(LAGS + 1) / top, hertz)) @ ratio
     correlation = waves[1:] / np.maximum(waves[0], 1e-300)

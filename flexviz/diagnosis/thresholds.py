@@ -1,8 +1,8 @@
-"""Thresholds of the diagnosis: what each decides, why it has this value, and what supports it.
+"""Decision thresholds of the diagnosis.
 
-Unless a group says otherwise, the values were set on development cases and are supported by the study of
-unseen ones, `python -m benchmarks.diagnosis_study all --work DIR` (docs/diagnosis-study.md): a change
-has to keep its rates of right names and false alarms. Gains are falls of the objective
+Unless noted otherwise, the values were set on development cases and are supported by the study of unseen
+cases, `python -m benchmarks.diagnosis_study all --work DIR` (docs/diagnosis-study.md): a change has to keep
+its rates of correct findings and false alarms. A gain is a decrease of the objective
 Σ_j N log max(χ_j, 1) + k log N. The excess of a fit is its mean χ² per sample above the noise.
 """
 
@@ -13,43 +13,43 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class AcceptanceThresholds:
-    """When an effect is added, and what the last model is called."""
+    """Acceptance of effects and the verdict on the final model."""
 
     least_gain: float = 100.0  # no false alarm over all candidates tried
-    least_gain_share: float = 0.003  # of the gain before it: an approximate law leaves traces
-    least_gain_share_episode: float = 0.03  # the same for an episode, which can imitate much
-    least_excess_share: float = 0.1  # of the excess removed, or the effect is not worth a name ...
+    least_gain_share: float = 0.003  # of the gain of earlier effects, whose approximate models leave traces
+    least_gain_share_episode: float = 0.03  # the same for an episode, which imitates many effects
+    least_excess_share: float = 0.1  # share of the excess that an effect has to remove ...
     large_gain_share: float = 0.3  # ... unless it gains this share of the objective above the noise
-    structured_excess: float = 1.5  # beyond it the residual is structured, not noise
-    trace_share: float = 1e-7  # of the first excess: allowed besides, as no law is exact
-    trace_share_hidden_state: float = 1e-6  # the same beside friction with a state that no encoder measures
-    nested_gain: float = 12.0  # over the simpler law that an effect refines, or the simpler one is taken
-    offset_gain: float = 50.0  # lead of a gap that is never crossed over effects that are more than an offset
-    superfluous_gain: float = 100.0  # an earlier effect that is worth less now is dropped
+    structured_excess: float = 1.5  # excess above which a residual is structured, not noise
+    trace_share: float = 1e-7  # additional excess allowed, relative to the initial one: no model is exact
+    trace_share_hidden_state: float = 1e-6  # the same with a friction state that no encoder measures
+    nested_gain: float = 12.0  # required lead over the simpler effect that an effect refines
+    offset_gain: float = 50.0  # required lead of backlash that is never crossed over other effects
+    superfluous_gain: float = 100.0  # earlier effects with a smaller gain are dropped
 
 
 @dataclass(frozen=True)
 class SearchThresholds:
-    """Which candidates are refitted, from where, and for how long."""
+    """Selection of candidates for refitting, their start values and iterations."""
 
-    rounds: int = 5  # effects that are added at most
-    refitted: int = 6  # candidates with the best scores
-    refitted_episodes: int = 2  # episodes among them
-    kept_signatures: int = 12  # of the leading candidates, for correlations
-    close_score: float = 0.03  # of the best: lower ones are not refitted once the best explains everything
+    rounds: int = 5  # maximum number of added effects
+    refitted: int = 6  # maximum number of candidates refitted in a round
+    refitted_episodes: int = 2  # maximum number of episodes among them
+    kept_signatures: int = 12  # number of signatures kept for correlations
+    close_score: float = 0.03  # share of the best score, refitted when the best explains everything
     explained_excess: float = 0.2  # share of the excess left by a candidate that explains everything
-    # the same where little excess is left, because noise alone scatters by as much; verdicts and values of
-    # five sets of two joints are equal to 1e-9 for 0.02, 0.05, 0.1 and 0.2
+    # the same in absolute terms, since noise alone scatters by as much; verdicts and values of five two-joint
+    # sets are equal to 1e-9 for 0.02, 0.05, 0.1 and 0.2
     explained_floor: float = 0.05
-    noise_reached: float = 0.15  # excess at which no other start is tried
-    far_off: float = 5.0  # excess from which on a fit may be far off and candidates start afresh, too
-    hidden_excess: float = 0.5  # above it, effects with a low score are tried as well
+    noise_reached: float = 0.15  # excess below which no other start is tried
+    far_off: float = 5.0  # excess above which candidates are also refitted from a plain fit
+    hidden_excess: float = 0.5  # excess above which effects with a low score are also tried
     hidden_removed: float = 0.3  # share of the excess that such an effect has to remove later in the search
-    hidden_joints: int = 2  # joints with the largest residual on which they are tried
-    longest_episode: float = 0.6  # of a group: a torque that acts longer is not an episode
-    rival_deficit: float = 0.3  # of the leader's gain: a rival further behind is not followed
-    first_iterations: int = 12  # of the fit that everything begins with
-    short_refit: int = 3  # iterations
+    hidden_joints: int = 2  # number of joints, by residual, on which they are tried
+    longest_episode: float = 0.6  # share of a group; a torque that acts longer is not an episode
+    rival_deficit: float = 0.3  # share of the leader's gain by which a rival may lag to be continued
+    first_iterations: int = 12  # iterations of the initial fit
+    short_refit: int = 3  # iterations of refits
     longer_refit: int = 6
     full_refit: int = 14
     last_refit: int = 20
@@ -57,52 +57,52 @@ class SearchThresholds:
 
 @dataclass(frozen=True)
 class ModelErrorThresholds:
-    """The search beside a white model error, where no model reaches the noise.
+    """Search with a white model error, if no model reaches the noise.
 
-    `python -m benchmarks.real` shows what it does on a real robot.
+    `python -m benchmarks.real` shows its results on a real robot.
     """
 
     needed_excess: float = 20.0  # known models end at 3, backlash at 13, unknown effects above 200
-    free_curve_share: float = 0.5  # of a free curve's gain, or an effect only imitates what is missing
-    first_error: float = 0.05  # first guess of the model error, relative to the torque's rms
-    error_rounds: int = 6  # in which the model error is adapted to the residual
-    error_settled: float = 0.25  # |log χ²| of every joint at which it is
-    effects: int = 14  # at most
-    refused: int = 9  # candidates refused in a row that end the search
-    batch: int = 3  # candidates refitted before the best of them is taken
+    free_curve_share: float = 0.5  # share of a free curve's gain; an effect below is an imitation
+    first_error: float = 0.05  # initial model error relative to the rms torque
+    error_rounds: int = 6  # maximum number of adaptations of the model error
+    error_settled: float = 0.25  # |log χ²| of every joint that ends the adaptation
+    effects: int = 14  # maximum number of added effects
+    refused: int = 9  # consecutive rejected candidates that end the search
+    batch: int = 3  # candidates refitted at a time
     least_score: float = 10.0
-    stretch: float = 0.5  # [s] stretches over which the improvement's standard error is estimated
-    deviations: float = 2.0  # standard errors of the held-out improvement
-    least_improvement: float = 0.02  # of one joint's held-out variance
+    stretch: float = 0.5  # [s] length of stretches for the standard error of the improvement
+    deviations: float = 2.0  # improvement required in standard errors
+    least_improvement: float = 0.02  # share of one joint's held-out variance
     iterations: int = 5
     start_iterations: int = 8
 
 
 @dataclass(frozen=True)
 class EvidenceThresholds:
-    """What is reported of a finding beside its values."""
+    """Reporting of findings."""
 
-    tied_gain: float = 20.0  # difference of the objective up to which two effects fit equally well
-    tied_share: float = 0.02  # the same as a share of the gain: laws are approximate
-    tied_correlation: float = 0.98  # of signatures: ties a candidate that was not refitted
-    absorbed_deviations: float = 4.0  # standard errors by which a parameter moved that had absorbed an effect
-    absorbed_share: float = 0.01  # and share of its value
-    absorbed_parameters: int = 6  # reported at most
-    telling_density: float = 1.5  # times the average difference of two signatures, in a motion worth naming
-    telling_samples: float = 0.02  # share of the samples that such a motion has to have
-    # no finding is stated as surer: of those stated highest, no more are right in the study
+    tied_gain: float = 20.0  # difference of the objective up to which two effects are tied
+    tied_share: float = 0.02  # the same relative to the gain
+    tied_correlation: float = 0.98  # of signatures, for candidates that were not refitted
+    absorbed_deviations: float = 4.0  # change of an absorbing parameter in standard errors ...
+    absorbed_share: float = 0.01  # ... and relative to its value
+    absorbed_parameters: int = 6  # maximum number reported
+    telling_density: float = 1.5  # difference of two signatures in a named motion, relative to the average
+    telling_samples: float = 0.02  # minimum share of the samples in such a motion
+    # share of correct findings in the highest confidence class of the study
     # (`python -m benchmarks.diagnosis_study calibrate`)
-    most_sure: float = 0.99
-    final_refit_chi: float = 1.5  # growth of χ² at which the final refit is discarded: traces weigh too much
+    max_confidence: float = 0.99
+    final_refit_chi: float = 1.5  # increase of χ² that rejects the final refit
 
 
 @dataclass(frozen=True)
 class BandwidthThresholds:
-    """What counts as moving with the observer's bandwidth; `tests/test_guard.py` holds it to known cases."""
+    """Significant changes with the observer's bandwidth; tested on known cases in `tests/test_guard.py`."""
 
-    deviations: float = 3.0  # standard errors of the difference between two fits of the same data
-    change: float = 1.0  # times the noise by which the residual has to change
-    change_share: float = 0.1  # and share of the residual
+    deviations: float = 3.0  # change of a parameter in standard errors of the difference of two fits
+    change: float = 1.0  # change of the residual relative to the noise ...
+    change_share: float = 0.1  # ... and relative to the residual
 
 
 @dataclass(frozen=True)
