@@ -142,7 +142,7 @@ def test_remarks(small: MeasurementSet, found: Identification, tmp_path: Path) -
     made = identified_robot(small, doubtful)
     assert len(made.remarks) == 2 and "did not converge" in made.remarks[0]
     older = identified_robot(small, document(found.model, set_sha256="0" * 64))
-    assert older.remarks == ("The measurement set has changed since these values were found.",)
+    assert older.remarks == ("The measurement set has changed since this identification.",)
     done = write(made, tmp_path / "out")
     for files in done.files.values():
         text = " ".join(b" ".join(file.read_bytes() for file in files).decode().replace("\n *", " ").split())
@@ -187,9 +187,9 @@ def spoiled(result: dict[str, Any], how: str) -> Any:
         ("text", 'parameters, entry 4, value: found "12", expected a number'),
         ("missing", "parameter ixy of joint1 is missing"),
         ("twice", "parameter ixy:joint1 is given twice"),
-        ("joint", 'parameter ixy of joint "joint7", which the set does not have; did you mean "joint'),
+        ("joint", 'parameter ixy: joint "joint7" is not in the set; did you mean "joint'),
         ("effect", 'effect "torque_offfset" does not exist; did you mean "torque_offset"'),
-        ("effect parameter", "effect torque_offset:joint2: parameters size; offset are needed"),
+        ("effect parameter", "effect torque_offset:joint2: parameters size, expected offset"),
         ("format", "format"),
     ],
 )

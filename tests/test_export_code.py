@@ -17,7 +17,6 @@ import pytest
 from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, LawEffect, forget_effects, load_effects
-from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, IdentifiedRobot
 from flexviz.exporting.code import c_code, python_code, section_names, with_sections
 from flexviz.exporting.code_tables import code_tables
@@ -387,40 +386,6 @@ def test_the_pattern_itself_runs() -> None:
     )
     np.testing.assert_allclose(slow.tau_joint, template.link_torque([0.3, -0.2], [0, 0], [0, 0]))
     assert np.abs(slow.tau - rest).max() < 1.0  # the ripple sees another angle
-
-
-@pytest.mark.parametrize(
-    "effect, values, says",
-    [
-        (
-            "transmission_error",
-            {"amplitude": 0.1, "order": 12.0, "phase": 0.0},
-            "1.2, expected less than 1",
-        ),
-        (
-            "stiffness_hardening",
-            {"cubic_stiffness": -1.0},
-            "cubic of joint1 is -1, expected zero or",
-        ),
-        (
-            "presliding_hysteresis",
-            {"presliding_stiffness": 1.0, "coulomb": 0.0},
-            "expected positive numbers",
-        ),
-    ],
-)
-def test_values_that_make_no_robot_are_refused(
-    effect: str, values: dict[str, float], says: str, planar: MeasurementSet
-) -> None:
-    model = replace(plan("planar-2r").model, effects=(EffectValue(effect, "joint1", values),))
-    with pytest.raises(InputError, match=says):
-        identified(planar, model)
-
-
-def test_no_stiffness_no_robot(planar: MeasurementSet) -> None:
-    model = replace(plan("planar-2r").model, stiffness=np.array([1000.0, 0.0]))
-    with pytest.raises(InputError, match="stiffness of joint2 is 0 Nm/rad, expected a positive number"):
-        identified(planar, model)
 
 
 def test_sections() -> None:

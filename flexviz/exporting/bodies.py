@@ -1,9 +1,8 @@
-"""The inertia that a joint moves, distributed to the links of the URDF.
+"""Distribute the inertia that a joint moves to the links of the URDF.
 
-A joint moves one rigid body, and only that body's inertia can be identified; a URDF often divides it into
-several links (a hand fixed to the last one, locked fingers). The identified inertia goes to the heaviest
-link, less the CAD values of the others, which stay. If the rest is not a physical body, the link takes the
-whole and the others lose their inertia.
+Only the total inertia of links fixed to each other can be identified (a hand on the last link, locked
+fingers). It goes to the heaviest link, minus the CAD values of the others, which are kept. If the
+difference is not physically consistent, the link takes the total and the others lose their inertia.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LinkInertia:
-    """A link's inertia as a URDF gives it.
+    """A link's inertia in the form of a URDF.
 
     Attributes:
         mass: [kg].
         com: (3,) centre of mass in the link's frame [m].
         rotation: (3, 3) axes of `inertia` in the link's frame.
-        inertia: (3, 3) about the centre of mass along those axes [kg m²].
+        inertia: (3, 3) about the centre of mass in those axes [kg m²].
     """
 
     mass: float
@@ -49,7 +48,7 @@ class LinkInertia:
 
     @staticmethod
     def of(dynamic: Array, rotation: Array) -> LinkInertia:
-        """From parameters (10,) about the link's frame, the inertia along the axes `rotation`."""
+        """From parameters (10,) about the link's frame, with the inertia in the axes `rotation`."""
         mass, com = float(dynamic[0]), dynamic[1:4] / dynamic[0]
         xx, xy, yy, xz, yz, zz = dynamic[4:]
         about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -62,10 +61,10 @@ class Carrier:
     """The link that takes a joint's inertia.
 
     Attributes:
-        link: its name.
-        inertia: its new inertia.
-        others: links that move with it.
-        emptied: those of them that lose their inertia.
+        link: name.
+        inertia: new inertia.
+        others: links fixed to it.
+        emptied: links among them that lose their inertia.
     """
 
     link: str
@@ -75,7 +74,7 @@ class Carrier:
 
 
 def carriers(robot: Robot, inertial: Array) -> list[Carrier]:
-    """One per joint, in the set's order; `inertial` (n, 10) as in `Robot.cad_parameters`."""
+    """The carriers of all joints, in the set's order; `inertial` (n, 10) as in `Robot.cad_parameters`."""
     given = link_inertias(robot.urdf)
     return [_carrier(robot, i, inertial[i], given) for i in range(robot.n)]
 
@@ -99,7 +98,7 @@ def placement(robot: Robot, link: str) -> Any:
 
 
 def link_inertias(urdf: str) -> dict[str, LinkInertia]:
-    """Link -> the inertia that a URDF gives it; links without mass are left out."""
+    """Link -> inertia in a URDF, for links with mass."""
     found = {}
     for link in ElementTree.fromstring(urdf).findall("link"):
         inertial = link.find("inertial")
@@ -119,7 +118,7 @@ def link_inertias(urdf: str) -> dict[str, LinkInertia]:
 
 
 def _moved(dynamic: Array, placement: Any) -> Array:
-    """Parameters (10,) about another frame: `placement` is that of the old frame in the new one."""
+    """Parameters (10,) about another frame; `placement` is the pose of the old frame in the new one."""
     if dynamic[0] == 0.0:
         return np.zeros(10)
     return np.array(placement.act(pin.Inertia.FromDynamicParameters(dynamic)).toDynamicParameters())

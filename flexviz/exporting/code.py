@@ -1,8 +1,8 @@
 """C and Python code of the inverse dynamics, for feed-forward control.
 
-The code is the same for every robot (`template.c`, `template.py`): recursive Newton–Euler on quantities with
-their first and second derivative, the joint's law solved for its deflection, and the motor's equation. The
-robot's numbers precede it; template sections for effects that the robot does not have are left out.
+`template.c` and `template.py` are the same for every robot: recursive Newton–Euler on quantities with
+their first and second derivatives, the joint law solved for the deflection, and the motor equation. The
+robot's parameters precede the code; template sections of unused effects are removed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexviz.exporting.code_tables import INDICES, CodeArray, CodeRows, CodeTabl
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 
 _HERE = Path(__file__).parent
-# a comment that opens, "[name", or closes, "name]", a section of a template
+# a comment that opens, "[name", or closes, "name]", a template section
 MARK = re.compile(r"\s*(?:#|/\*)\s*(?:\[(?P<open>\w+)|(?P<close>\w+)\])\s*(?:\*/)?\s*")
 LINE_LENGTH = 100
 ASCII = {"θ": "theta", "τ": "tau", "²": "^2", "³": "^3", "₃": "3", "·": "*", "σ": "sigma", "–": "-", "−": "-"}
@@ -34,13 +34,13 @@ EQUATIONS = (
     "",
 )
 NOTES = {
-    "half_width": "Backlash: theta jumps by the play where the load changes sides; the velocity and torque "
+    "half_width": "Backlash: theta jumps by the play where the load changes sign; the velocity and torque "
     "of that jump are left to the controller.",
     "damping": "Joint damping: the deflection is a series in D/K up to the second power; the motor's "
     "acceleration neglects (D/K) times the third derivative of the deflection.",
     "link_coulomb": "Dry friction of the link: in tau and theta, but not in their derivatives, which jump.",
     "presliding": "Presliding friction has a state: pass the same memory at every cycle, starting at rest; "
-    "without a memory its sliding friction acts at once.",
+    "without a memory, the sliding friction acts immediately.",
     "drift": "Friction of a cold gear: `time` is the time since the run began; infinity means a warm gear.",
 }
 DELAYED = "Torque delay: evaluate the motion at time + delay of each joint; it is not applied here."
@@ -144,7 +144,7 @@ def _python_rows(name: str, table: CodeRows) -> str:
 
 
 def _nested(value: Any, brackets: str, indent: int = 4) -> str:
-    """Numbers in brackets; the rows of a matrix on lines of their own."""
+    """Numbers in brackets, matrix rows on separate lines."""
     left, right = brackets
     if not isinstance(value, list | tuple):
         return repr(value)
@@ -165,7 +165,7 @@ def _typed(table: CodeRows) -> list[tuple[float | int, ...]]:
 
 
 def _ascii(text: str) -> str:
-    """Text that every compiler and editor accepts."""
+    """Text in ASCII."""
     for character, instead in ASCII.items():
         text = text.replace(character, instead)
     return text.encode("ascii", "replace").decode()
@@ -179,7 +179,7 @@ def _wrapped(lines: Iterable[str]) -> list[str]:
 
 
 def with_sections(text: str, kept: Collection[str]) -> str:
-    """A template with only those sections whose names are in `kept`."""
+    """A template reduced to the sections in `kept`."""
     out: list[str] = []
     inside: list[str] = []
     for line in text.splitlines():
@@ -196,6 +196,6 @@ def with_sections(text: str, kept: Collection[str]) -> str:
 
 
 def section_names(text: str) -> set[str]:
-    """The names of all sections of a template."""
+    """Names of all template sections."""
     marks = (MARK.fullmatch(line) for line in text.splitlines())
     return {mark["open"] for mark in marks if mark and mark["open"]}

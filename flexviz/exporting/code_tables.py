@@ -1,9 +1,9 @@
-"""The numbers of generated code, by the names that the templates use: the robot's tree and its laws.
+"""Parameters of generated code by their names in the templates: kinematic tree, inertia, effects.
 
-Bodies are in Pinocchio's order, parents first. Body b hangs on its parent by
+Bodies are in Pinocchio's order, parents first. The pose of body b in its parent:
 
-    rotation     STILL + SINE sin q + COSINE cos q   (3, 3), SINE = COSINE = 0 if it slides
-    translation  PLACE + SLIDE q                     (3,) in the parent's frame [m]; SLIDE = 0 if it turns
+    rotation     STILL + SINE sin q + COSINE cos q   (3, 3), SINE = COSINE = 0 if prismatic
+    translation  PLACE + SLIDE q                     (3,) in the parent's frame [m]; SLIDE = 0 if revolute
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SIGNED = {"motor_coulomb", "load", "stribeck", "presliding"}  # tables whose tor
 
 @dataclass(frozen=True, eq=False)
 class CodeArray:
-    """An array of the code, integers where it holds indices; `meaning` is its comment."""
+    """An array of the code, of integers if it holds indices; `meaning` is its comment."""
 
     values: np.ndarray
     meaning: str = ""
@@ -36,7 +36,7 @@ class CodeArray:
 
 @dataclass(frozen=True, eq=False)
 class CodeRows:
-    """A list of effects with several numbers each: one row per effect, and the names of its columns."""
+    """Effects with several numbers each, one row per effect."""
 
     rows: list[tuple[float, ...]]
     columns: tuple[str, ...]
@@ -45,12 +45,7 @@ class CodeRows:
 
 @dataclass(frozen=True, eq=False)
 class CodeTables:
-    """Everything that the templates name.
-
-    Attributes:
-        arrays, rows: by NAME.
-        sections: the parts of the templates that this robot needs.
-    """
+    """Arrays and rows by template NAME, and the template sections that this robot needs."""
 
     arrays: Mapping[str, CodeArray]
     rows: Mapping[str, CodeRows]
@@ -58,10 +53,10 @@ class CodeTables:
 
 
 def code_tables(identified: IdentifiedRobot) -> CodeTables:
-    """The numbers of an identified robot, the payload among the inertial parameters.
+    """The tables of an identified robot; inertial parameters include the payload.
 
     Raises:
-        InputError: a joint neither turns about nor slides along one axis.
+        InputError: a joint is neither revolute nor prismatic.
     """
     laws = identified.laws
     arrays = _tree(identified.robot)
@@ -76,7 +71,7 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
         "MOTOR_INERTIA": CodeArray(laws["motor_inertia"], "B [kg m^2]"),
         "MOTOR_VISCOUS": CodeArray(laws["motor_viscous"], "f_mv [Nm s/rad]"),
         "LINK_VISCOUS": CodeArray(laws["link_viscous"], "f_lv [Nm s/rad]"),
-        "TORQUE_DELAY": CodeArray(laws["delay"], "how much later than commanded each torque acts [s]"),
+        "TORQUE_DELAY": CodeArray(laws["delay"], "delay from commanded to applied torque [s]"),
     }
     rows: dict[str, CodeRows] = {}
     for code in CODE.values():
@@ -98,13 +93,13 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
 
 
 def _inertia_matrices(gamma: Array) -> Array:
-    """(n, 3, 3) inertia about the joint's frame of parameters (n, 10) [kg m²]."""
+    """Inertia (n, 3, 3) about the joint frames [kg m²] from parameters (n, 10)."""
     xx, xy, yy, xz, yz, zz = gamma[:, 4:].T
     return np.stack((xx, xy, xz, xy, yy, yz, xz, yz, zz), axis=1).reshape(-1, 3, 3)
 
 
 def _tree(robot: Robot) -> dict[str, CodeArray]:
-    """How the bodies hang on each other."""
+    """The kinematic tree."""
     n = robot.n
     still, sine, cosine = (np.zeros((n, 3, 3)) for _ in range(3))
     place, slide, turn, push = (np.zeros((n, 3)) for _ in range(4))
@@ -122,19 +117,19 @@ def _tree(robot: Robot) -> dict[str, CodeArray]:
     parents = np.array([int(robot.model.parents[1 + b]) - 1 for b in range(n)])
     return {
         "JOINT": CodeArray(np.argsort(robot.order), "joint that moves each body, parents first"),
-        "PARENT": CodeArray(parents, "body that it hangs on; -1: the base"),
+        "PARENT": CodeArray(parents, "parent body; -1: the base"),
         "STILL": CodeArray(still, "rotation into the parent's axes: STILL + SINE sin q + COSINE cos q"),
         "SINE": CodeArray(sine),
         "COSINE": CodeArray(cosine),
         "PLACE": CodeArray(place, "origin in the parent's frame: PLACE + SLIDE q [m]"),
         "SLIDE": CodeArray(slide),
-        "TURN": CodeArray(turn, "axis that the joint turns about, in the body's frame"),
-        "PUSH": CodeArray(push, "axis that it slides along"),
+        "TURN": CodeArray(turn, "axis of rotation in the body's frame"),
+        "PUSH": CodeArray(push, "axis of translation in the body's frame"),
     }
 
 
 def axis(robot: Robot, b: int) -> tuple[Array, Array]:
-    """Unit vectors (3,) that Pinocchio's joint b slides along and turns about; one of them is zero."""
+    """Axes (3,) of translation and rotation of Pinocchio's joint b; one of them is zero."""
     joint = robot.model.joints[1 + b]
     data = joint.createData()
     joint.calc(data, np.zeros(1))
@@ -142,5 +137,5 @@ def axis(robot: Robot, b: int) -> tuple[Array, Array]:
     linear, angular = s[:3], s[3:]
     if bool(linear.any()) == bool(angular.any()):
         name = robot.model.names[1 + b]
-        raise InputError(f'joint "{name}" cannot be exported, expected a turning or sliding joint')
+        raise InputError(f'joint "{name}" cannot be exported, expected a revolute or prismatic joint')
     return linear, angular

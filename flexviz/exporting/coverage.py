@@ -1,6 +1,6 @@
-"""What every export format writes for every effect: a new effect gets an entry in each registry.
+"""Export coverage: the entry of every effect in every format's registry.
 
-YAML and JSON hold the parameters of any effect and need none.
+YAML and JSON hold the parameters of any effect and need no registry.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ class Written:
     """An effect that a format contains.
 
     Attributes:
-        meaning: what it becomes there.
-        missing: what that does not reproduce, a clause; empty where it is the whole effect.
+        meaning: its representation in the format.
+        missing: the part that is not reproduced, a clause; empty if complete.
     """
 
     meaning: str
@@ -27,10 +27,10 @@ class Written:
 
 @dataclass(frozen=True)
 class PerJoint(Written):
-    """An effect that is one number per joint in generated code; several of them add up.
+    """An effect with one number per joint in generated code; repeated effects add up.
 
     Attributes:
-        table: name of the numbers in `Laws`, of the array and of the section in the templates.
+        table: name in `Laws`, of the array and of the template section.
         parameter: the effect's parameter.
     """
 
@@ -40,12 +40,12 @@ class PerJoint(Written):
 
 @dataclass(frozen=True)
 class PerRow(Written):
-    """An effect that is a row of numbers in generated code.
+    """An effect with one row of numbers in generated code.
 
     Attributes:
-        table: name of the rows in `Laws`, of the array and of the section in the templates.
-        columns: effect parameter -> name of the number in the code, in the row's order after the joint.
-        joints: the columns before these, which hold joint indices.
+        table: name in `Laws`, of the array and of the template section.
+        columns: effect parameter -> column name in the code, in the row's order after the joints.
+        joints: leading columns, which hold joint indices.
     """
 
     table: str
@@ -55,11 +55,7 @@ class PerRow(Written):
 
 @dataclass(frozen=True)
 class LeftOut:
-    """An effect that a format does not contain.
-
-    Attributes:
-        because: the reason, a clause.
-    """
+    """An effect that a format does not contain, with the reason as a clause."""
 
     because: str
 
@@ -67,7 +63,7 @@ class LeftOut:
 Entry = Written | LeftOut
 
 
-RIGID = LeftOut("a URDF's rigid joint has no place for it")
+RIGID = LeftOut("a URDF has rigid joints only")
 USER_DEFINED = LeftOut("a user-defined effect: its law exists only in its own file")
 EVENT = LeftOut("an event of one recording, not a property of the robot")
 UNREGISTERED = LeftOut("no export is registered for it")
@@ -76,7 +72,7 @@ SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
 
 CODE: dict[str, Entry] = {
     "stiffness_hardening": PerJoint("cubic stiffness k3 [Nm/rad^3]", "cubic", "cubic_stiffness"),
-    "backlash": PerJoint("half the play b [rad]", "half_width", "half_width"),
+    "backlash": PerJoint("backlash half width b [rad]", "half_width", "half_width"),
     "joint_damping": PerJoint("joint damping D [Nm s/rad]", "damping", "damping"),
     "coulomb_friction": PerJoint("dry friction of the motor f_c [Nm]", "motor_coulomb", "coulomb"),
     "link_coulomb_friction": PerJoint("dry friction of the link f_c [Nm]", "link_coulomb", "coulomb"),
@@ -84,9 +80,9 @@ CODE: dict[str, Entry] = {
     "load_dependent_friction": PerJoint("load-dependent friction mu [-]", "load", "coefficient"),
     "torque_offset": PerJoint("torque offset f_0 [Nm]", "offset", "offset"),
     "torque_gain": PerJoint(
-        "the applied torque is 1 + g times the commanded one: g [-]", "gain_error", "gain_error"
+        "torque gain error g [-]: applied = (1 + g) commanded", "gain_error", "gain_error"
     ),
-    "torque_delay": PerJoint("how much later than commanded each torque acts [s]", "delay", "delay"),
+    "torque_delay": PerJoint("delay from commanded to applied torque [s]", "delay", "delay"),
     "cable_spring": PerJoint("spring on the link [Nm/rad]", "spring", "stiffness"),
     "stribeck_friction": PerRow(
         "Stribeck friction: f_s [Nm], v_s [rad/s]", "stribeck", {"stribeck": "stribeck", "velocity": "width"}
@@ -96,7 +92,7 @@ CODE: dict[str, Entry] = {
         "transmission error: amplitude [rad], order [-], phase [rad]", "error", SINE
     ),
     "friction_drift": PerRow(
-        "viscous friction of a cold gear: relative rise [-], time constant [s]",
+        "cold-gear viscous friction: relative rise [-], time constant [s]",
         "drift",
         {"relative_rise": "rise", "time_constant": "constant"},
     ),
@@ -143,20 +139,22 @@ MJCF: dict[str, Entry] = {
     "coulomb_friction": Written("frictionloss of the motor"),
     "link_coulomb_friction": Written("frictionloss of the link"),
     "quadratic_friction": Written("quadratic damping of the motor"),
-    "load_dependent_friction": LeftOut("MJCF has no friction that follows the load"),
+    "load_dependent_friction": LeftOut("MJCF has no load-dependent friction"),
     "torque_offset": Written("bias of the actuator"),
     "torque_gain": Written("gain of the actuator"),
     "torque_delay": Written("delay of the actuator"),
     "cable_spring": Written("stiffness of the link's joint"),
-    "stribeck_friction": LeftOut("MJCF has no friction that falls with speed"),
-    "torque_ripple": LeftOut("MJCF has no torque that follows a sine of the angle"),
-    "transmission_error": LeftOut("MJCF has no gear whose error follows a sine of the angle"),
-    "friction_drift": LeftOut("MJCF has no friction that fades with time; this is the warm robot"),
+    "stribeck_friction": LeftOut("MJCF has no friction that decreases with speed"),
+    "torque_ripple": LeftOut("MJCF has no torque that is a sine of the angle"),
+    "transmission_error": LeftOut("MJCF has no gear error that is a sine of the angle"),
+    "friction_drift": LeftOut("MJCF has no friction that decays with time; this is the warm robot"),
     "presliding_hysteresis": Written(
         "frictionloss of the motor",
-        missing="as frictionloss it slides as found; what it does before it slides is missing",
+        missing="frictionloss reproduces sliding only, not presliding",
     ),
-    "motor_coupling": LeftOut("MuJoCo's inertia matrix is symmetric, this coupling acts one way"),
+    "motor_coupling": LeftOut(
+        "MuJoCo's inertia matrix is symmetric, this coupling acts in one direction only"
+    ),
     "payload_error": PAYLOAD,
     "base_tilt": Written("gravity"),
     "external_contact": EVENT,
@@ -166,7 +164,7 @@ FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
 
 
 def entry_of(effect: str, target: str) -> Entry | None:
-    """What a format writes for an effect; None if a library effect is not in the format's registry."""
+    """A format's entry for an effect; None if a library effect is not registered."""
     if target in REGISTRIES:
         library = effect in EFFECTS and not is_user_defined(effect)
         return REGISTRIES[target].get(effect, None if library else USER_DEFINED)
@@ -174,8 +172,5 @@ def entry_of(effect: str, target: str) -> Entry | None:
 
 
 def coverage() -> dict[tuple[str, str], Entry | None]:
-    """(effect, format) -> what is written or why not, for every loaded effect and every format.
-
-    None marks a pair without an entry; a test refuses it.
-    """
+    """(effect, format) -> entry, of every loaded effect and format; None if not registered."""
     return {(effect, target): entry_of(effect, target) for effect in EFFECTS for target in FORMAT_NAMES}

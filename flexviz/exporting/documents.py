@@ -17,7 +17,7 @@ VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous
 
 
 def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) -> FlexibleModel:
-    """The model that a document's parameters make.
+    """The model with a document's parameters.
 
     Raises:
         InputError: a parameter is missing, given twice, or belongs to a joint that the set does not have.
@@ -25,7 +25,7 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
     given: dict[str, float] = {}
     for p in document.all_parameters:
         if p.joint is not None and p.joint not in joints:
-            found = f'parameter {p.name} of joint "{p.joint}", which the set does not have'
+            found = f'parameter {p.name}: joint "{p.joint}" is not in the set'
             raise InputError(f"{found}; {choose_from(p.joint, joints)}", file=file)
         if p.label in given and "." not in p.name:
             raise InputError(f"parameter {p.label} is given twice", file=file)
@@ -49,7 +49,7 @@ def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) 
 
 
 def _effects_of(parameters: Sequence[ParameterEntry]) -> list[EffectEntry]:
-    """The effects that parameters called `<effect>.<parameter>` belong to, in their order."""
+    """The effects of parameters named `<effect>.<parameter>`, in their order."""
     found: dict[tuple[str | None, ...], dict[str, ValueEntry]] = {}
     for p in parameters:
         effect, dot, name = p.name.partition(".")
@@ -73,4 +73,4 @@ def _check_effect(value: EffectValue, file: str | Path) -> None:
     names = [p.name for p in known.parameters]
     if set(value.parameters) != set(names):
         found = ", ".join(value.parameters) or "none"
-        raise InputError(f"effect {value.text}: parameters {found}; {', '.join(names)} are needed", file=file)
+        raise InputError(f"effect {value.text}: parameters {found}, expected {', '.join(names)}", file=file)

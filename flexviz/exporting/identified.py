@@ -1,4 +1,4 @@
-"""The robot to be exported, the model identified for it, and what is known about both."""
+"""The robot to be exported with its identified model, and warnings about both."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class FormatFiles:
 
     Attributes:
         contents: file name -> content, the main file first.
-        left_out: what of the model it does not contain, a line each.
+        left_out: parts of the model that it does not contain, one line each.
     """
 
     contents: dict[str, bytes]
@@ -53,12 +53,9 @@ class IdentifiedRobot:
     """A robot with its identified model.
 
     Attributes:
-        measurements: the set that the result belongs to.
-        document: the result.
-        model: its model.
-        payload: name of the payload that the exported robot carries, or None.
-        verdict: of the diagnosis, or None without one.
-        remarks: warnings for readers of the exported files, a sentence each.
+        payload: name of the payload that the exported robot carries.
+        verdict: of the diagnosis.
+        remarks: warnings in the exported files, one sentence each.
     """
 
     measurements: MeasurementSet
@@ -70,33 +67,33 @@ class IdentifiedRobot:
 
     @property
     def robot(self) -> Robot:
-        """The robot as the set gives it, with its CAD inertias."""
+        """The robot of the set, with its CAD inertias."""
         return self.measurements.robot
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the n joints."""
+        """Joint names (n)."""
         return self.robot.joints
 
     @cached_property
     def name(self) -> str:
-        """The robot's name in a form that files and C programs accept."""
+        """The robot's name as a file name and C identifier."""
         name = re.sub(r"[^A-Za-z0-9]+", "_", self.robot.name).strip("_").lower() or "robot"
         return name if name[0].isalpha() else f"robot_{name}"
 
     @cached_property
     def bodies(self) -> tuple[PayloadBody, ...]:
-        """The payload's bodies, as the set gives them."""
+        """The payload's bodies as given in the set."""
         return self.measurements.payloads[self.payload] if self.payload is not None else ()
 
     @cached_property
     def laws(self) -> Laws:
-        """The model's numbers by table."""
+        """The model's parameters by table."""
         return laws(self.robot, self.model, self.payload, self.bodies)
 
     @cached_property
     def inertial(self) -> Array:
-        """(n, 10) inertial parameters about the joint frames, payload included."""
+        """(n, 10) inertial parameters about the joint frames, including the payload."""
         return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
 
     @cached_property
@@ -108,7 +105,7 @@ class IdentifiedRobot:
         return self._parameters[f"{name}:{joint}"].identifiable
 
     def estimate(self, effect: EffectValue, name: str) -> ParameterEntry | None:
-        """An effect's parameter among the result's parameters; None where it is not listed."""
+        """An effect's parameter among the result's parameters, or None."""
         place = (effect.joint, effect.payload, effect.group)
         return self._parameters.get(":".join(part for part in (f"{effect.effect}.{name}", *place) if part))
 
@@ -130,22 +127,22 @@ class IdentifiedRobot:
         return measurements.fingerprint(self.measurements).sha256
 
     def require_bodies(self) -> None:
-        """InputError where a link's inertial parameters are not those of a physical body.
+        """Raise InputError if a joint's inertial parameters are not physically consistent.
 
-        Simulators refuse such links or diverge. The identification itself stays with physical bodies.
+        Simulators refuse such links or diverge.
         """
         for joint, row in zip(self.joints, self.inertial, strict=True):
             lowest = float(np.linalg.eigvalsh(pseudo_inertia(row))[0])
             if not lowest > 0.0:
                 raise InputError(
-                    f"the inertial parameters of what {joint} moves belong to no physical body: its "
-                    f"pseudo-inertia has the eigenvalue {lowest:.3g}, expected a positive one; URDF and "
-                    "MJCF are not written: identify again, or export --to json, yaml, c, python"
+                    f"the inertial parameters of {joint} are not physically consistent: the smallest "
+                    f"eigenvalue of the pseudo-inertia is {lowest:.3g}, expected a positive one; URDF and "
+                    "MJCF cannot be written: identify again, or export --to json, yaml, c, python"
                 )
 
     @property
     def heading(self) -> list[str]:
-        """The lines at the top of every exported file."""
+        """Lines at the top of every exported file."""
         ms, groups = self.measurements, self.document.groups
         lines = [
             f"{self.robot.name}: identified by flexviz {__version__} from the measurement set {ms.name}"
@@ -162,7 +159,7 @@ class IdentifiedRobot:
         return lines + list(self.remarks)
 
     def left_out(self, target: str) -> list[str]:
-        """The model's effects that a format does not contain: `external_contact:joint1@g2: an event of …`"""
+        """Effects that a format does not contain: `external_contact:joint1@g2: an event of …`"""
         lines = []
         for effect in self.model.effects:
             found = entry_of(effect.effect, target) or UNREGISTERED
@@ -185,15 +182,15 @@ def identified_robot(
     """The robot of a set with the model of a result.
 
     Args:
-        measurements: the set that the result belongs to.
+        measurements: the measurement set of the result.
         result: an identification, a diagnosis (its final model), or a result read from a file.
-        payload: name of one of the set's payloads, which the robot is to carry.
+        payload: name of the payload that the robot carries.
         diagnosis: of the same model, for its verdict.
-        file: where the result comes from, for errors.
-        remarks: further sentences for the exported files.
+        file: source of the result, for error messages.
+        remarks: additional warnings for the exported files.
 
     Raises:
-        InputError: the result does not fit the set, or the payload does not exist.
+        InputError: the result does not belong to the set, or the payload does not exist.
     """
     document = result if isinstance(result, ResultDocument) else result.document()
     check_payload(measurements, payload)
@@ -204,16 +201,16 @@ def identified_robot(
     if not document.converged:
         warnings.append("The identification did not converge: do not rely on these values.")
     if document.stopped:
-        warnings.append("The identification was stopped before its end.")
+        warnings.append("The identification was stopped early.")
     if document.set_sha256 is not None and document.set_sha256 != found.sha256:
-        warnings.append("The measurement set has changed since these values were found.")
+        warnings.append("The measurement set has changed since this identification.")
     found = replace(found, remarks=tuple(warnings))
-    assert found.laws  # impossible values are refused here, whatever the format
+    assert found.laws  # checks the values, whatever the format
     return found
 
 
 def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
-    """InputError for a payload that the set does not have."""
+    """Raise InputError for a payload that the set does not have."""
     if payload is not None and payload not in measurements.payloads:
         valid = choose_from(payload, measurements.payloads)
         raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)

@@ -1,4 +1,4 @@
-"""A model's numbers as the exporters need them: arrays with one number per joint, and rows of numbers."""
+"""A model's parameters for the exporters: arrays with one number per joint, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Row = tuple[float, ...]
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The model's numbers in the set's joint order; zero switches an effect off.
+    """The model's parameters in the set's joint order; zero disables an effect.
 
     Attributes:
         base: (n,) arrays: stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad].
-        tables: (n,) arrays of the effects registered as `PerJoint`, by table; units as registered there.
-            With `spring` comes `spring_torque` [Nm]: the link's spring pulls with spring q − spring_torque.
-        rows: rows of the effects registered as `PerRow`, by table: joint indices, then the numbers.
+        tables: (n,) arrays of the `PerJoint` effects, by table, units as registered. The cable spring's
+            torque is spring q − spring_torque [Nm].
+        rows: rows of the `PerRow` effects, by table: joint indices, then the numbers.
         gravity: (3,) [m/s²] in the base's frame.
         bodies: the payload's bodies as identified.
     """
@@ -49,7 +49,7 @@ class Laws:
 def laws(
     robot: Robot, model: FlexibleModel, payload: str | None = None, bodies: Sequence[PayloadBody] = ()
 ) -> Laws:
-    """The laws of `model`; `bodies` are those of the payload that the set calls `payload`.
+    """The laws of `model`, with the `bodies` of the set's payload `payload`.
 
     Raises:
         InputError: an effect's joint does not exist, or a value is impossible, such as a stiffness of zero.
@@ -88,11 +88,11 @@ def laws(
 
 
 def not_of_robot(effect: EffectValue, payload: str | None) -> str:
-    """Why an effect with this scope is not part of the exported robot; empty where it is."""
+    """Why an effect is not part of the exported robot, or ""."""
     if effect.group is not None:
         return EVENT.because
     if effect.payload not in (None, payload):
-        return "concerns a payload that is not exported (--payload)"
+        return "belongs to a payload that is not exported (--payload)"
     return ""
 
 
@@ -111,7 +111,7 @@ def _check(found: Laws, joints: Sequence[str]) -> None:
         if swing >= 1.0:
             raise InputError(
                 f"transmission error of {joint}: amplitude times order is {swing:.3g}, expected less than 1: "
-                "with more the link turns back while the motor goes on"
+                "beyond that the link reverses while the motor goes on"
             )
     for i, stiffness, coulomb in found.rows["presliding"]:
         if not (stiffness > 0.0 and coulomb > 0.0):

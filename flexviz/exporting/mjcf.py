@@ -1,9 +1,9 @@
 """A MuJoCo model with elastic joints.
 
-Every joint of the robot becomes two: the link's, named as in the URDF, with the position q, and the motor's,
-with the position θ, a massless rotor whose armature is the motor inertia B. A fixed tendon of length θ − q
-between them is the elastic joint. This is the identified equation: the rotor adds B θ̈ to its own row and
-nothing else, and gravity does not act on it. The actuators act on the motors.
+Every joint of the robot becomes two: the link's with position q, named as in the URDF, and the motor's with
+position θ, a massless rotor with the motor inertia B as armature. A fixed tendon of length θ − q between them
+is the elastic joint. As in the identified equation, the rotor only adds B θ̈ to its own row, and gravity does
+not act on it. The actuators act on the motors.
 
 `coverage.MJCF` lists the effects. Hardening and quadratic friction need MuJoCo 3.7, a delay 3.5.
 """
@@ -29,8 +29,8 @@ from flexviz.simulation import fastest, make_plant
 LARGEST_STEP = 0.001  # [s]
 SMALLEST_STEP = 1e-6  # [s]
 ROTOR_MASS, ROTOR_INERTIA = 1e-9, "1e-12"  # [kg], [kg m²]: MuJoCo requires mass in everything that moves
-FRICTION = "0.004 1"  # solver's time constant [s] and damping ratio: close to the jump of Coulomb friction
-ENDLESS = 100.0  # [rad] a hinge with a wider range turns without an end
+FRICTION = "0.004 1"  # solver time constant [s] and damping ratio, which approximate Coulomb friction
+ENDLESS_RANGE = 100.0  # [rad] hinges with a wider range are unlimited
 
 
 def mjcf(identified: IdentifiedRobot) -> FormatFiles:
@@ -54,19 +54,19 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
     missing = [
         *identified.left_out("mjcf"),
         *(
-            f"joint_damping:{robot.joints[i]}: MuJoCo's acts within the play too"
+            f"joint_damping:{robot.joints[i]}: MuJoCo's damping also acts within the play"
             for i in np.flatnonzero(laws["damping"] * laws["half_width"])
         ),
         *(
-            f"torque_delay:{robot.joints[i]}: the torque acts before it is recorded: no simulator can do that"
+            f"torque_delay:{robot.joints[i]}: a negative delay cannot be simulated"
             for i in np.flatnonzero(laws["delay"] < 0.0)
         ),
         *shapes.missing,
     ]
     about = [
         *identified.heading,
-        "Each joint has two positions: <joint> is the link's, <joint>_motor the motor's; the tendon between",
-        "them is the elastic joint, armature the motor inertia. ctrl is the motor torque [Nm].",
+        "Each joint has two positions: <joint> of the link, <joint>_motor of the motor. The tendon between",
+        "them is the elastic joint, armature is the motor inertia, ctrl the motor torque [Nm].",
         "Contacts are off, collision shapes are omitted.",
         f"The time step resolves the fastest vibration, {vibration:.0f} rad/s.",
         *(f"NOT CONTAINED: {text}" for text in missing),
@@ -78,7 +78,7 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
 
 
 def motor_names(robot: Robot) -> dict[str, str]:
-    """Joint -> the name of its motor, different from every joint and link."""
+    """Joint -> name of its motor, distinct from every joint and link."""
     taken = {*robot.joints, *robot.links}
     names = {}
     for joint in robot.joints:
@@ -91,7 +91,7 @@ def motor_names(robot: Robot) -> dict[str, str]:
 
 
 def timestep(identified: IdentifiedRobot) -> tuple[float, float]:
-    """The controller's cycle [s], halved until it resolves the fastest vibration, and that one [rad/s]."""
+    """The controller cycle [s], halved until it resolves the fastest vibration, and its frequency."""
     kept = ("stiffness_hardening", "joint_damping", "quadratic_friction")
     model = replace(identified.model, effects=tuple(e for e in identified.model.effects if e.effect in kept))
     plant, _ = make_plant(identified.robot, model, identified.laws.bodies)
@@ -124,10 +124,8 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
         _joints(identified, i, motor, body, names[joint])
         inertia = LinkInertia.of(identified.inertial[i], np.eye(3))
         full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        _add(
-            body, "inertial", pos=number_text(inertia.com), mass=number_text(inertia.mass),
-            fullinertia=number_text(full),
-        )  # fmt: skip
+        com, mass = number_text(inertia.com), number_text(inertia.mass)
+        _add(body, "inertial", pos=com, mass=mass, fullinertia=number_text(full))
         inside[b] = body
         for link in robot.links:
             if robot.joint_of_link(link) == i:
@@ -136,7 +134,7 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
 
 
 def child_links(robot: Robot) -> dict[str, str]:
-    """Joint -> the link whose frame is its own."""
+    """Joint -> its child link."""
     found = {}
     for element in ElementTree.fromstring(robot.urdf).findall("joint"):
         child = element.find("child")
@@ -145,13 +143,7 @@ def child_links(robot: Robot) -> dict[str, str]:
     return found
 
 
-def _joints(
-    identified: IdentifiedRobot,
-    i: int,
-    motor: Element,
-    body: Element,
-    motor_name: str,
-) -> None:
+def _joints(identified: IdentifiedRobot, i: int, motor: Element, body: Element, motor_name: str) -> None:
     robot, laws, joint = identified.robot, identified.laws, identified.joints[i]
     linear, angular = axis(robot, int(robot.order[i]))
     kind = "hinge" if angular.any() else "slide"
@@ -171,7 +163,7 @@ def _joints(
             "springref": number_text(laws["spring_torque"][i] / laws["spring"][i]),
         }
     low, high = robot.lower_limit[i], robot.upper_limit[i]
-    if low < high and (kind == "slide" or high - low < ENDLESS):
+    if low < high and (kind == "slide" or high - low < ENDLESS_RANGE):
         more["range"] = number_text((low, high))
     _add(body, "joint", name=joint, **shared, **more)
 
@@ -183,10 +175,8 @@ def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) 
         stiffness = [laws["stiffness"][i], *([0.0, laws["cubic"][i]] if laws["cubic"][i] else [])]
         slack = [-laws["half_width"][i], laws["half_width"][i]] if laws["half_width"][i] else [0.0]
         more = {"damping": number_text(laws["damping"][i])} if laws["damping"][i] else {}
-        fixed = _add(
-            tendon, "fixed", name=f"{joint}_elastic", stiffness=number_text(stiffness),
-            springlength=number_text(slack), **more,
-        )  # fmt: skip
+        shared = {"stiffness": number_text(stiffness), "springlength": number_text(slack)}
+        fixed = _add(tendon, "fixed", name=f"{joint}_elastic", **shared, **more)
         _add(fixed, "joint", joint=names[joint], coef="1")
         _add(fixed, "joint", joint=joint, coef="-1")
 
@@ -203,10 +193,8 @@ def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str]
             }
         if laws["offset"][i]:
             more |= {"biastype": "affine", "biasprm": number_text((-laws["offset"][i], 0.0, 0.0))}
-        _add(
-            actuator, "general", name=joint, joint=names[joint], gaintype="fixed",
-            gainprm=number_text(1.0 + laws["gain_error"][i]), **more,
-        )  # fmt: skip
+        gain = {"gaintype": "fixed", "gainprm": number_text(1.0 + laws["gain_error"][i])}
+        _add(actuator, "general", name=joint, joint=names[joint], **gain, **more)
         for signal, place in (("theta", names[joint]), ("q", joint)):
             _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)
             _add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
@@ -217,7 +205,7 @@ def _add(parent: Element, tag: str, **attributes: str) -> Element:
 
 
 def _frame(parent: Element, name: str, pose: object) -> Element:
-    """A body in `parent` at Pinocchio's pose."""
+    """A body in `parent` at a Pinocchio pose."""
     quaternion = pin.Quaternion(pose.rotation).coeffs()  # type: ignore[attr-defined]  # x y z w
     place = {"pos": number_text(pose.translation)}  # type: ignore[attr-defined]
     if abs(quaternion[3]) < 1.0:

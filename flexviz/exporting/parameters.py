@@ -18,10 +18,10 @@ from flexviz.statistics import NORMAL_95
 AMBIGUOUS = ("yes", "no", "y", "n", "on", "off", "true", "false", "null", "~")
 CONVENTIONS = {
     "motor": "all quantities of the motor are expressed at the joint: angle / N, torque × N, inertia × N²",
-    "inertial": "of everything that a joint moves, about the joint's frame, without the payload",
+    "inertial": "of all bodies that a joint moves, about the joint frame, without the payload",
     "std": f"standard error; null if unknown; a 95 % interval is value ± {NORMAL_95} std",
     "identifiable": "yes: determined by the data; weak: weakly determined; no: near its prior value",
-    "tied_to": "parameters that the data cannot tell apart from this one",
+    "tied_to": "parameters that the data cannot separate from this one",
 }
 
 
@@ -37,7 +37,7 @@ def yaml_parameters(identified: IdentifiedRobot) -> FormatFiles:
 
     yaml = YAML()
     yaml.width = 10_000
-    # YAML 1.1 readers take 1e-05 for a string and yes for a boolean: written so that 1.1 and 1.2 agree
+    # YAML 1.1 readers take 1e-05 for a string and yes for a boolean: write what 1.1 and 1.2 read alike
     yaml.representer.add_representer(float, _represent_float)
     yaml.representer.add_representer(str, _represent_text)
     out = io.StringIO()
@@ -47,7 +47,7 @@ def yaml_parameters(identified: IdentifiedRobot) -> FormatFiles:
 
 
 def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
-    """The content of both files."""
+    """Content of both files."""
     ms, document, robot = identified.measurements, identified.document, identified.robot
     controller = None if ms.kp is None or ms.kd is None else {"kp": ms.kp.tolist(), "kd": ms.kd.tolist()}
     about = {

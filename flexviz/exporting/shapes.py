@@ -24,7 +24,7 @@ class Shapes:
     Attributes:
         assets: <mesh> elements.
         files: file name -> STL.
-        missing: what could not be read, a line each.
+        missing: unreadable meshes, one line each.
     """
 
     def __init__(self, robot: Robot, folder: str) -> None:

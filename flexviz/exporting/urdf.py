@@ -1,7 +1,7 @@
 """The robot's own URDF with the identified values, everything else unchanged.
 
-A URDF has rigid joints only: motor and link friction add up in one joint; motor inertia and stiffness are
-given in comments. Inertial parameters that the data do not determine stay near CAD; comments list them.
+A URDF has rigid joints only: the friction of motor and link is added up, motor inertia and stiffness are
+comments. Inertial parameters that the data do not determine stay near CAD; comments list them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def urdf(identified: IdentifiedRobot) -> FormatFiles:
         _write_inertia(document, links[carrier.link], i, carrier, identified)
         for name in carrier.emptied:
             for element in list(_children(links[name], "inertial")):
-                text = f" its inertia is included in {carrier.link}, which it moves with (flexviz) "
+                text = f" its inertia is included in {carrier.link}, to which it is fixed (flexviz) "
                 links[name].replaceChild(document.createComment(text), element)
         _write_dynamics(document, joints[identified.joints[i]], i, identified)
     about = [*identified.heading, *(f"NOT CONTAINED: {text}" for text in missing)]
@@ -49,15 +49,15 @@ def urdf(identified: IdentifiedRobot) -> FormatFiles:
 
 
 def _write_inertia(document: Any, link: Any, i: int, carrier: Carrier, identified: IdentifiedRobot) -> None:
-    """Replace a link's inertia by that of what joint i moves."""
+    """Replace a link's inertia by the identified inertia of joint i."""
     joint = identified.joints[i]
-    lines = [f"flexviz: of what {joint} moves"]
+    lines = [f"flexviz: inertia of all that {joint} moves"]
     for grade, meaning in GRADES.items():
         if names := [name for name in INERTIAL_NAMES if identified.grade(name, joint) == grade]:
             lines.append(f"{meaning}: {', '.join(names)}")
     if carrier.others:
-        verb = "are included here" if carrier.emptied else "keep their own inertia"
-        lines.append(f"links that move with it {verb}: {', '.join(carrier.emptied or carrier.others)}")
+        verb = "are included here" if carrier.emptied else "keep their inertia"
+        lines.append(f"links fixed to it {verb}: {', '.join(carrier.emptied or carrier.others)}")
     if any(identified.robot.joint_of_link(body.link) == i for body in identified.bodies):
         lines.append(f"the payload {identified.payload} is included")
     old = next(_children(link, "inertial"), None)
@@ -83,7 +83,7 @@ def _write_inertia(document: Any, link: Any, i: int, carrier: Carrier, identifie
 
 
 def _write_dynamics(document: Any, joint: Any, i: int, identified: IdentifiedRobot) -> None:
-    """Replace joint i's damping and friction; a comment gives what a URDF cannot hold."""
+    """Replace joint i's damping and friction; a comment gives the rest."""
     laws = identified.laws
     old = next(_children(joint, "dynamics"), None)
     element = old.cloneNode(True) if old is not None else document.createElement("dynamics")

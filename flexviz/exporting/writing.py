@@ -1,4 +1,4 @@
-"""Write the formats into one folder: all of them or nothing."""
+"""Write all formats into one folder, atomically."""
 
 from __future__ import annotations
 
@@ -38,9 +38,8 @@ class Exported:
     """The files of an export.
 
     Attributes:
-        folder: where they are.
         files: format -> its files, the main one first.
-        left_out: format -> what of the model it does not contain, a line each.
+        left_out: format -> parts of the model that it does not contain, one line each.
     """
 
     folder: Path
@@ -49,7 +48,7 @@ class Exported:
 
 
 def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
-    """The formats without repetition, in the order of `FORMATS`; all if none is named.
+    """The formats without duplicates, in the order of `FORMATS`; all if none is named.
 
     Raises:
         InputError: a format does not exist.
@@ -61,7 +60,7 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
 
 
 def check_folder(folder: str | Path) -> Path:
-    """The folder to write to, absolute; InputError if nothing can be written there."""
+    """The absolute folder; raises InputError if it cannot be written."""
     folder = Path(folder).absolute()
     above = next(parent for parent in folder.parents if parent.exists())
     if not above.is_dir():
@@ -71,7 +70,7 @@ def check_folder(folder: str | Path) -> Path:
 
 
 def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str] = ()) -> Exported:
-    """Write `formats` (all if none is named) into a new or empty folder, which appears complete.
+    """Write `formats` (all if none is named) into a new or empty folder, atomically.
 
     Raises:
         InputError: a format does not exist, the folder is not empty, or a format cannot hold the model.
@@ -110,14 +109,14 @@ def export(
     """Write a result to a new or empty folder.
 
     Args:
-        measurements: the set.
+        measurements: the measurement set.
         result: its identification, its diagnosis (the final model), or a result read by `read_result`.
-        folder: it appears complete or not at all.
+        folder: is written completely or not at all.
         formats: some of `FORMATS`; all if none is named.
-        payload: name of one of the set's payloads, which the robot is to carry.
+        payload: name of the payload that the robot carries.
 
     Raises:
-        InputError: a format or the payload does not exist, the folder is not empty, the result does not fit
-            the set, or a format cannot hold the model.
+        InputError: a format or the payload does not exist, the folder is not empty, the result is of
+            another set, or a format cannot hold the model.
     """
     return write(identified_robot(measurements, result, payload=payload), folder, formats)

@@ -1,0 +1,52 @@
+"""Impossible values of a model are refused, whatever the export format."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexviz.errors import InputError
+from flexviz.measurements import MeasurementSet
+from flexviz.model import EffectValue
+from tests.exporting_cases import identified, plan, short_set
+
+
+@pytest.fixture(scope="module")
+def planar(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return short_set("planar-2r", tmp_path_factory.mktemp("planar"))
+
+
+@pytest.mark.parametrize(
+    "effect, values, says",
+    [
+        (
+            "transmission_error",
+            {"amplitude": 0.1, "order": 12.0, "phase": 0.0},
+            "1.2, expected less than 1",
+        ),
+        (
+            "stiffness_hardening",
+            {"cubic_stiffness": -1.0},
+            "cubic of joint1 is -1, expected zero or",
+        ),
+        (
+            "presliding_hysteresis",
+            {"presliding_stiffness": 1.0, "coulomb": 0.0},
+            "expected positive numbers",
+        ),
+    ],
+)
+def test_values_that_make_no_robot_are_refused(
+    effect: str, values: dict[str, float], says: str, planar: MeasurementSet
+) -> None:
+    model = replace(plan("planar-2r").model, effects=(EffectValue(effect, "joint1", values),))
+    with pytest.raises(InputError, match=says):
+        identified(planar, model)
+
+
+def test_no_stiffness_no_robot(planar: MeasurementSet) -> None:
+    model = replace(plan("planar-2r").model, stiffness=np.array([1000.0, 0.0]))
+    with pytest.raises(InputError, match="stiffness of joint2 is 0 Nm/rad, expected a positive number"):
+        identified(planar, model)
