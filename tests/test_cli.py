@@ -20,7 +20,7 @@ import pytest
 from pydantic import BaseModel, ConfigDict
 
 from flexviz.cli import main, output, progress
-from flexviz.cli.identifying import parse_bandwidth
+from flexviz.cli.options import parse_bandwidth
 from flexviz.errors import InputError
 from flexviz.progress import Iteration, Progress
 from flexviz.results import interval
@@ -133,8 +133,8 @@ def test_help_loads_nothing_heavy() -> None:
         (["identify", "{set}", "--effect", "coulomb_friction:elbow"], "elbow"),
         (["identify", "{set}", "--json", "{set}/no/such/folder.json"], "does not exist"),
         (["identify", "{set}", "--json", "{set}"], "is a folder"),
-        (["identify", "{set}", "--json", "{set}/measurements.toml"], "is no .json file"),
-        (["record", "{set}", "--out", "{set}/measurements.toml"], "is no .rrd file"),
+        (["identify", "{set}", "--json", "{set}/measurements.toml"], "is not a .json file"),
+        (["record", "{set}", "--out", "{set}/measurements.toml"], "is not a .rrd file"),
         (["simulate", "planar-3r", "--out", "{set}/x"], "planar-2r"),
         (["simulate", "planar-2r"], "--out"),
         (["simulate", "planar-2r", "--out", "{set}"], "{set}"),

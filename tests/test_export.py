@@ -286,7 +286,7 @@ def test_not_converged(folder: Path, found: Identification, tmp_path: Path, caps
         (["--to", "URDF"], 'format "URDF" does not exist'),
         (["--payload", "p9"], 'payload "p9" does not exist; valid: p1, p2'),
         (["--result", "gone.json"], "gone.json: cannot be read"),
-        (["--result", "gone.json", "--refine"], "--result: nothing is identified then"),
+        (["--result", "gone.json", "--refine"], "--result: no identification is run"),
         (["--effect", "no_such"], 'effect "no_such" does not exist'),
         (["--out", "{full}"], "the folder is not empty, expected a new or empty folder"),
         (["--out", "{full}/there"], "this is a file, expected a new folder"),
@@ -318,9 +318,9 @@ def test_session(
     save_session(session, small, place)
     command = ["export", str(place), "--to", "json", "--out"]
     assert main([*command, str(tmp_path / "none")]) == 2
-    assert "the session has no result yet" in capsys.readouterr().err
+    assert "the session has no result, expected" in capsys.readouterr().err
     assert main([*command, str(tmp_path / "none"), "--refine"]) == 2
-    assert "a session's result is exported as it is" in capsys.readouterr().err
+    assert "the saved result is exported" in capsys.readouterr().err
     analysis = session.analysis.with_effect("torque_offset:joint2", True)
     analysis = analysis.with_identification(found, analysis.settings).with_diagnosis(DIAGNOSIS)
     session = session.then("identified", analysis)

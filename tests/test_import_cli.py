@@ -191,7 +191,7 @@ def test_refused_unless_insisted(tmp_path: Path, quick: None, capsys: pytest.Cap
     assert main(arguments) == 2
     out, _ = lines_of(capsys)
     assert "looks wrong: tau of joint1: with sign = -1 the robot's masses explain 100 %" in "\n".join(out)
-    assert out[-1] == "nothing was written: correct the mapping, or insist with --yes"
+    assert out[-1] == "nothing was written: correct the mapping, or use --yes to write it anyway"
     report = json.loads((tmp_path / "r.json").read_text())
     assert report["set"] is None
     assert report["suspicions"][0]["fixes"] == [
@@ -217,18 +217,21 @@ def test_incomplete_mapping_is_written(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 USAGE = {
-    "no robot": (["run.csv"], "--robot is needed beside logs"),
+    "no robot": (["run.csv"], "--robot is missing"),
     "robot beside a mapping": (
         ["m.toml", "--robot", "robot.urdf"],
-        "--robot: the mapping file names the robot",
+        "--robot applies to logs",
     ),
-    "mapping beside a mapping": (["m.toml", "--mapping", "n.toml"], "--mapping belongs to logs"),
-    "two mappings": (["m.toml", "m.toml", "--robot", "robot.urdf"], "a mapping file stands alone"),
+    "mapping beside a mapping": (["m.toml", "--mapping", "n.toml"], "--mapping applies to logs"),
+    "two mappings": (
+        ["m.toml", "m.toml", "--robot", "robot.urdf"],
+        "a mapping file cannot be combined with logs",
+    ),
     "mapping exists": (
         ["run.csv", "--robot", "robot.urdf", "--mapping", "m.toml"],
         r"m\.toml: exists already",
     ),
-    "mapping's name": (["run.csv", "--robot", "robot.urdf", "--mapping", "m.txt"], r"ends in \.toml"),
+    "mapping's name": (["run.csv", "--robot", "robot.urdf", "--mapping", "m.txt"], r"expected \*\.toml"),
     "set exists": (["m.toml", "--out", "full"], "the folder is not empty"),
     "format": (["m.toml", "--out", "new", "--format", "hdf5"], "--format hdf5: valid: parquet, csv"),
     "no such log": (["none.csv", "--robot", "robot.urdf"], r"none\.csv: file not found"),

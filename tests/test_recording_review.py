@@ -79,7 +79,7 @@ def test_what_a_recording_says(files: tuple[Path, Path], session: Any) -> None:
 def test_check(files: tuple[Path, Path], capfd: Any) -> None:
     code, out, _ = review(capfd, files[1], "--check")
     assert code == 0
-    for words in ("b.rrd: whole", "as written beside it", "result 1, b: rms 3 4", "verdict: missing coulomb"):
+    for words in ("b.rrd: complete", "SHA-256: matches", "result 1, b: rms 3 4", "verdict: Missing: Coulomb"):
         assert words in out
 
 
@@ -87,7 +87,7 @@ def test_a_truncated_one_is_repaired(files: tuple[Path, Path], tmp_path: Path, c
     raw = files[0].read_bytes()
     (tmp_path / "cut.rrd").write_bytes(raw[: len(raw) * 9 // 10])
     code, out, _ = review(capfd, tmp_path / "cut.rrd", "--check")
-    assert code == 0 and "is truncated" in out and "cut.repaired.rrd: whole" in out
+    assert code == 0 and "is truncated" in out and "cut.repaired.rrd: complete" in out
     assert (tmp_path / "cut.rrd").stat().st_size == len(raw) * 9 // 10
     check_recording(tmp_path / "cut.repaired.rrd")
 
@@ -98,7 +98,7 @@ def test_bad_input_is_named(files: tuple[Path, Path], session: Any, tmp_path: Pa
         ([tmp_path / "nothing.rrd"], r"nothing\.rrd: cannot be read"),
         ([tmp_path / "garbage.rrd"], r"garbage\.rrd: is not a readable Rerun recording"),
         ([session[0].path], r"neither a recording nor a session; .*`flexviz record`"),
-        ([files[0], "--out", tmp_path / "x.rrd"], "--out: one recording is opened as it is"),
+        ([files[0], "--out", tmp_path / "x.rrd"], "--out: a single recording is opened"),
         ([files[0], "--check", "--out", tmp_path / "no" / "x.rrd"], "does not exist"),
     ):
         code, out, err = review(capfd, *arguments)
@@ -111,7 +111,7 @@ def test_a_session_becomes_a_recording(session: Any, tmp_path: Path, capfd: Any,
     measurements, analyses = session
     save_session(analyses.with_note("look at joint 2"), measurements, tmp_path / "kept")
     code, out, _ = review(capfd, tmp_path / "kept", "--check", "--out", tmp_path / "kept.rrd")
-    assert code == 0 and "result 1" in out and "verdict: missing coulomb_friction on joint2" in out
+    assert code == 0 and "result 1" in out and "verdict: Missing: Coulomb friction on joint2" in out
     content = Read(tmp_path / "kept.rrd")
     steps = list(content.component("/__properties/session", "steps"))
     assert steps == [step.label for step in analyses.steps]

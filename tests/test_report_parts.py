@@ -247,7 +247,7 @@ def test_a_session_is_shown_annotated_and_finds_its_data_again(
     save_session(session.with_recording(workplace / "gone.rrd"), measurements, workplace / "kept")
     assert main(["session", "kept", "--note", "cold start"]) == 0
     out = capsys.readouterr().out
-    for words in ("as it was", "4. 20", "offset", "1 undone", "cold start", "gone.rrd (missing)", "verdict"):
+    for words in ("unchanged", "4. 20", "offset", "1 undone", "cold start", "gone.rrd (missing)", "verdict"):
         assert words in out, words
     (workplace / "data" / "other").rename(workplace / "moved")
     assert main(["session", "kept"]) == 2 and "--set" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""The command line: one file per command, no computing here.
+"""The command line: one file per command, no computation here.
 
 Exit codes: 0 done, 1 ran but did not converge, 2 bad input or usage, 130 interrupted. Results go to
 standard output, progress and messages to standard error. Commands import what they need when they run, so
@@ -61,7 +61,7 @@ def _root(
         print(f"flexviz {__version__}")
         raise typer.Exit()
     if context.invoked_subcommand is None:
-        with redirect_stdout(sys.stderr):  # typer prints its help where standard output is
+        with redirect_stdout(sys.stderr):  # typer prints its help to standard output
             typer.echo(context.get_help())
         raise typer.Exit(EXIT_BAD_INPUT)
 

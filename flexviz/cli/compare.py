@@ -8,52 +8,52 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexviz.cli.own import EffectsFromOption, load_own
+from flexviz.cli.options import EffectsFromOption, load_effect_files
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from flexviz.session import ParameterRow, SessionComparison, SessionSummary
 
-SURE = 3.0  # standard errors from which a difference is pointed at
+MARKED_DEVIATION = 3.0  # standard errors from which a difference is marked
 
 
 def compare(
     sessions: Annotated[
-        list[Path], typer.Argument(metavar="SESSION…", help="Two folders or more with session.json.")
+        list[Path], typer.Argument(metavar="SESSION…", help="Two or more folders with session.json.")
     ],
     all_parameters: Annotated[
-        bool, typer.Option("--all", help="Also the single inertial parameters, which are seldom determined.")
+        bool,
+        typer.Option("--all", help="Also show single inertial parameters, which are seldom identifiable."),
     ] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the comparison as JSON.")
     ] = None,
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """Compare what saved sessions ended with."""
+    """Compare the final results of saved sessions."""
     from flexviz.cli import output
     from flexviz.errors import InputError
-    from flexviz.session import compare as put_side_by_side
+    from flexviz.session import compare as compare_sessions
     from flexviz.session import is_session, open_session
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     output.check_output_file(json_file, ".json")
     for path in sessions:
         if not is_session(path):
-            raise InputError("is no session; a folder with session.json would be right", file=path)
-    found = put_side_by_side([open_session(path) for path in sessions])
+            raise InputError("not a session, expected a folder with session.json", file=path)
+    found = compare_sessions([open_session(path) for path in sessions])
     if json_file is not None:
         output.write_json(json_file, found.to_json())
     console = output.results()
     for table in (facts(found), errors(found), parameters(found, all_parameters)):
         console.print(table)
-    for line in notes(found):
-        console.print(line, soft_wrap=True)
+    output.print_lines(notes(found))
     return 0
 
 
 def facts(found: SessionComparison) -> Table:
-    """What each session is about, a column each."""
+    """Set, effects and verdict, one column per session."""
     from flexviz.results import plain_table
 
     table = plain_table("")
@@ -73,33 +73,33 @@ def facts(found: SessionComparison) -> Table:
 
 
 def source(one: SessionSummary) -> str:
-    """Where a session's parameters come from."""
+    """Source of the parameters of a session."""
     if one.source != "identification":
         return one.source or "–"
     return f"identification, {one.observer}" + (", refined" if one.refined else "")
 
 
 def errors(found: SessionComparison) -> Table:
-    """Held-out (else fitted) error of each joint, a column a session."""
+    """Held-out and fitted error of each joint, one column per session."""
     from flexviz.results import plain_table
     from flexviz.wording import number
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
     table = plain_table("rms [Nm]", numbers=[s.name for s in found.sessions])
+    labels = {"rms_validation": "held out", "rms": "fitted", "noise_floor": "noise floor"}
     for joint in joints:
-        for what in ("rms_validation", "rms", "noise_floor"):
+        for key, label in labels.items():
             cells = []
             for s in found.sessions:
-                values = getattr(s, what)
+                values = getattr(s, key)
                 known = joint in s.joints and len(values) == len(s.joints)
                 cells.append(number(values[s.joints.index(joint)], 3) if known else "–")
-            label = {"rms_validation": "held out", "rms": "fitted", "noise_floor": "noise floor"}[what]
             table.add_row(f"{joint}, {label}", *cells)
     return table
 
 
 def parameters(found: SessionComparison, every: bool) -> Table:
-    """Each parameter with its 95 % interval, a column a session, and how far first and last are apart."""
+    """Parameters with 95 % intervals, one column per session, and the difference of first and last."""
     from flexviz.results import interval, plain_table
     from flexviz.wording import INERTIAL
 
@@ -114,31 +114,31 @@ def parameters(found: SessionComparison, every: bool) -> Table:
 
 
 def far(row: ParameterRow) -> str:
-    """The difference in standard errors; pointed at where it is large."""
+    """The difference in standard errors, marked with ! if large."""
     if not math.isfinite(row.deviations):
         return "–"
-    return f"{row.deviations:.1f}" + (" !" if row.deviations >= SURE else "")
+    return f"{row.deviations:.1f}" + (" !" if row.deviations >= MARKED_DEVIATION else "")
 
 
 def notes(found: SessionComparison) -> list[str]:
-    """What a reader must know."""
+    """Remarks on the comparison."""
     out = []
     if not found.same_data:
-        out.append("The sessions look at different data.")
+        out.append("The sessions use different data.")
     for s in found.sessions:
         if s.changed:
             out.append(
-                f"{s.name}: {', '.join(s.changed)} changed since; its results belong to the older data."
+                f"{s.name}: {', '.join(s.changed)} changed since; its results belong to the previous data."
             )
         if not s.source:
-            out.append(f"{s.name}: has no result of its present settings.")
+            out.append(f"{s.name}: has no result for its current settings.")
     if len({s.errors_from for s in found.sessions if s.errors_from}) > 1:
-        out.append("The errors are of different bands and say nothing about one another.")
+        out.append("The errors are from different frequency bands and cannot be compared.")
     if len({s.source for s in found.sessions if s.source}) > 1:
         out.append("The parameters come from different kinds of fit.")
-    if any(row.deviations >= SURE for row in found.rows):
+    if any(row.deviations >= MARKED_DEVIATION for row in found.rows):
         out.append(
-            f"!: first and last differ by {SURE:.0f} standard errors or more, counted as if they were "
-            "independent; of the same data they are not, and less would already mean something."
+            f"!: first and last differ by {MARKED_DEVIATION:.0f} standard errors or more, as if they were "
+            "independent; for the same data even smaller differences are significant."
         )
     return out

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexviz.cli.own import EffectsFromOption, load_own
+from flexviz.cli.options import EffectsFromOption, load_effect_files
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -22,11 +22,13 @@ STDOUT = Path("-")
 
 def effects(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Show this effect fully; without it list all.")
+        str | None, typer.Argument(metavar="NAME", help="Show this effect in full; default: list all.")
     ] = None,
     json_file: Annotated[
         Path | None,
-        typer.Option("--json", metavar="FILE", help="Also write them as JSON; - writes only that, here."),
+        typer.Option(
+            "--json", metavar="FILE", help="Also write them as JSON; - writes only JSON, to standard output."
+        ),
     ] = None,
     effects_from: EffectsFromOption = None,
 ) -> int:
@@ -36,7 +38,7 @@ def effects(
     from flexviz.errors import InputError, choose_from
     from flexviz.wording import effect_json
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     if name is not None and name not in EFFECTS:
         raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}')
     shown = list(EFFECTS.values()) if name is None else [EFFECTS[name]]
@@ -56,13 +58,13 @@ def effects(
 
 
 def print_json(data: dict[str, Any]) -> None:
-    """JSON on standard output, escaped where that cannot take every letter."""
+    """Print JSON, escaped if standard output is not Unicode."""
     plain = "utf" not in (sys.stdout.encoding or "").lower()
     print(json.dumps(data, indent=2, ensure_ascii=plain, allow_nan=False))
 
 
 def list_all(console: Console, shown: Iterable[Effect]) -> None:
-    """One row an effect."""
+    """A table with one row per effect."""
     from rich import box
     from rich.table import Table
 
@@ -73,7 +75,7 @@ def list_all(console: Console, shown: Iterable[Effect]) -> None:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for title in ("effect", "title", "where") if wide else ("effect",):
         table.add_column(title, no_wrap=True)
-    table.add_column("what it is", ratio=3)
+    table.add_column("description", ratio=3)
     if wide:
         table.add_column("parameters", ratio=2)
     for effect in shown:

@@ -1,4 +1,4 @@
-"""`flexviz export SET|SESSION --out DIR`: what was found, in the formats that others read."""
+"""`flexviz export SET|SESSION --out DIR`: the identified robot in formats of other programs."""
 
 from __future__ import annotations
 
@@ -8,87 +8,74 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexviz.cli.identifying import (
-    BandwidthOption,
-    EffectOption,
-    GroupOption,
-    ObserverOption,
-    RefineOption,
-    Wanted,
-    parse_bandwidth,
+from flexviz.cli.options import (
+    EffectsFromOption,
+    IdentificationOptions,
+    load_effect_files,
     run_identification,
+    with_identification_options,
 )
-from flexviz.cli.own import EffectsFromOption, load_own
 from flexviz.errors import Cancelled, InputError
 
 if TYPE_CHECKING:
     from flexviz.exporting import Exported, IdentifiedRobot
 
-DEFAULT_OBSERVER = "butterworth-zero-phase"
 
-
+@with_identification_options
 def export(
     source: Annotated[
         Path, typer.Argument(metavar="SET|SESSION", help="Folder with measurements.toml, or a saved session.")
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder to write to.")],
+    options: IdentificationOptions,
     to: Annotated[
         list[str] | None,
-        typer.Option(metavar="FORMAT", help="urdf, mjcf, yaml, json, c or python; repeat; all without it."),
+        typer.Option(
+            metavar="FORMAT", help="urdf, mjcf, yaml, json, c or python; repeat for more; default: all."
+        ),
     ] = None,
     result: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help='What "identify --json" or "diagnose --json" wrote for this set, or exported parameters.',
+            help='File from "identify --json" or "diagnose --json" for this set, or exported parameters.',
         ),
     ] = None,
     payload: Annotated[
         str | None, typer.Option(metavar="NAME", help="The robot carries this payload of the set.")
     ] = None,
-    group: GroupOption = None,
-    effect: EffectOption = None,
-    observer: ObserverOption = DEFAULT_OBSERVER,
-    bandwidth: BandwidthOption = None,
-    refine: RefineOption = False,
     effects_from: EffectsFromOption = None,
 ) -> int:
     """Write the identified robot as URDF, MJCF, parameter files, and C and Python code for feed-forward.
 
-    What is written is the result in FILE, or a session's present result. A set without FILE is identified
-    first, as the further options say.
+    Writes the result in FILE, or the current result of a session. A set without FILE is identified first,
+    using the identification options.
     """
     from flexviz.cli import output
     from flexviz.cli.progress import note
     from flexviz.exporting import check_folder, check_formats, write
     from flexviz.session import is_session
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     formats = check_formats(to or [])
     check_folder(out)
-    asked = Wanted(source, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
-    plain = Wanted(source, [], [], DEFAULT_OBSERVER, None, False)
-    if result is not None and asked != plain:
-        raise InputError("--result: nothing is identified then; leave the options of an identification out")
-    if is_session(source) and asked != plain:
-        raise InputError(
-            "a session's result is exported as it is; leave the options of an identification out, or give "
-            "the measurement set",
-            file=source,
-        )
+    if options != IdentificationOptions():
+        if result is not None:
+            raise InputError("--result: no identification is run, expected no identification options")
+        if is_session(source):
+            message = "the saved result is exported, expected no identification options, or a measurement set"
+            raise InputError(message, file=source)
     identified = _from_file(source, result, payload) if result is not None else None
     identified = identified or _from_session(source, payload)
-    identified = identified or _identified(asked, payload)
+    identified = identified or _identified(source, options, payload)
     for text in identified.remarks:
         note(f"note: {text}")
-    console = output.results()
-    for line in summary(write(identified, out, formats)):
-        console.print(line, soft_wrap=True)
+    output.print_lines(summary(write(identified, out, formats)))
     return 0 if identified.document.converged else 1
 
 
 def summary(done: Exported) -> list[str]:
-    """What was written where and what it does not hold, in lines of text."""
+    """The written files and what they do not contain, as lines of text."""
     lines = [f"{done.folder}:"]
     for name, files in done.files.items():
         shown: Sequence[str] = [file.relative_to(done.folder).as_posix() for file in files]
@@ -112,7 +99,7 @@ def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot
 
 
 def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
-    """The session's present result; None where there is none."""
+    """The current result of a session; None for a measurement set."""
     from flexviz.exporting import identified_robot
     from flexviz.session import is_session, open_session
 
@@ -124,8 +111,8 @@ def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
     found = analysis.identification or diagnosis
     if found is None:
         raise InputError(
-            "the session has no result yet; run it there, or give the measurement set "
-            f"{opened.measurements.path} to identify it now",
+            "the session has no result, expected one with an identification, or the measurement set "
+            f"{opened.measurements.path}",
             file=source,
         )
     current = analysis.up_to_date if found is analysis.identification else analysis.diagnosis_up_to_date
@@ -145,18 +132,15 @@ def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
     )
 
 
-def _identified(wanted: Wanted, payload: str | None) -> IdentifiedRobot:
+def _identified(path: Path, options: IdentificationOptions, payload: str | None) -> IdentifiedRobot:
     from flexviz.cli.progress import Reporter, interruptible
     from flexviz.exporting import check_payload, identified_robot
     from flexviz.measurements import read_set
 
-    with (
-        Reporter(f"reading {wanted.path}") as report,
-        interruptible("nothing is written") as should_stop,
-    ):
-        if payload is not None:  # better said before the work
-            check_payload(read_set(wanted.path), payload)
-        measurements, found = run_identification(wanted, report, should_stop)
+    with Reporter(f"reading {path}") as report, interruptible("nothing is written") as should_stop:
+        if payload is not None:  # refuse before the work
+            check_payload(read_set(path), payload)
+        measurements, found = run_identification(path, options, report, should_stop)
         if found.stopped:
             raise Cancelled("stopped by the user; nothing was written")
     return identified_robot(measurements, found, payload=payload)

@@ -2,47 +2,33 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from flexviz.cli.identifying import (
-    BandwidthOption,
-    EffectOption,
-    GroupOption,
-    ObserverOption,
-    RefineOption,
+from flexviz.cli.options import (
+    EffectsFromOption,
+    IdentificationOptions,
+    JsonOption,
     SetArgument,
-    Wanted,
     exit_code,
-    parse_bandwidth,
+    load_effect_files,
     run_identification,
+    with_identification_options,
 )
-from flexviz.cli.own import EffectsFromOption, load_own
 
 
+@with_identification_options
 def identify(
     measurement_set: SetArgument,
-    group: GroupOption = None,
-    effect: EffectOption = None,
-    observer: ObserverOption = "butterworth-zero-phase",
-    bandwidth: BandwidthOption = None,
-    refine: RefineOption = False,
+    options: IdentificationOptions,
     effects_from: EffectsFromOption = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
-    ] = None,
+    json_file: JsonOption = None,
 ) -> int:
     """Identify stiffness, motor inertia, friction and inertial parameters."""
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     output.check_output_file(json_file, ".json")
-    wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
-        result = run_identification(wanted, report, should_stop)[1]
+        result = run_identification(measurement_set, options, report, should_stop)[1]
     if json_file is not None:
         output.write_json(json_file, result.to_dict())
     output.show(result.document())

@@ -1,8 +1,9 @@
-"""`flexviz import`: logs and a robot become a mapping file, a mapping file becomes a measurement set."""
+"""`flexviz import`: from logs and a robot to a mapping file, and from that to a measurement set."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,10 +17,22 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from flexviz.cli.progress import Reporter
-    from flexviz.importing import Imported, Inspection, Mapping, Questions
+    from flexviz.importing import Imported, Mapping, Questions
 
 INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
-REFUSED = 2  # nothing was written, for the data contradict the mapping
+REFUSED = 2  # nothing was written because the data contradict the mapping
+
+
+@dataclass(frozen=True)
+class ImportRun:
+    """Output options of an import, and how to report and stop it."""
+
+    out: Path | None
+    table_format: str
+    yes: bool
+    json_file: Path | None
+    report: Reporter
+    should_stop: Callable[[], bool]
 
 
 def import_(
@@ -31,7 +44,7 @@ def import_(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder to write the set to; without it only check.")
+        Path | None, typer.Option(metavar="DIR", help="Folder to write the set to; default: only check.")
     ] = None,
     robot: Annotated[
         str | None,
@@ -39,23 +52,21 @@ def import_(
     ] = None,
     mapping: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="With logs: write what was found out about them to this mapping file."
-        ),
+        typer.Option(metavar="FILE", help="With logs: write the mapping drafted from them to this file."),
     ] = None,
     table_format: Annotated[
         str, typer.Option("--format", metavar="parquet|csv", help="Kind of the set's tables.")
     ] = "parquet",
     yes: Annotated[
-        bool, typer.Option("--yes", help="Ask nothing, and write the set although something looks wrong.")
+        bool, typer.Option("--yes", help="Ask nothing, and write the set even if something looks wrong.")
     ] = False,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the report as JSON.")
     ] = None,
 ) -> int:
-    """Make a measurement set of the logs you have.
+    """Convert logs to a measurement set.
 
-    First look at them, which writes a mapping file to read and correct; then import it:
+    First inspect them, which writes a mapping file to read and correct; then import it:
 
     flexviz import run1.mcap run2.mcap --robot arm.urdf --mapping arm.toml
 
@@ -69,107 +80,89 @@ def import_(
         output.check_new_folder(out, table_format)
     asking = not yes and sys.stdin.isatty() and sys.stderr.isatty()  # before the live line takes stderr
     with Reporter("importing") as report, interruptible("nothing is written") as should_stop:
+        run = ImportRun(out, table_format, yes, json_file, report, should_stop)
         if len(source) == 1 and source[0].suffix == ".toml":
             refuse_with_mapping(robot, mapping)
             from flexviz.importing import read_mapping
 
-            return run(
-                read_mapping(source[0]), source[0], out, table_format, yes, json_file, report, should_stop
-            )
-        questions = person(report) if asking else None
-        return from_logs(
-            source, robot, mapping, out, table_format, yes, json_file, questions, report, should_stop
-        )
+            return import_logs(read_mapping(source[0]), source[0], run)
+        return from_logs(source, robot, mapping, person(report) if asking else None, run)
 
 
 def refuse_with_mapping(robot: str | None, mapping: Path | None) -> None:
-    """Options that only belong to logs."""
+    """InputError for options that apply only to logs."""
     if robot is not None:
-        raise InputError("--robot: the mapping file names the robot")
+        raise InputError("--robot applies to logs, but the mapping file names the robot")
     if mapping is not None:
-        raise InputError("--mapping belongs to logs; a mapping file was given already")
+        raise InputError("--mapping applies to logs, but a mapping file was given")
 
 
 def from_logs(
     logs: list[Path],
     robot: str | None,
     mapping: Path | None,
-    out: Path | None,
-    table_format: str,
-    yes: bool,
-    json_file: Path | None,
     questions: Questions | None,
-    report: Reporter,
-    should_stop: Callable[[], bool],
+    run: ImportRun,
 ) -> int:
-    """Look at logs; write the mapping where it was asked for, and the set where nothing is in doubt."""
+    """Inspect logs; write the mapping if requested, and the set if nothing is missing."""
+    from flexviz.cli import output
     from flexviz.importing import inspect_logs
 
     for path in logs:
         if path.suffix == ".toml":
-            raise InputError("a mapping file stands alone: flexviz import MAPPING --out DIR", file=path)
+            raise InputError(
+                "a mapping file cannot be combined with logs, expected flexviz import MAPPING --out DIR",
+                file=path,
+            )
     if robot is None:
-        raise InputError("--robot is needed beside logs: a URDF, example-robot-data:NAME or robots:NAME")
+        raise InputError(
+            "--robot is missing, expected with logs: a URDF, example-robot-data:NAME or robots:NAME"
+        )
     check_new_file(mapping)
     inspection = inspect_logs(
-        logs,
-        robot,
-        questions=questions,
-        progress=report,
-        should_stop=should_stop,
+        logs, robot, questions=questions, progress=run.report, should_stop=run.should_stop
     )
     text = inspection.draft.text(mapping)
     if mapping is not None:
         write_whole(mapping, text.encode())
-    console_lines(about(inspection))
+    output.print_lines([*inspection.draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
     if inspection.draft.missing:
         if mapping is None:
             print(text, end="")
         where = f" in {mapping}" if mapping else "; --mapping FILE writes what is known to a file"
-        console_lines([f"to be filled in{where}: {line}" for line in inspection.draft.missing])
+        output.print_lines([f"to be filled in{where}: {line}" for line in inspection.draft.missing])
         return INCOMPLETE
-    if out is None:
+    if run.out is None:
         if mapping is None:
             print(text, end="")
         else:
-            console_lines([f"{mapping}: read and correct it, then flexviz import {mapping} --out SET"])
+            output.print_lines([f"{mapping}: read and correct it, then flexviz import {mapping} --out SET"])
         return 0
-    return run(
-        inspection.draft.mapping(), Path("mapping"), out, table_format, yes, json_file, report, should_stop
-    )
+    return import_logs(inspection.draft.mapping(), Path("mapping"), run)
 
 
-def run(
-    mapping: Mapping,
-    file: Path,
-    out: Path | None,
-    table_format: str,
-    yes: bool,
-    json_file: Path | None,
-    report: Reporter,
-    should_stop: Callable[[], bool],
-) -> int:
-    """Import what a mapping names, and say what was done and what looks wrong."""
+def import_logs(mapping: Mapping, file: Path, run: ImportRun) -> int:
+    """Import the logs of a mapping and print the report."""
     from flexviz.cli import output
     from flexviz.importing import import_mapping
 
     done = import_mapping(
         mapping,
         file,
-        out,
-        table_format,
-        yes,
-        progress=report,
-        should_stop=should_stop,
+        run.out,
+        run.table_format,
+        run.yes,
+        progress=run.report,
+        should_stop=run.should_stop,
     )
-    if json_file is not None:
-        output.write_json(json_file, done.to_json())
-    console_lines(summary(done, out))
-    return REFUSED if done.wrong and not yes else 0
+    if run.json_file is not None:
+        output.write_json(run.json_file, done.to_json())
+    output.print_lines(summary(done, run.out))
+    return REFUSED if done.wrong and not run.yes else 0
 
 
 def person(report: Reporter) -> Questions:
-    """The person at the terminal; the live line is gone while they answer."""
+    """The user at the terminal; the live line is hidden while they answer."""
     from flexviz.cli.progress import note
     from flexviz.importing import Person
 
@@ -181,32 +174,18 @@ def person(report: Reporter) -> Questions:
 
 
 def check_new_file(file: Path | None) -> None:
-    """Say before the work that a mapping cannot be written; one that is there may have been corrected."""
+    """Refuse an unusable mapping file before the work; an existing one may have been corrected."""
     from flexviz.cli import output
 
     output.check_output_file(file)
     if file is not None and file.exists():
         raise InputError("exists already, expected a new name", file=file)
     if file is not None and file.suffix != ".toml":
-        raise InputError("a mapping's name ends in .toml", file=file)
-
-
-def console_lines(lines: list[str]) -> None:
-    """Lines on standard output."""
-    from flexviz.cli import output
-
-    console = output.results()
-    for line in lines:
-        console.print(line, soft_wrap=True)
-
-
-def about(inspection: Inspection) -> list[str]:
-    """What was found in the logs, in a few lines of text."""
-    return [*inspection.draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)]
+        raise InputError("not a name for a mapping, expected *.toml", file=file)
 
 
 def summary(done: Imported, out: Path | None) -> list[str]:
-    """What was imported and what looks wrong, in a few lines of text."""
+    """Summary of an import, as lines of text."""
     import numpy as np
 
     lines = []
@@ -229,13 +208,13 @@ def summary(done: Imported, out: Path | None) -> list[str]:
             f"it is stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of it"
         )
     elif not done.wrong:
-        lines.append("whether torque and motion agree in time could not be told from these data")
+        lines.append("these data do not show whether torque and motion agree in time")
     lines += [f"looks {s.severity}: {s}" for s in done.issues]
     lines += [f"warning: {warning}" for warning in done.warnings]
     if done.folder is not None:
         lines.append(f"{done.folder}: {len(done.groups)} groups, joints {', '.join(done.joints)}")
     elif done.wrong:
-        lines.append("nothing was written: correct the mapping, or insist with --yes")
+        lines.append("nothing was written: correct the mapping, or use --yes to write it anyway")
     elif out is None:
         lines.append("only checked; --out DIR writes the set")
     return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ PIPE_WIDTH = 160  # columns where standard output is not a terminal
 
 
 def results() -> Console:
-    """A console on standard output; names are shown as they are, brackets are not markup."""
+    """A console on standard output; brackets are not markup."""
     console = Console(markup=False, highlight=False, emoji=False)
     if not console.is_terminal:
         console.width = PIPE_WIDTH
@@ -25,22 +26,22 @@ def results() -> Console:
 
 
 def check_output_file(path: Path | None, suffix: str = "") -> None:
-    """Say before the work, not after it, that a file cannot be written where it was asked for.
+    """Refuse an unusable output file before the work starts.
 
-    With `suffix` a file that ends otherwise is not overwritten: it may be the set's, or a robot.
+    With `suffix`, an existing file of another kind is not overwritten: it may be part of a set.
     """
     if path is None:
         return
     if path.is_dir():
-        raise InputError("is a folder; a file name is needed", file=path)
+        raise InputError("is a folder, expected a file name", file=path)
     if not path.absolute().parent.is_dir():
         raise InputError(f"the folder {path.absolute().parent} does not exist", file=path)
     if suffix and path.is_file() and path.suffix not in ("", suffix):
-        raise InputError(f"is there already and is no {suffix} file; another name would be right", file=path)
+        raise InputError(f"exists and is not a {suffix} file, expected another name", file=path)
 
 
 def check_new_folder(folder: Path, table_format: str) -> None:
-    """Say before the work that a set cannot be written to this folder or in this format."""
+    """Refuse an unusable folder or table format for a set before the work starts."""
     from flexviz.measurements import SUFFIXES, check_free
 
     if table_format not in SUFFIXES:
@@ -48,8 +49,15 @@ def check_new_folder(folder: Path, table_format: str) -> None:
     check_free(folder.absolute())
 
 
+def print_lines(lines: Iterable[str]) -> None:
+    """Print lines of text, unwrapped."""
+    console = results()
+    for line in lines:
+        console.print(line, soft_wrap=True)
+
+
 def show(result: ResultDocument) -> None:
-    """A result as tables and sentences."""
+    """Print a result as tables and sentences."""
     from flexviz.results import parts
 
     console = results()
@@ -58,5 +66,5 @@ def show(result: ResultDocument) -> None:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write JSON so that the file is either whole or not there; NaN and infinities become null."""
+    """Write JSON atomically; NaN and infinities become null."""
     write_whole(path, as_json(data).encode())

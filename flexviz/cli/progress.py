@@ -1,8 +1,4 @@
-"""What a person sees while a command works, always on standard error.
-
-A terminal gets one live line; a file or a pipe gets a plain line when the stage changes and at most one every
-few seconds in between.
-"""
+"""Progress on standard error: a live line on a terminal, otherwise plain lines at most every few seconds."""
 
 from __future__ import annotations
 
@@ -23,7 +19,7 @@ from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColum
 
 from flexviz.progress import Iteration, Progress, StopCallback
 
-SPARSE_SECONDS = 5.0  # [s] between two lines where there is no terminal
+LINE_INTERVAL = 5.0  # [s] between two lines of a stage without a terminal
 
 
 def note(message: str) -> None:
@@ -32,7 +28,7 @@ def note(message: str) -> None:
 
 
 def iteration_text(iteration: Iteration | None) -> str:
-    """Where a solver is; empty without one."""
+    """State of a solver in words; empty for None."""
     if iteration is None:
         return ""
     step = "" if not math.isfinite(iteration.step) else f"  step {iteration.step:.2g}"
@@ -40,12 +36,12 @@ def iteration_text(iteration: Iteration | None) -> str:
 
 
 class Reporter:
-    """Shows how far a piece of work is; use it as a context manager and call it with news."""
+    """Progress display: a context manager that is called with news."""
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._stage = ""
-        self._last = -SPARSE_SECONDS
+        self._last = -LINE_INTERVAL
         self._bar: rich.progress.Progress | None = None
         console = Console(stderr=True)
         if console.is_terminal and not console.is_dumb_terminal:
@@ -73,7 +69,7 @@ class Reporter:
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """While a person is asked something the live line is gone."""
+        """Hide the live line while the user is asked."""
         if self._bar is not None:
             self._bar.stop()
         try:
@@ -91,7 +87,7 @@ class Reporter:
                 self._bar.update(self._task, total=1.0, completed=min(max(fraction, 0.0), 1.0))
             return
         now = time.monotonic()
-        if stage == self._stage and now - self._last < SPARSE_SECONDS:
+        if stage == self._stage and now - self._last < LINE_INTERVAL:
             return
         self._stage, self._last = stage, now
         share = "" if fraction is None else f" {100 * fraction:.0f} %"
@@ -100,14 +96,14 @@ class Reporter:
 
 @contextmanager
 def interruptible(consequence: str = "what was found so far is kept") -> Iterator[StopCallback]:
-    """A `should_stop` that becomes true at the first Ctrl+C; the second one ends the program at once."""
+    """A `should_stop` that turns true at the first Ctrl+C; a second one interrupts at once."""
     asked = threading.Event()
 
     def on_interrupt(number: int, frame: FrameType | None) -> Any:
         if asked.is_set():
             raise KeyboardInterrupt
         asked.set()
-        # not print: the signal may have come in the middle of one
+        # not print: the signal may interrupt one
         os.write(2, f"stopping; {consequence} (Ctrl+C again to end at once)\n".encode())
 
     if threading.current_thread() is not threading.main_thread():

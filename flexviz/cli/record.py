@@ -7,65 +7,49 @@ from typing import Annotated
 
 import typer
 
-from flexviz.cli.identifying import (
-    BandwidthOption,
-    EffectOption,
-    GroupOption,
-    ObserverOption,
-    RefineOption,
+from flexviz.cli.options import (
+    EffectsFromOption,
+    IdentificationOptions,
     SetArgument,
-    Wanted,
     exit_code,
-    parse_bandwidth,
-    read_wanted,
+    load_effect_files,
+    read_selected,
+    with_identification_options,
 )
-from flexviz.cli.own import EffectsFromOption, load_own
 
 
+@with_identification_options
 def record(
     measurement_set: SetArgument,
     out: Annotated[Path, typer.Option(metavar="FILE.rrd", help="File to write.")],
-    group: GroupOption = None,
-    effect: EffectOption = None,
-    observer: ObserverOption = "butterworth-zero-phase",
-    bandwidth: BandwidthOption = None,
-    refine: RefineOption = False,
+    options: IdentificationOptions,
     diagnose: Annotated[
         bool,
-        typer.Option(
-            "--diagnose",
-            help="Also look for what is missing, add it effect by effect, and record every step.",
-        ),
+        typer.Option("--diagnose", help="Also find the missing effects, add them and record every step."),
     ] = False,
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """Identify, and record signals, observer states, residuals, iterations and both robots as it goes on."""
+    """Identify, and record signals, observer states, residuals, iterations and both robots."""
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
     from flexviz.results import run_lines
     from flexviz.workflows import record as record_analysis
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     output.check_output_file(out, ".rrd")
-    wanted = Wanted(measurement_set, group or [], effect or [], observer, parse_bandwidth(bandwidth), refine)
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
+        measurements = read_selected(measurement_set, options)
         done = record_analysis(
-            read_wanted(wanted),
+            measurements,
             out,
-            groups=wanted.groups or None,
-            effects=wanted.effects,
-            observer=wanted.observer,
-            bandwidth=wanted.bandwidth,
-            refine=wanted.refine,
             add_missing=diagnose,
             progress=report,
             should_stop=stop,
+            **options.arguments(),
         )
-    console, written = output.results(), done.recorded
-    if done.results:
-        for line in run_lines(done.results[-1].document()):
-            console.print(line, soft_wrap=True)
+    written = done.recorded
     state = "" if written.complete else ", stopped before everything was recorded"
     size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"
-    console.print(f"{written.file}: {size}{state}", soft_wrap=True)
+    lines = run_lines(done.results[-1].document()) if done.results else []
+    output.print_lines([*lines, f"{written.file}: {size}{state}"])
     return exit_code(done.results[-1]) if written.complete else 130

@@ -1,4 +1,4 @@
-"""`flexviz report SET|SESSION --out FILE.html`: what was found, in one file."""
+"""`flexviz report SET|SESSION --out FILE.html`: a report in one file."""
 
 from __future__ import annotations
 
@@ -8,29 +8,27 @@ from typing import Annotated
 import typer
 
 from flexviz.cli.diagnose import GuardOption
-from flexviz.cli.own import EffectsFromOption, load_own
-
-SourceArgument = Annotated[
-    Path, typer.Argument(metavar="SET|SESSION", help="Folder with measurements.toml or session.json.")
-]
+from flexviz.cli.options import EffectsFromOption, load_effect_files
 
 
 def report(
-    source: SourceArgument,
+    source: Annotated[
+        Path, typer.Argument(metavar="SET|SESSION", help="Folder with measurements.toml or session.json.")
+    ],
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .html, .md or .json.")],
     guard: GuardOption = None,
     keep: Annotated[
         Path | None,
-        typer.Option("--session", metavar="DIR", help="Also keep the results as a session in a new folder."),
+        typer.Option("--session", metavar="DIR", help="Also save the results as a session to a new folder."),
     ] = None,
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """Write a report: of a set after a full diagnosis, of a session from what is saved in it."""
+    """Write a report on a set, after a full diagnosis, or on a saved session."""
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible, note
     from flexviz.workflows import report_kind, write_report
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     report_kind(out)
     output.check_output_file(out)
     with Reporter(f"reading {source}") as progress, interruptible() as should_stop:

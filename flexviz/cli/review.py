@@ -22,23 +22,25 @@ SOURCE = "A recording (*.rrd), or a session's folder."
 def review(
     source: Annotated[Path, typer.Argument(metavar="FILE.rrd|SESSION", help=SOURCE)],
     other: Annotated[
-        Path | None, typer.Argument(metavar="[OTHER]", help="Another one, to be shown side by side with it.")
+        Path | None, typer.Argument(metavar="[OTHER]", help="A second one to show side by side.")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Only check it and say what is in it; open nothing.")
+        bool, typer.Option("--check", help="Only check it and list its content; open nothing.")
     ] = False,
     web: Annotated[
         bool | None,
-        typer.Option("--web/--native", help="In the browser, or in a window; without either what there is."),
+        typer.Option(
+            "--web/--native", help="In the browser or in a window; default: a window if there is a display."
+        ),
     ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.rrd", help="Keep what is made for it: a session's recording, a comparison."
+            metavar="FILE.rrd", help="Keep the file made for it: recording of a session, or comparison."
         ),
     ] = None,
     port: Annotated[
-        int | None, typer.Option(metavar="P", help="Port of the page; without it 9090 or a free one.")
+        int | None, typer.Option(metavar="P", help="Port of the page; default: 9090 or a free one.")
     ] = None,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
@@ -52,7 +54,9 @@ def review(
     with tempfile.TemporaryDirectory(prefix="flexviz-review-") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
         if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
-            raise InputError("--out: one recording is opened as it is; leave it out", file=source)
+            raise InputError(
+                "--out: a single recording is opened without a copy, expected no --out", file=source
+            )
         made = [out if other is None else None, None]
         files = [prepared(one, Path(temporary) / str(n), made[n]) for n, one in enumerate(sources)]
         found = [described(file) for file in files]
@@ -67,7 +71,7 @@ def review(
 
 
 def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
-    """The recording to be opened: checked, repaired where it was cut, made where the source is a session."""
+    """The recording to open: checked, repaired if truncated, created from a session."""
     from flexviz.recording import TruncatedRecording, check_recording, repair_recording
     from flexviz.session import is_session
 
@@ -75,21 +79,21 @@ def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
         return from_session(source, out or temporary / f"{source.resolve().name}.rrd")
     if source.is_dir():
         raise InputError(
-            "is neither a recording nor a session; of a measurement set `flexviz record` makes a recording",
+            "neither a recording nor a session; `flexviz record` records a measurement set",
             file=source,
         )
     try:
         checked = check_recording(source)
     except TruncatedRecording as error:
         checked = repair_recording(source)
-        say(f"{error}; what is readable is in {checked.file}")
-    confirmed = "as written beside it" if checked.confirmed else "none was written beside it"
-    say(f"{checked.file}: whole; {checked.chunks} chunks as its footer says; SHA-256: {confirmed}")
+        say(f"{error}; the readable part is in {checked.file}")
+    confirmed = "matches" if checked.confirmed else "not available"
+    say(f"{checked.file}: complete, {checked.chunks} chunks as in its footer; recorded SHA-256: {confirmed}")
     return checked.file
 
 
 def from_session(source: Path, out: Path) -> Path:
-    """Make a recording of a session."""
+    """Record a session."""
     from flexviz.cli.progress import Reporter
     from flexviz.recording import record_session
     from flexviz.session import open_session
@@ -99,13 +103,15 @@ def from_session(source: Path, out: Path) -> Path:
         out.parent.mkdir(exist_ok=True)
         record_session(opened.session, opened.measurements, out, report)
     for file in opened.session.recordings:
-        say(f"recorded from it: {file}{'' if file.is_file() else ' (not there any more)'}")
+        say(f"earlier recording: {file}{'' if file.is_file() else ' (missing)'}")
     return out
 
 
 def described(file: Path) -> Recording | None:
-    """Say what is in a recording; None where flexviz has not written it."""
+    """Print the content of a recording; None if flexviz did not write it."""
     from flexviz.recording import read_recording
+    from flexviz.results import ResultDocument
+    from flexviz.wording import verdict_text
 
     try:
         found = read_recording(file)
@@ -115,34 +121,25 @@ def described(file: Path) -> Recording | None:
     simulated = " (simulated data)" if found.simulated else ""
     say(f"{found.set_name}{simulated}, robot {found.robot}: {', '.join(found.groups)}")
     for number, result in enumerate(found.results, 1):
-        label = result.get("label") or "the set's own model"
+        label = result.get("label") or "model of the set"
         say(f"result {number}, {label}: {errors(result)}{'' if result['converged'] else ', not converged'}")
     for diagnosis in found.diagnoses:
-        say(f"verdict: {verdict(diagnosis)}")
+        say(f"verdict: {verdict_text(ResultDocument.from_dict(diagnosis))}")
     if not found.results:
-        say("nothing is identified in it")
+        say("contains no identification")
     return found
 
 
 def errors(result: dict[str, Any]) -> str:
-    """The errors of a result [Nm], joint by joint."""
+    """The errors of a result [Nm], per joint."""
     residual = result["residual"]
     text = "rms " + " ".join(f"{value:.4g}" for value in residual["rms"])
     held_out = residual["rms_validation"]
     return text + ("" if held_out is None else ", held out " + " ".join(f"{v:.4g}" for v in held_out)) + " Nm"
 
 
-def verdict(diagnosis: dict[str, Any]) -> str:
-    """A verdict in a few words."""
-    if diagnosis["verdict"] != "missing" or not diagnosis["candidates"]:
-        return str(diagnosis["verdict"]).replace("-", " ")
-    best = diagnosis["candidates"][0]
-    place = best["joint"] or best["payload"] or "the whole robot"
-    return f"missing {best['effect']} on {place}, confidence {best['confidence']:.2f}"
-
-
 def compared(a: Recording, b: Recording, out: Path) -> Path:
-    """Say how two recordings differ and write them side by side into one."""
+    """Print the differences of two recordings and merge them into one."""
     from flexviz.recording import compare_recordings, merge_recordings
 
     found = compare_recordings(a, b)
@@ -159,7 +156,7 @@ def compared(a: Recording, b: Recording, out: Path) -> Path:
 
 
 def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -> None:
-    """Open the recordings and wait until they are closed: a window, Ctrl+C for the page."""
+    """Open the recordings; wait until the window is closed, or for Ctrl+C."""
     from flexviz.recording import has_display, show_in_window, web_viewer
 
     if web is None:
@@ -168,13 +165,13 @@ def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -
         failed = show_in_window(files)
         if not failed:
             return
-        print(f"Rerun's window cannot be opened ({failed}); the page is", file=sys.stderr)
+        print(f"the Rerun window cannot be opened ({failed}); use the page", file=sys.stderr)
     with web_viewer(files, port) as address:
         show_page(address, browser)
 
 
 def show_page(address: str, browser: bool) -> None:
-    """Say where the page is, and wait until Ctrl+C."""
+    """Print the address of the page and wait for Ctrl+C."""
     try:
         say(address)
         if browser:
@@ -185,5 +182,5 @@ def show_page(address: str, browser: bool) -> None:
 
 
 def say(text: str) -> None:
-    """One line on standard output."""
+    """Print one line at once."""
     print(text, flush=True)

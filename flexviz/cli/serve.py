@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flexviz.cli.own import EffectsFromOption, load_own
+from flexviz.cli.options import EffectsFromOption, load_effect_files
 
 
 def serve(
@@ -15,12 +15,12 @@ def serve(
         Path | None,
         typer.Argument(
             metavar="SET|SESSION",
-            help="Folder with measurements.toml or session.json; without it a bundled example.",
+            help="Folder with measurements.toml or session.json; default: a bundled example.",
         ),
     ] = None,
     port: Annotated[
         int | None,
-        typer.Option(metavar="P", help="Port to listen on; without it 8080 or the next free one."),
+        typer.Option(metavar="P", help="Port to listen on; default: 8080 or the next free one."),
     ] = None,
     host: Annotated[str, typer.Option(metavar="H", help="Address to listen on.")] = "127.0.0.1",
     browser: Annotated[
@@ -28,9 +28,9 @@ def serve(
     ] = True,
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """See measured and identified motion side by side in the browser; Ctrl+C ends it."""
+    """Show measured and identified motion side by side in the browser; Ctrl+C ends it."""
     from flexviz.app import serve as run
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     run(source, host=host, port=port, open_browser=browser)
     return 0

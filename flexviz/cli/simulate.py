@@ -1,4 +1,4 @@
-"""`flexviz simulate PRESET --out DIR`: measurement sets whose truth is known."""
+"""`flexviz simulate PRESET --out DIR`: measurement sets with known truth."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexviz.cli.own import EffectsFromOption, load_own
+from flexviz.cli.options import EffectsFromOption, load_effect_files
 
 if TYPE_CHECKING:
     from flexviz.simulation import SimulatedSet
@@ -36,11 +36,11 @@ def simulate(
     ] = "parquet",
     effects_from: EffectsFromOption = None,
 ) -> int:
-    """Simulate a flexible-joint robot; write its measurement set and, beside it, truth.json."""
+    """Simulate a flexible-joint robot; write its measurement set and truth.json."""
     from flexviz.cli import output
     from flexviz.cli.progress import Reporter, interruptible
 
-    load_own(effects_from)
+    load_effect_files(effects_from)
     with Reporter(f"simulating {preset}") as report:
         from flexviz.simulation import simulate_preset
 
@@ -56,14 +56,12 @@ def simulate(
                 should_stop=should_stop,
                 table_format=table_format,
             )
-    console = output.results()
-    for line in summary(done):
-        console.print(line, soft_wrap=True)
+    output.print_lines(summary(done))
     return 0
 
 
 def summary(done: SimulatedSet) -> list[str]:
-    """What was written where, in a few lines of text."""
+    """Summary of the written set, as lines of text."""
     from flexviz.effects import EFFECTS
     from flexviz.wording import unit_text
 

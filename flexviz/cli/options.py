@@ -1,0 +1,175 @@
+"""Options that several commands share, and running an identification as they ask for."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from flexviz.errors import InputError, choose_from
+
+if TYPE_CHECKING:
+    from flexviz.cli.progress import Reporter
+    from flexviz.identification import Identification
+    from flexviz.measurements import MeasurementSet
+
+SetArgument = Annotated[Path, typer.Argument(metavar="SET", help="Folder with measurements.toml.")]
+JsonOption = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
+]
+EffectsFromOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects-from",
+        metavar="FILE",
+        help="Python file with user-defined effects; it is run as a program: give only files you trust. "
+        "Repeat for more.",
+    ),
+]
+
+
+def load_effect_files(files: Sequence[Path] | None) -> None:
+    """Add user-defined effects to the library."""
+    if files:
+        from flexviz.effects import load_effects
+
+        for file in files:
+            load_effects(file)
+
+
+@dataclass(frozen=True)
+class IdentificationOptions:
+    """The options of an identification."""
+
+    group: Annotated[
+        list[str] | None,
+        typer.Option("--group", metavar="NAME", help="Fit this group only; repeat for more."),
+    ] = None
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            metavar="NAME[:place]",
+            help="Add an effect to the model, everywhere or at NAME:joint, NAME:payload or NAME:joint@group; "
+            "repeat for more.",
+        ),
+    ] = None
+    observer: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="eso, eso-equal-delay, eso-zero-phase, flat-zero-phase or butterworth-zero-phase.",
+        ),
+    ] = "butterworth-zero-phase"
+    bandwidth: Annotated[
+        str | None,
+        typer.Option(metavar="W", help="Observer bandwidth in rad/s: one number, or one per joint: 40,60."),
+    ] = None
+    refine: Annotated[
+        bool, typer.Option("--refine", help="Remove the observer's bias in a second stage.")
+    ] = False
+
+    def arguments(self) -> dict[str, Any]:
+        """Keyword arguments of `flexviz.identification.identify`."""
+        return {
+            "groups": self.group,
+            "effects": self.effect or [],
+            "observer": self.observer,
+            "bandwidth": parse_bandwidth(self.bandwidth),
+            "refine": self.refine,
+        }
+
+
+def with_identification_options(command: Callable[..., int]) -> Callable[..., int]:
+    """Replace the parameter `options` of a command by the fields of `IdentificationOptions`."""
+    hints = get_type_hints(IdentificationOptions, include_extras=True)
+    signature = inspect.signature(command, eval_str=True)
+    kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+    options = [
+        inspect.Parameter(field.name, kind, default=field.default, annotation=hints[field.name])
+        for field in fields(IdentificationOptions)
+    ]
+    parameters: list[inspect.Parameter] = []
+    for parameter in signature.parameters.values():
+        parameters += options if parameter.name == "options" else [parameter]
+
+    @functools.wraps(command)
+    def run(**values: Any) -> int:
+        chosen = {name: values.pop(name) for name in hints}
+        given = {name: value for name, value in chosen.items() if value != []}
+        return command(**values, options=IdentificationOptions(**given))
+
+    run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return run
+
+
+def read_selected(path: Path, options: IdentificationOptions) -> MeasurementSet:
+    """Read a measurement set and check the options against it."""
+    from flexviz.importing import with_plausibility_warnings
+    from flexviz.measurements import read_set
+    from flexviz.observers import make_observer
+
+    arguments = options.arguments()
+    make_observer(options.observer, arguments["bandwidth"])  # refuse a wrong name before reading long files
+    measurements = read_set(path)
+    check_options(measurements, options.group or [], arguments["bandwidth"])
+    return with_plausibility_warnings(measurements)
+
+
+def run_identification(
+    path: Path, options: IdentificationOptions, report: Reporter, should_stop: Callable[[], bool]
+) -> tuple[MeasurementSet, Identification]:
+    """Read and check a measurement set, and identify it."""
+    from flexviz.identification import identify
+
+    measurements = read_selected(path, options)
+    arguments = options.arguments()
+    return measurements, identify(measurements, progress=report, should_stop=should_stop, **arguments)
+
+
+def check_options(
+    measurements: MeasurementSet, names: Sequence[str], bandwidth: float | list[float] | None
+) -> None:
+    """InputError for groups or a number of bandwidths that the set does not have."""
+    where = measurements.name
+    groups = {g.name: g for g in measurements.groups}
+    for name in names:
+        if name not in groups:
+            raise InputError(f"--group {name}: no such group in {where}; {choose_from(name, groups)}")
+        if groups[name].validation:
+            raise InputError(f"--group {name}: is kept for validation in {where} and is never fitted")
+    joints = measurements.joints
+    if isinstance(bandwidth, list) and len(bandwidth) != len(joints):
+        raise InputError(
+            f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
+        )
+
+
+def exit_code(result: Identification) -> int:
+    """0 converged, 1 not, 130 stopped by the user."""
+    if result.stopped:
+        return 130
+    return 0 if result.converged else 1
+
+
+def parse_bandwidth(text: str | None) -> float | list[float] | None:
+    """One number or one per joint, comma separated [rad/s]; None if not given."""
+    if text is None:
+        return None
+    values = []
+    for part in text.split(","):
+        try:
+            values.append(float(part))
+        except ValueError:
+            message = f'"{part}" is not a number, expected one in rad/s or one per joint: 40,60'
+            raise InputError(f"--bandwidth {text}: {message}") from None
+        if not (math.isfinite(values[-1]) and values[-1] > 0.0):
+            raise InputError(f"--bandwidth {text}: {part} is not a positive number of rad/s")
+    return values[0] if len(values) == 1 else values
