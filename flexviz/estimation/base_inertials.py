@@ -1,9 +1,8 @@
-"""Base parameters: the inertial combinations that a robot's motion can identify.
+"""Base parameters: the identifiable combinations of a robot's inertial parameters.
 
-Columns of Y that are combinations of others for every motion can never be told apart (Gautier, Khalil: Direct
-calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; found numerically by
-QR, Gautier, J. Robotic Systems 8(4), 1991). Masses are regrouped last, so that a planar arm keeps Izz, mx,
-my.
+Columns of Y that are linearly dependent for every motion cannot be separated (Gautier, Khalil: Direct
+calculation of minimum set of inertial parameters of serial robots, IEEE T-RA 6(3), 1990; numerically by QR,
+Gautier, J. Robotic Systems 8(4), 1991). Masses are eliminated first, so that a planar arm keeps Izz, mx, my.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ class BaseParameters:
     """The base parameters β = T Γ.
 
     Attributes:
-        names: of each base parameter, "izz:joint1 + 1 mass:joint2".
-        columns: index in Γ of each one's leading parameter.
-        matrix: shape (b, 10n), T.
+        names: one per base parameter, e.g. "izz:joint1 + 1 mass:joint2".
+        columns: index in Γ of each leading parameter.
+        matrix: T, shape (b, 10n).
     """
 
     names: tuple[str, ...]
@@ -37,7 +36,7 @@ class BaseParameters:
 
 
 def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
-    """Structural base parameters, from the regressor at random states."""
+    """Structural base parameters from the regressor at random states."""
     rng = np.random.default_rng(seed)
     n = robot.n
     q, v, a = rng.uniform(-2.5, 2.5, (3, 12 * n + 8, n))
@@ -52,7 +51,7 @@ def base_parameters(robot: Robot, seed: int = 0) -> BaseParameters:
         if scale[column] < 1e-9 * scale.max():
             continue
         rest = y[:, column] / scale[column]
-        for _ in range(2):  # twice is enough for orthogonality to rounding
+        for _ in range(2):  # two passes give orthogonality to rounding
             rest = rest - basis @ (basis.T @ rest)
         norm = np.linalg.norm(rest)
         if norm > 1e-7:

@@ -1,9 +1,9 @@
-"""Standard errors that account for the residual's colour.
+"""Standard errors for correlated residuals.
 
-The residual is filtered noise (and model error): its samples are correlated in time and between joints, so
-the textbook covariance σ²(JᵀJ)⁻¹ is wrong, here by up to a factor of twelve. The sandwich A⁻¹ (Jᵀ T J) A⁻¹
-uses the residual's own covariance T, taken as stationary within a group and estimated from its smoothed cross
-spectrum.
+The residual is filtered noise (and model error), correlated in time and between joints, so that the textbook
+covariance σ²(JᵀJ)⁻¹ is wrong, here by up to a factor of twelve. The sandwich estimate A⁻¹ (Jᵀ T J) A⁻¹ uses
+the covariance T of the residual, assumed stationary within a group and estimated from its smoothed cross
+spectra.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexviz.estimation.linear_algebra import scaled_inverse
 
 Array = NDArray[np.float64]
 
-SMOOTHING = 24  # spectral bins are averaged over a 1/24 of the band
+SMOOTHED_BANDS = 24  # spectra are averaged over 1/24 of the band
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Covariance:
 
     Attributes:
         matrix: shape (P, P); zero for parameters at a bound.
-        prior_share: shape (P,), share of the prior in each variance, 0 … 1.
+        prior_share: shape (P,), share of each variance that stems from the prior, 0 … 1.
     """
 
     matrix: Array
@@ -36,20 +36,20 @@ class Covariance:
 
     @property
     def standard_errors(self) -> Array:
-        """Of every parameter, shape (P,)."""
+        """Standard error of each parameter, shape (P,)."""
         return np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
 
 
 def sandwich(
     information: Array, score: Array, prior: Array, at_bound: NDArray[np.bool_] | None = None
 ) -> Covariance:
-    """Sandwich covariance with the prior's own uncertainty.
+    """Sandwich covariance including the uncertainty of the prior.
 
     Args:
         information: shape (P, P), JᵀJ of the weighted Jacobian.
-        score: shape (P, P), covariance of the score, Jᵀ T J.
+        score: shape (P, P), covariance Jᵀ T J of the score.
         prior: shape (P, P), Hessian of the prior.
-        at_bound: shape (P,), parameters held at a bound; none where None.
+        at_bound: shape (P,), parameters held at a bound; default: none.
     """
     size = len(information)
     free = np.ones(size, bool) if at_bound is None else ~at_bound
@@ -63,12 +63,12 @@ def sandwich(
 
 
 def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) -> Array:
-    """Jᵀ T J with T from the residual's smoothed cross spectra.
+    """Score covariance Jᵀ T J with T from the smoothed cross spectra of the residual.
 
     Args:
         residual: shape (N, n), weighted.
-        jacobian: shape (N, n, P), weighted alike.
-        rows: the stretches of N that are contiguous in time.
+        jacobian: shape (N, n, P), with the same weights.
+        rows: stretches of samples that are contiguous in time.
 
     Returns:
         shape (P, P).
@@ -78,7 +78,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     length = fft.next_fast_len(2 * longest, real=True)
     spectrum = cross_spectrum(residual, rows, length)
     total = np.zeros((size, size))
-    share = np.full(length // 2 + 1, 2.0)  # a real signal's spectrum counts twice but for its ends
+    share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
     share[0] = 1.0
     if length % 2 == 0:
         share[-1] = 1.0
@@ -109,7 +109,7 @@ def cross_spectrum(residual: Array, rows: Sequence[slice], length: int) -> Array
         total += f[:, :, None] * f[:, None, :].conj()
         samples += len(part)
     total /= samples
-    half = max(1, count // (2 * SMOOTHING))
+    half = max(1, count // (2 * SMOOTHED_BANDS))
     kernel = np.hanning(2 * half + 3)[1:-1]
     kernel /= kernel.sum()
     padded = np.concatenate((total[half:0:-1].conj(), total, total[-2 : -half - 2 : -1].conj()))

@@ -1,10 +1,10 @@
-"""Instrument bias: the noise that instruments and residual share.
+"""Instrument bias due to noise that instruments and residual share.
 
-The equations Zᵀ W r = 0 hold on average where the noise of Z is independent of that of r. For a
-compliance it is not: its column of the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), holds the measured
-torque and its derivatives. On a joint that carries much the motion outweighs their noise; on a light wrist it
-does not, and the joint comes out several times too soft. The product's expectation follows from the noise as
-the residual's own covariance does (`whitening`): what is solved is Zᵀ W r = b, b_j = E[z_jᵀ W r].
+E[Zᵀ W r] = 0 holds if the noise of Z is independent of that of r. For a compliance it is not: its column of
+the Jacobian, ∂r/∂c_j = Σ_k L_k e_j s_j^(k), contains the measured torque and its derivatives. On a loaded
+joint the motion outweighs this noise; a light wrist would come out several times too soft. The expectation
+follows from the noise model like the covariance of the residual (`whitening`), and the equation solved is Zᵀ
+W r = b with b_j = E[z_jᵀ W r].
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 
-SAMPLE_SPACING = 5  # the expectation changes as slowly as the pose
-MAX_SAMPLES = 400  # of a stretch
+SAMPLE_SPACING = 5  # the expectation changes slowly, with the pose
+MAX_SAMPLES = 400  # per stretch
 
 
 @dataclass(frozen=True)
 class Lookback:
-    """W as matrices applied to a sample and the samples before it, at some samples of a stretch.
+    """W at some samples of a stretch, as matrices applied to the sample and to its predecessors.
 
     Attributes:
-        at: shape (T,), the samples.
-        weights: (p + 1) times shape (T, n, n).
+        at: shape (T,), index of the samples.
+        weights: p + 1 arrays of shape (T, n, n).
     """
 
     at: NDArray[np.intp]
@@ -37,7 +37,7 @@ class Lookback:
 
 
 def lookback(whitener: Whitener) -> Lookback:
-    """At samples with all of W's memory before them; none where the stretch is too short."""
+    """W at samples with complete predecessors; none if the stretch is too short."""
     order, count = whitener.predictor.shape[:2]
     at = np.arange(order, count, max(SAMPLE_SPACING, -(-(count - order) // MAX_SAMPLES)))
     scale = whitener.scale[at]
@@ -45,16 +45,16 @@ def lookback(whitener: Whitener) -> Lookback:
 
 
 def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel: Array) -> Array:
-    """Mean over a stretch of (W z_j)ᵀ W r from white noise of unit variance in the sensors of joints j.
+    """Mean over a stretch of (W z_j)ᵀ W r due to white noise of unit variance in the sensors of joints j.
 
-    Left out are unknown pulses at reversals (few samples) and stretches no longer than W's memory.
+    Neglects nuisance pulses at reversals (few samples) and stretches shorter than the predictor.
 
     Args:
         w: W of the stretch.
-        instrument: path of the m sensors' noise into z, each into its own column, at the stretch's samples.
-        residual: of at least the same sensors into r.
-        kernel: shape (2p + 1, D, E), covariance of what the paths' filters make of the noise
-            (`shared_kernel`) at lags −p … p, p the order of W's predictor.
+        instrument: noise path of m sensors into z, each into its own column.
+        residual: noise path of at least the same sensors into r.
+        kernel: shape (2p + 1, D, E), covariance of the filtered noise in both paths (`shared_kernel`) at lags
+            −p … p, p being the order of the predictor.
 
     Returns:
         shape (m,).
@@ -73,6 +73,6 @@ def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel
 
 
 def _weighted(w: Lookback, matrices: Array) -> Array:
-    """W times a path's matrices (D, N, n, m) at each sample and those before: shape ((p + 1)·D, T·n·m)."""
+    """W times the matrices (D, N, n, m) of a path: shape ((p + 1)·D, T·n·m)."""
     passed = np.stack([weight @ matrices[:, w.at - k] for k, weight in enumerate(w.weights)])
     return passed.reshape(passed.shape[0] * passed.shape[1], -1)

@@ -1,10 +1,10 @@
-"""Instrumental variables: a fit without the bias that filtering and noise give to the plain one.
+"""Instrumental-variables estimation, without the bias due to filtering and noise.
 
-Two bands. The residual r comes from a wide filter that is exactly flat where the robot moves, so that
-products of filtered signals are right; it is full of noise, but that noise's covariance is known
-(`whitening`). The Jacobian comes from a narrow filter, so that its noise is small: it serves as instrument Z.
-Solved is Zᵀ W r = b with W the inverse covariance — generalised least squares without the errors-in-variables
-bias of one band — and b the mean contribution of noise that Z and r share (`instrument_bias`).
+Two bands: the residual r comes from a wide filter that is exactly flat at the frequencies of the motion, so
+that products of filtered signals are correct; it is noisy, but its noise covariance is known (`whitening`).
+The Jacobian comes from a narrow filter with little noise and serves as instrument Z. The equation solved is
+Zᵀ W r = b, with W the inverse covariance (generalised least squares without errors-in-variables bias) and b
+the mean contribution of noise that Z and r share (`instrument_bias`).
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from flexviz.estimation.weighted_point import (
 Array = NDArray[np.float64]
 
 MAX_HALVINGS = 4  # of a step in a damped fit
-MAX_MODEL_ERRORS = 8  # fits until the model error explains the residual
+MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Where the solver ended.
+    """Final state of the solver.
 
     Attributes:
-        point: the last one.
-        best: the one of least objective.
-        normal: the normal equations of the last full step.
-        at_bound: shape (P,), parameters that this step held at a bound.
-        converged: that step was negligible.
+        point: last point.
+        best: point of least objective.
+        normal: normal equations of the last full step.
+        at_bound: shape (P,), parameters held at a bound by this step.
+        converged: this step was negligible.
     """
 
     point: Point
@@ -54,11 +54,11 @@ class Solved:
 
     @property
     def end(self) -> Point:
-        """The last point where the solver converged, else the best one."""
+        """The last point if converged, else the best one."""
         return self.point if self.converged else self.best
 
     def covariance(self, from_noise: bool) -> Covariance:
-        """From the noise model, or from the residual's own spectra."""
+        """Covariance from the noise model or from the spectra of the residual."""
         score = self.point.noise_score_covariance() if from_noise else self.point.score_covariance()
         return sandwich(self.normal.information, score, self.normal.prior_hessian, self.at_bound)
 
@@ -79,15 +79,15 @@ def solve(
     """Gauss–Newton on Zᵀ W r = b and the prior.
 
     Args:
-        whitening: makes the weighted points.
-        prior: of the parameters.
-        bounds: of the parameters.
+        whitening: computes the weighted points.
+        prior: prior of the parameters.
+        bounds: bounds of the parameters.
         x: start, shape (P,).
-        iterations: at most this many steps.
-        negligible: length of a step that ends the fit [standard deviations].
-        least: steps before it may end.
-        damped: a step that raises the objective is halved. The instruments do not follow the objective's
-            slope exactly, so that steps may well lead a little uphill on the way to a better place.
+        iterations: maximum number of steps.
+        negligible: step length that ends the fit [standard deviations].
+        least: minimum number of steps.
+        damped: halve steps that raise the objective. Off by default: Zᵀ W r is not exactly the gradient of
+            the objective, so that steps towards the solution may lead slightly uphill.
         check: called before each point; may raise to stop.
         report: called with x, cost and step length of each step; may raise to stop.
     """
@@ -119,7 +119,7 @@ def solve(
 
 
 def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
-    """The first of x + step, x + step/2, … at which every body can exist; x where none is."""
+    """The first physically consistent point of x + step, x + step/2, …; x if there is none."""
     length = 1.0
     compliance = prior.layout.compliance
     for _ in range(30):
@@ -137,8 +137,8 @@ class Refined:
 
     Attributes:
         x: shape (P,).
-        covariance: of the parameters.
-        chi: shape (n,), mean square of each joint's whitened residual.
+        covariance: covariance of the parameters.
+        chi: shape (n,), mean square of the whitened residual of each joint.
         converged: the last step was negligible.
         at_bound: shape (P,).
     """
@@ -151,7 +151,7 @@ class Refined:
 
     @property
     def chi_square(self) -> float:
-        """Mean over the joints."""
+        """Mean of `chi` over the joints."""
         return float(np.mean(self.chi))
 
 
@@ -164,11 +164,10 @@ def refine(
     max_iterations: int = 12,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
 ) -> Refined:
-    """Solve Zᵀ W r = b (plus the prior) from the plain fit's x.
+    """Solve Zᵀ W r = b (plus the prior) starting from the plain fit x.
 
-    Where the residual is far above the measurement noise the model, not the noise, is what is wrong: a white
-    model error is then added to the noise, as large as it takes to explain the residual, so that nothing is
-    weighted by a noise that does not matter.
+    If the residual is far above the measurement noise, a white model error is added to the noise, large
+    enough to explain the residual: the noise alone would give misleading weights.
     """
 
     def run(data: TwoBandData, x: Array, after: BandEvaluation | None) -> tuple[Refined, BandEvaluation]:
@@ -188,7 +187,7 @@ def refine(
     if refined.chi_square <= ESTIMATION.consistent:
         return refined
     error = first_model_error(last.narrow_point.motor_side(x)[0][0])
-    for _ in range(MAX_MODEL_ERRORS):
+    for _ in range(MAX_MODEL_ERROR_FITS):
         refined, last = run(two_band.with_model_error(error), x, last)
         x = refined.x
         if np.all(refined.chi < ESTIMATION.model_error_settled):

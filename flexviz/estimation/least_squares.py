@@ -18,16 +18,16 @@ MAX_HALVINGS = 12
 
 
 class Stopped(Exception):
-    """Raised inside the solver when the user stops it; the solver returns what it has."""
+    """Raised inside the solver when the user stops it; the solver returns its present state."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the solver ended.
+    """Final state of the solver.
 
     Attributes:
         x: shape (P,).
-        point: what the effects see there.
+        point: operating point of the effects.
         evaluation: the equation at x.
         weights: shape (N, n), 1/σ of each sample and joint [1/Nm].
         converged: the last step was negligible.
@@ -59,22 +59,22 @@ def gauss_newton(
 ) -> Solution:
     """Minimise ½ Σ (r/σ)² + prior over x.
 
-    σ is each joint's own residual standard deviation, estimated anew after each convergence.
+    σ is the standard deviation of each joint's residual, re-estimated after each convergence.
 
     Args:
         equation: the residual.
-        prior: of the parameters.
-        bounds: of the parameters.
-        x: start, feasible.
-        after: where an earlier fit of the same equation was.
-        mask: shape (N, n), samples to use; all where None.
-        reweightings: how often σ is estimated; more often where columns follow the stiffness.
+        prior: prior of the parameters.
+        bounds: bounds of the parameters.
+        x: feasible start, shape (P,).
+        after: operating point of an earlier fit of the same equation.
+        mask: shape (N, n), samples to use; default: all.
+        reweightings: number of estimates of σ; five more for effects that depend on identified quantities.
         max_iterations: over all reweightings.
         report: called with x, cost and step length; may raise `Stopped`.
-        tolerance: a step shorter than this (in standard deviations) ends a round.
+        tolerance: step length that ends a round [standard deviations].
 
     Returns:
-        the solution; `converged` is False when the iterations ran out or the user stopped it.
+        the solution; `converged` is False if the iterations ran out or the user stopped the fit.
     """
     descent = _Descent(equation, prior, bounds, x, after, mask, report, tolerance)
     left = max_iterations
@@ -116,7 +116,7 @@ class _Descent:
         self.cost = weighted_cost(self.evaluation, self.weights, prior, x)
 
     def run(self, iterations: int) -> tuple[int, bool]:
-        """Steps at fixed weights: how many iterations are left, and whether the last step was negligible."""
+        """Take steps at fixed weights; returns the iterations left and whether the fit has converged."""
         while iterations > 0:
             iterations -= 1
             gradient, hessian = normal_equations(self.evaluation, self.weights, self.prior, self.x)
@@ -126,14 +126,14 @@ class _Descent:
                 return iterations, True
             accepted = line_search(self.point, self.weights, self.prior, self.bounds, self.x, step, self.cost)
             if accepted is None:
-                # nothing better within a tenth of a standard deviation or so
+                # no improvement along the step: converged if it is shorter than a standard deviation
                 return iterations, length < 1.0
             self.x, self.evaluation, self.cost = accepted
             self.report(self.x, self.cost, length)
         return iterations, False
 
     def reweight(self) -> bool:
-        """Estimate the weights anew; whether neither they nor what the effects see have changed."""
+        """Re-estimate the weights; returns whether weights and operating point are unchanged."""
         point = self.equation.at(self.x, self.point)
         changed = point is not self.point
         if changed:
@@ -167,13 +167,12 @@ def weighted_cost(now: Evaluation, weights: Array, prior: Prior, x: Array) -> fl
 def line_search(
     point: OperatingPoint, weights: Array, prior: Prior, bounds: Bounds, x: Array, step: Array, cost: float
 ) -> tuple[Array, Evaluation, float] | None:
-    """The first of x + step, x + step/2, … that lowers the cost; None when none does."""
+    """The first of x + step, x + step/2, … that lowers the cost; None if none does."""
     compliance = point.layout.compliance
     length = 1.0
     for _ in range(MAX_HALVINGS):
         trial = bounds.clip(x + length * step)
-        # within one step a stiffness may grow at most tenfold: the residual is nearly linear in c,
-        # not exactly
+        # a stiffness may grow at most tenfold per step: the residual is only nearly linear in c
         trial[compliance] = np.maximum(trial[compliance], 0.1 * x[compliance])
         if prior.feasible(trial):
             now = point.evaluate(trial)

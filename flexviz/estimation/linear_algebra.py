@@ -1,4 +1,4 @@
-"""Linear systems whose unknowns have units that differ by many orders of magnitude, and bounded steps."""
+"""Linear systems with unknowns of very different scales, and bounded steps."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def scaled_solve(matrix: Array, right: Array) -> Array:
-    """Solve a symmetric positive system with its diagonal scaled to one; least squares where singular."""
+    """Solve a symmetric positive system with its diagonal scaled to one; least squares if singular."""
     scale = _scale(matrix)
     scaled = matrix * scale[:, None] * scale
     try:
@@ -21,14 +21,14 @@ def scaled_solve(matrix: Array, right: Array) -> Array:
 
 
 def scaled_inverse(matrix: Array, rcond: float = 1e-14) -> Array:
-    """Pseudoinverse of a symmetric matrix, its diagonal scaled to one; `rcond` as in `numpy.linalg.pinv`."""
+    """Pseudoinverse of a symmetric matrix via a unit diagonal; `rcond` as in `numpy.linalg.pinv`."""
     scale = _scale(matrix)
     inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=rcond, hermitian=True)
     return inverse * scale[:, None] * scale
 
 
 def least_norm_solve(matrix: Array, right: Array) -> Array:
-    """Solve a symmetric system for right sides (P, K) by pseudoinverse, its diagonal scaled to one."""
+    """Solve a symmetric system for right-hand sides (P, K) by pseudoinverse with a unit diagonal."""
     scale = _scale(matrix)
     inverse = np.linalg.pinv(matrix * scale[:, None] * scale, rcond=1e-14, hermitian=True)
     return scale[:, None] * (inverse @ (scale[:, None] * right))
@@ -40,7 +40,7 @@ def _scale(matrix: Array) -> Array:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of each parameter, shape (P,) each."""
+    """Lower and upper bounds of the parameters, shape (P,) each."""
 
     lower: Array
     upper: Array
@@ -52,7 +52,7 @@ class Bounds:
 def bounded_step(
     gradient: Array, hessian: Array, x: Array, bounds: Bounds
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """The Gauss–Newton step with parameters that would cross a bound put onto it; and which those are."""
+    """Gauss–Newton step within the bounds, and which parameters it holds at a bound, shape (P,) each."""
     fixed = np.zeros(len(x), bool)
     step = np.zeros(len(x))
     for _ in range(len(x)):

@@ -1,4 +1,4 @@
-"""Noise model of the residual, from which the data are weighted."""
+"""Noise model of the residual and settings of the weighting."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Filtered measurement noise, predicted from the samples before, and a white model error beside it.
+    """Filtered measurement noise plus a white model error.
 
     Attributes:
-        order: number of earlier samples that predict each sample.
-        every: the predictor is computed at every such sample and interpolated between; 1 is exact.
-        ridge: share of the noise variance added to the earlier samples' own in the prediction.
+        order: number of preceding samples that predict each sample.
+        every: spacing of the samples at which the predictor is computed, interpolated in between; 1 is exact.
+        ridge: share of the noise variance added to that of the preceding samples in the prediction.
         model_error: shape (n,), variance of the model error [Nm²].
     """
 
@@ -29,7 +29,7 @@ class NoiseModel:
     model_error: Array
 
     def with_model_error(self, variance: Array) -> NoiseModel:
-        """The same with another model error, shape (n,) [Nm²]."""
+        """The same with another variance of the model error, shape (n,) [Nm²]."""
         return replace(self, model_error=variance)
 
 
@@ -37,13 +37,12 @@ class NoiseModel:
 class WeightingSettings:
     """Band and resolution of the weighting.
 
-    A closer weighting comes nearer to the most that the data say; but a small error of a nearly correct law
-    weighs more, too.
+    A higher resolution is more accurate, but also more sensitive to small errors of an approximate model.
 
     Attributes:
         hertz: band of the residual.
         orders: number of joints → order of the predictor; lower for robots with more joints.
-        long_order: the same for numbers of joints that are not listed.
+        long_order: order for numbers of joints that are not listed.
         every, ridge: as in `NoiseModel`.
     """
 
@@ -54,7 +53,7 @@ class WeightingSettings:
     ridge: float = 0.0
 
     def noise_model(self, joints: int) -> NoiseModel:
-        """For a robot with that many joints, without model error."""
+        """Noise model for a number of joints, without model error."""
         order = self.orders.get(joints, self.long_order)
         return NoiseModel(order, self.every, self.ridge, np.zeros(joints))
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative
 
 THETA, TAU = 0, 1
-DEPTH = (5, 3)  # derivatives of each that the equation uses
+DEPTH = (5, 3)  # number of derivatives of θ and τ in the equation
 
 
 @dataclass(frozen=True)
@@ -24,11 +24,11 @@ class NoisePath:
 
     Attributes:
         sensor: THETA or TAU.
-        joints: shape (m,), whose sensors.
-        matrices: shape (D, N, n, m), ∂r over what the noise has become.
-        orders: shape (D,), which derivative that is.
-        lags: shape (D,), time constant of the low-pass that it passes besides the observer [s]; 0 for none.
-        alone: nothing passes but through a damped joint's slope, 1/(1 + iω·lag)².
+        joints: shape (m,), joints of the sensors.
+        matrices: shape (D, N, n, m), sensitivity of r to each derivative of the noise.
+        orders: shape (D,), order of each derivative.
+        lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
+        alone: the path contains only the sensitivity of a damped joint, 1/(1 + iω·lag)².
     """
 
     sensor: int
@@ -39,18 +39,18 @@ class NoisePath:
     alone: bool = False
 
     def rows(self, rows: slice) -> NoisePath:
-        """The same for some of the samples."""
+        """The path at some of the samples."""
         return replace(self, matrices=self.matrices[:, rows])
 
     def variance(self, noise: tuple[Array, Array]) -> Array:
-        """Of its sensors' raw samples, shape (m,), from standard deviations of θ and τ, shape (n,) each."""
+        """Variance of the raw samples, shape (m,), from standard deviations of θ and τ, shape (n,) each."""
         return noise[self.sensor][self.joints] ** 2
 
     def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
-        """From the raw samples to each of its D derivatives, complex, shape (F,) each.
+        """Complex gains from the raw samples to each of the D derivatives, shape (F,) each.
 
-        What a damped joint lacks against its spring alone is computed from filtered signals and, as every
-        law's, filtered once more.
+        The difference between a damped joint and a spring is computed from filtered signals and, like every
+        effect, filtered again.
         """
         passed = transfer(omega, 0)
         if self.alone:
@@ -64,12 +64,12 @@ def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array
     """∂r/∂θ^(k) and ∂r/∂τ^(k) at every sample.
 
     From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ +
-    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). What the effects' own columns add is left out.
+    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). Sensitivities through the effects are neglected.
 
     Args:
-        layout: of the vector.
+        layout: layout of x.
         x: shape (P,).
-        link: the rigid-body terms at N samples.
+        link: rigid-body terms at N samples.
 
     Returns:
         shape (5, N, n, n) [Nm s^k/rad] and shape (3, N, n, n) [s^k].
@@ -89,15 +89,10 @@ def time_constants(layout: Layout, x: Array) -> Array:
 
 
 def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
-    """All paths of the sensors' noise into the residual.
+    """All paths of the sensor noise into the residual, from the rigid-body terms at N samples.
 
-    A damped joint, K δ + D δ̇ = s, passes the noise of s on to its deflection through a low-pass with the time
-    constant D/K: at the frequencies that two derivatives of it raise, hardly anything of it arrives.
-
-    Args:
-        layout: of the vector.
-        x: shape (P,).
-        link: the rigid-body terms at N samples.
+    A damped joint, K δ + D δ̇ = s, low-passes the noise of s with the time constant D/K: hardly any noise
+    reaches the deflection at the high frequencies that its second derivative amplifies.
     """
     direct, elastic = _parts(layout, x, link)
     lag = time_constants(layout, x)
@@ -115,20 +110,14 @@ def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
 
 
 def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoisePath]]:
-    """The paths of the sensors' noise into ∂r/∂c_j and ∂r/∂D_j, of joint j's sensors into its own columns.
+    """Paths of the noise of joint j's sensors into ∂r/∂c_j and ∂r/∂D_j.
 
-    c_j and D_j move r by what goes through joint j's elasticity: no other joint's sensors matter. That is
-    c/(1 + iωDc) times what its torque is multiplied by. The column of c_j is that of the spring alone, as the
-    Jacobian has it; that of D_j has −iωc²/(1 + iωDc)². Other parameters multiply what is measured well, or
-    nothing measured.
-
-    Args:
-        layout: of the vector.
-        x: shape (P,).
-        link: the rigid-body terms at N samples.
+    c_j and D_j change r through the elasticity c/(1 + iωDc) of joint j only, so that no other sensors matter.
+    As in the Jacobian, the column of c_j is that of the spring alone; the column of D_j contains −iωc²/(1 +
+    iωDc)². The other parameters multiply signals with little noise.
 
     Returns:
-        (which parameters, shape (m,), the path of their joints' sensors).
+        (index of the parameters, shape (m,); noise path of the sensors of their joints) each.
     """
     lag, unit = time_constants(layout, x), x.copy()
     unit[layout.compliance] = 1.0
@@ -154,17 +143,15 @@ def noise_density(
     step: float,
     hertz: Array,
 ) -> Array:
-    """One-sided spectral density that white measurement noise leaves in the residual.
+    """One-sided spectral density of the residual due to white measurement noise, in closed form.
 
-    The noise path is known in closed form, so that the floor is computed rather than estimated from one more
-    noise replicate: it has no scatter of its own. The sensitivities change slowly against the noise, so
-    that their mean products weigh each frequency.
+    The sensitivities vary slowly compared with the noise, so that their mean products weight each frequency.
 
     Args:
-        paths: of the noise into the residual.
-        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
-        transfer: (ω, k) → gain from the raw signals to what stands for their k-th derivative.
-        step: of the raw samples [s].
+        paths: noise paths into the residual.
+        noise: standard deviations of θ and τ per raw sample, shape (n,) each.
+        transfer: (ω, k) → gain from the raw signal to its filtered k-th derivative.
+        step: step of the raw samples [s].
         hertz: shape (F,).
 
     Returns:
@@ -181,7 +168,7 @@ def noise_density(
 
 
 def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
-    """(sensor, joints) with a common noise path: all plain joints together, each damped one alone."""
+    """(sensor, joints) with a common noise path: all undamped joints together, each damped joint alone."""
     plain = np.flatnonzero(lag == 0.0)
     kinds = [plain] if plain.size else []
     kinds += [np.array([j]) for j in np.flatnonzero(lag)]
@@ -189,7 +176,7 @@ def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
 
 
 def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """(∂r/∂θ^(k), ∂r/∂τ^(k)) without what goes through the joints' elasticity, and that."""
+    """(∂r/∂θ^(k), ∂r/∂τ^(k)): the direct part, and the part through the elasticity of the joints."""
     compliance, inertia, viscous = x[layout.compliance], x[layout.motor_inertia], x[layout.motor_viscous]
     levels = (link.dq, link.dv + np.diag(x[layout.link_viscous]), link.mass)
     theta, tau = (np.zeros((depth, *link.mass.shape)) for depth in DEPTH)

@@ -1,10 +1,11 @@
-"""Prior: what is assumed where the data do not determine a parameter.
+"""Prior of the parameters.
 
 Inertial parameters: the log-determinant divergence between a body's pseudo-inertia P and its CAD value P₀,
 D = tr(P₀⁻¹P) − log det(P₀⁻¹P) − 4 (Lee, Wensing, Park: Geometric robot dynamic identification,
-IEEE T-RO 36(2), 2020). It does not depend on the frame, grows without bound towards bodies that cannot exist
-(P not positive definite), and near P₀ acts like a normal distribution of about 100 % — a few orders weaker
-than data that see a parameter at all. Everything else: normal around the start values, wide.
+IEEE T-RO 36(2), 2020). It is frame-invariant, diverges towards physically inconsistent bodies (P not positive
+definite), and near P₀ acts like a normal distribution of about 100 %, a few orders of magnitude weaker than
+data that contain any information on a parameter. All other parameters: wide normal distributions around the
+start values.
 """
 
 from __future__ import annotations
@@ -46,10 +47,10 @@ def pseudo_inertia(parameters: Array) -> Array:
 
 
 def physically_consistent(parameters: Array) -> Array:
-    """The nearest parameters (…, 10) whose pseudo-inertia is comfortably positive definite.
+    """Nearby parameters (…, 10) with a well-conditioned, positive definite pseudo-inertia.
 
-    CAD values are often rounded or invented so that no real body has them; bodies without mass get a small
-    one.
+    CAD values are often rounded or invented such that no real body has them; massless bodies get a small
+    mass.
     """
     p = pseudo_inertia(parameters)
     total = np.max(parameters[..., 0]) if parameters.size else 1.0
@@ -59,7 +60,7 @@ def physically_consistent(parameters: Array) -> Array:
         centre = parameters[index][1:4] / mass
         spread = p[index][:3, :3] - mass * np.outer(centre, centre)  # second moment about the centre of mass
         values, vectors = np.linalg.eigh(spread)
-        # at least a body of the mass's own size: 2 % of the arm's length, never below a centimetre
+        # minimum radius of gyration: 2 % of the distance of the centre of mass, at least a centimetre
         size = max(0.01, 0.02 * float(np.linalg.norm(centre)))
         raised = (vectors * np.maximum(values, mass * size**2)) @ vectors.T + mass * np.outer(centre, centre)
         inertia = np.trace(raised) * np.eye(3) - raised
@@ -73,12 +74,12 @@ class Prior:
     """Negative log density of the parameters.
 
     Attributes:
-        layout: the solver's vector.
-        cad: shape (n, 10), positive definite.
-        centre: shape (P,), of the normal part.
-        spread: shape (P,), its standard deviations; infinite where there is none. The inertial entries are
+        layout: layout of the parameter vector.
+        cad: shape (n, 10), CAD inertial parameters, physically consistent.
+        centre: shape (P,), mean of the normal part.
+        spread: shape (P,), standard deviations of the normal part, infinite for no prior; inertial entries
             unused.
-        weight: of the inertial part.
+        weight: weight of the inertial part.
     """
 
     layout: Layout
@@ -88,7 +89,7 @@ class Prior:
     weight: float = 1.0
 
     def feasible(self, x: Array) -> bool:
-        """Whether every body of x could exist, and every effect's parameters go together."""
+        """Whether all bodies are physically consistent and the parameters of every effect admissible."""
         if not all(EFFECTS[e.effect].possible(x[where]) for e, where in self.layout.effect_slices()):
             return False
         p = pseudo_inertia(x[self.layout.inertial].reshape(-1, 10))
@@ -99,7 +100,7 @@ class Prior:
         return True
 
     def value(self, x: Array) -> float:
-        """−log density up to a constant; infinite for bodies that cannot exist."""
+        """−log density up to a constant; infinite if not feasible."""
         if not self.feasible(x):
             return np.inf
         p = pseudo_inertia(x[self.layout.inertial].reshape(-1, 10))

@@ -1,13 +1,12 @@
-"""Score test: what an effect would take from the residual if it were small.
+"""Score test: expected gain of a small additional effect at a fitted model.
 
-At a fitted model, an effect's signature h (the change of r per unit of its coefficients) explains
-(hᵀ r)² / (hᵀ h) of the weighted residual once everything that the model's own parameters can do is removed
-from h by h − Z H⁻¹ Zᵀ h, with the weighted Jacobian Z and H = Zᵀ Z + the prior's Hessian. Lengths and
-products of what is left need only Zᵀ h.
+The signature h of an effect (the change of r per unit of its coefficients) explains (hᵀ r)² / (hᵀ h) of the
+weighted residual, after the model's own parameters are projected out of h by h − Z H⁻¹ Zᵀ h, with the
+weighted Jacobian Z and H = Zᵀ Z + the prior's Hessian. Norms and products of the projected signatures need
+only Zᵀ h.
 
 The interval of an episode is found in closed form over all pairs of instants: a box in time is the difference
-of two steps, and with the steps' weighted signatures at all candidate instants, the gain of every pair
-follows from their Gram matrix.
+of two steps, so that the gain of every pair follows from the Gram matrix of the steps' signatures.
 """
 
 from __future__ import annotations
@@ -25,20 +24,20 @@ from flexviz.estimation.linear_algebra import scaled_inverse
 Array = NDArray[np.float64]
 Weigh = Callable[[Array, int], Array]  # columns (N_block, n, C) of a stretch, its index → (N_block·n, C)
 
-LEAST_LEFT = 1e-10  # share of a signature's squared length; below it the model's own parameters do the same
-BATCH = 64  # columns that are weighted at once
-INSTANTS = 100  # in a group
-CLOSEST = 0.1  # [s] between candidate instants
-SHORTEST = 0.2  # [s]
+MIN_REMAINDER = 1e-10  # share of a signature's squared norm below which the model already contains the effect
+MAX_BATCH_COLUMNS = 64  # weighted at a time
+MAX_INSTANTS = 100  # candidate instants per stretch
+MIN_INSTANT_SPACING = 0.1  # [s]
+MIN_EPISODE = 0.2  # [s]
 
 
 class Projection:
-    """Gram matrices of signatures, what the model can do taken out of them.
+    """Projection of signatures onto the complement of the model's own parameters.
 
     Args:
         residual: shape (M,), weighted.
         instruments: shape (M, P), weighted Jacobian of the present model.
-        hessian: shape (P, P), instrumentsᵀ instruments + the prior's.
+        hessian: shape (P, P), instrumentsᵀ instruments + Hessian of the prior.
     """
 
     def __init__(self, residual: Array, instruments: Array, hessian: Array) -> None:
@@ -48,11 +47,11 @@ class Projection:
         self._along = instruments.T @ residual
 
     def normal(self, columns: Array, rows: slice | None = None) -> tuple[Array, Array]:
-        """Gram matrix (C, C) and products with the residual (C,) of what is left of weighted signatures.
+        """Gram matrix (C, C) of projected signatures and their products with the residual (C,).
 
         Args:
-            columns: shape (M_rows, C).
-            rows: where they are not zero.
+            columns: shape (M_rows, C), weighted signatures.
+            rows: nonzero rows; default: all.
         """
         rows = slice(None) if rows is None else rows
         inside = self.instruments[rows].T @ columns
@@ -62,12 +61,12 @@ class Projection:
         gram += share.T @ (self._gram @ share) - 2 * (inside.T @ share)
         along = columns.T @ self.residual[rows] - share.T @ self._along
         gram = 0.5 * (gram + gram.T)
-        dead = np.diag(gram) <= LEAST_LEFT * full
+        dead = np.diag(gram) <= MIN_REMAINDER * full
         gram[dead] = gram[:, dead] = along[dead] = 0.0
         return gram, along
 
     def rest(self, columns: Array, rows: slice | None = None) -> Array:
-        """What is left of weighted signatures (M_rows, C) themselves, shape (M, C)."""
+        """Projected signatures, shape (M, C), of weighted ones (M_rows, C)."""
         rows = slice(None) if rows is None else rows
         share = self._inverse @ (self.instruments[rows].T @ columns)
         out = -(self.instruments @ share)
@@ -77,14 +76,14 @@ class Projection:
 
 @dataclass(frozen=True, eq=False)
 class ScoredCandidate:
-    """One guess and what it would explain.
+    """A candidate effect with its expected gain.
 
     Attributes:
-        effect: which effect, where.
-        gain: fall of the weighted sum of squares.
-        values: the effect's parameters at which a search may start, shape (P,).
-        signature: shape (M_rows,), the guess's best combination, weighted.
-        rows: where the signature is not zero; everywhere where None.
+        effect: effect and location.
+        gain: decrease of the weighted sum of squares.
+        values: start values of the effect's parameters, shape (P,).
+        signature: shape (M_rows,), weighted signature at `values`.
+        rows: nonzero rows of the signature; None for all.
     """
 
     effect: ChosenEffect
@@ -97,17 +96,17 @@ class ScoredCandidate:
 def score(
     point: OperatingPoint, chain: Chain, wanted: Sequence[ChosenEffect], weigh: Weigh, projection: Projection
 ) -> list[ScoredCandidate]:
-    """The best guess of every effect.
+    """Score of every effect at its best guess.
 
     Args:
-        point: at the present parameters; its stretches are those of `weigh`.
-        chain: how changes of s and q move r there.
-        wanted: the effects to try.
-        weigh: weights columns as the projection's residual.
-        projection: takes out what the model can do by itself.
+        point: operating point at the present parameters, with the stretches of `weigh`.
+        chain: sensitivity of r to s and q.
+        wanted: effects to score.
+        weigh: applies the weights of the residual to columns.
+        projection: projects out the model's own parameters.
 
     Returns:
-        one entry an effect, in the order of `wanted`, without those whose every guess has an impossible sign.
+        one entry per effect, in the order of `wanted`, without effects whose guesses are all out of bounds.
     """
     guesses = [
         (effect, guess)
@@ -118,7 +117,9 @@ def score(
     start = 0
     while start < len(guesses):
         stop, width = start, 0
-        while stop < len(guesses) and (width == 0 or width + len(guesses[stop][1].columns) <= BATCH):
+        while stop < len(guesses) and (
+            width == 0 or width + len(guesses[stop][1].columns) <= MAX_BATCH_COLUMNS
+        ):
             width += len(guesses[stop][1].columns)
             stop += 1
         part = guesses[start:stop]
@@ -143,20 +144,20 @@ def score(
 
 
 def explained(gram: Array, along: Array) -> tuple[Array, float]:
-    """Coefficients (C,) that take most from the residual, and the fall of its sum of squares."""
+    """Coefficients (C,) of largest gain, and the gain: the decrease of the sum of squares."""
     coefficients = np.zeros(len(along))
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     alive = size > 0
     if alive.any():
         d = size[alive]
         scaled = gram[np.ix_(alive, alive)] / d[:, None] / d
-        # r + h c → least: the coefficients carry the opposite sign of what r contains
+        # minimises |r + h c|²: the coefficients have the opposite sign of the component in r
         coefficients[alive] = -np.linalg.lstsq(scaled, along[alive] / d, rcond=1e-10)[0] / d
     return coefficients, float(-2 * coefficients @ along - coefficients @ gram @ coefficients)
 
 
 def allowed(effect: ChosenEffect, values: Array) -> bool:
-    """False where a parameter that cannot be negative is, or one lies beyond its bound."""
+    """Whether the nonnegative parameters are within their bounds."""
     specs = EFFECTS[effect.effect].parameters
     return not any(v < p.lower or v > p.upper for v, p in zip(values, specs, strict=True) if p.lower == 0.0)
 
@@ -170,15 +171,15 @@ def best_intervals(
     group: str | None = None,
     longest: float = 1.0,
 ) -> list[ScoredCandidate]:
-    """The interval of every stretch in which a torque on a joint explains most, the best stretch first.
+    """Interval of each stretch in which a constant torque on a joint explains most, the best stretch first.
 
     Args:
-        point: at the present parameters.
+        point: operating point at the present parameters.
         joint: index in the set's joint order.
-        weigh: weights columns as the projection's residual.
-        projection: takes out what the model can do by itself.
-        group: only in this one.
-        longest: share of the stretch that an episode may fill.
+        weigh: applies the weights of the residual to columns.
+        projection: projects out the model's own parameters.
+        group: restrict the search to this group.
+        longest: maximum length of an episode relative to its stretch.
     """
     episodes = [name for name, effect in EFFECTS.items() if effect.scope == "episode"]
     sig, n = point.signals, point.layout.n
@@ -189,8 +190,8 @@ def best_intervals(
             continue
         time = sig.time[block.rows]
         length = float(np.ptp(time))
-        instants = np.arange(time.min(), time.max(), max(CLOSEST, length / INSTANTS))
-        # T on the link side: r gains the filtered step
+        instants = np.arange(time.min(), time.max(), max(MIN_INSTANT_SPACING, length / MAX_INSTANTS))
+        # a step of torque on the link side adds its filtered form to r
         columns = np.zeros((len(time), n, len(instants)))
         columns[:, joint] = point.context.steps_block(index, instants, joint).T
         weighed = weigh(columns, index)
@@ -198,7 +199,7 @@ def best_intervals(
         gram, along = projection.normal(weighed, rows)
         first, last = np.triu_indices(len(instants), 1)
         duration = instants[last] - instants[first]
-        fits = (duration >= SHORTEST) & (duration <= longest * length + 1e-9)
+        fits = (duration >= MIN_EPISODE) & (duration <= longest * length + 1e-9)
         first, last = first[fits], last[fits]
         if not len(first):
             continue

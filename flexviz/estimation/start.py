@@ -1,4 +1,4 @@
-"""Start values as in the paper: rigid least squares, inertia and friction shared half and half."""
+"""Start values as in the paper: rigid least squares, with inertia and friction split in half."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Start:
-    """Where the solver begins, and what it may assume.
+    """Start values, prior and bounds of a fit.
 
     Attributes:
         x: shape (P,).
-        prior: around it.
-        bounds: of the parameters.
+        prior: prior around x.
+        bounds: bounds of the parameters.
         rigid_rms: shape (n,), residual of the rigid least-squares fit [Nm].
-        point: what the effects saw of the rigid robot; None where they were not looked at.
+        point: operating point of the effects on the rigid robot; None if not evaluated.
     """
 
     x: Array
@@ -37,10 +37,10 @@ class Start:
 
 
 def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
-    """Rigid least squares on the observer's θ, θ̇, θ̈ and τ, then the paper's shares.
+    """Rigid least squares on θ, θ̇, θ̈ and τ of the observer, split as in the paper.
 
-    Motor inertia: the set's rough value, else half of the rigid fit's mean inertia about the joint.
-    Stiffness: the set's rough value, else a guess from the torque.
+    Motor inertia: the set's rough value, or else half of the mean inertia about the joint in the rigid fit.
+    Stiffness: the set's rough value, or else a guess from the torque.
     """
     lay, sig, robot = equation.layout, equation.signals, measurements.robot
     n = lay.n
@@ -95,7 +95,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
 
 
 def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
-    """The same start for a model with other effects, which begin at zero."""
+    """The same start for a model with other effects, which start at zero."""
     old = start.prior.layout
     x = np.zeros(layout.size)
     x[: layout.effect_start] = start.x[: old.effect_start]
@@ -117,10 +117,10 @@ def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array
 def _rigid_fit(
     columns: Array, torque: Array, cad: Array, motor_inertia: Array | None, n: int
 ) -> tuple[Array, Array]:
-    """Weighted least squares of τ on all columns, drawn weakly to CAD; optionally with B fixed.
+    """Weighted least squares of τ on all columns with a weak CAD prior; optionally with B fixed.
 
     Returns:
-        the solution (B included) and the residual, shape (N, n).
+        solution including B, and residual, shape (N, n).
     """
     size = columns.shape[2]
     centre, scale = np.zeros(size), np.full(size, np.inf)
@@ -150,7 +150,7 @@ def _rigid_fit(
 
 
 def _joint_inertia(inertial: Array) -> Array:
-    """Each body's largest inertia about its own joint's frame, shape (n,) [kg m²]: a scale, no more."""
+    """Largest inertia of each body about its joint frame, shape (n,) [kg m²], as a scale."""
     tensor = np.zeros((len(inertial), 3, 3))
     for k, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
         tensor[:, i, j] = tensor[:, j, i] = inertial[:, 4 + k]
@@ -158,7 +158,7 @@ def _joint_inertia(inertial: Array) -> Array:
 
 
 def _feasible_between(cad: Array, fitted: Array) -> Array:
-    """The point closest to the fit, on the way from CAD, at which every body can exist."""
+    """The physically consistent point between CAD and fit that is closest to the fit."""
     out = cad.copy()
     for body in range(len(cad)):
         for share in (1.0, 0.9, 0.7, 0.5, 0.3, 0.1):
@@ -177,7 +177,7 @@ def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque:
     lower[lay.link_viscous] = lower[lay.motor_viscous] = 0.0
     for effect, where in lay.effect_slices():
         specs = EFFECTS[effect.effect].parameters
-        # no torque of an effect is larger than everything that was measured
+        # the torque of an effect is limited to the largest measured torque
         most = largest_torque.max() if effect.joint is None else largest_torque[effect.joint]
         reach = [most if p.unit == "Nm" else np.inf for p in specs]
         lower[where] = [max(p.lower, -r) for p, r in zip(specs, reach, strict=True)]
@@ -209,7 +209,7 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
             "kg m²": wide.coefficient_spread * float(np.max(x[lay.motor_inertia][j])),
         }
         law = EFFECTS[effect.effect]
-        own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # a user knows their sizes
+        own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # of user-defined effects
         spread[where] = [
             units.get(p.unit, wide.other_spread * max(1.0, size))
             for p, size in zip(law.parameters, own, strict=True)
