@@ -1,4 +1,4 @@
-"""What the equation offers to effects: wide-band motion on a fine grid, filters, observer outputs."""
+"""Signals offered to effects: wide-band motion on a fine grid, filters, observer outputs."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from flexviz.observers import ButterworthZeroPhase
 
 Array = NDArray[np.float64]
 
-LEAST_VISCOUS_SHARE = 0.2  # of a joint's viscous friction, taken to be on the motor side at least
-LEAST_VISCOUS = 1e-6  # [Nm s/rad] the same where there is hardly any
-OVERLAP = 0.2  # [s] at either end of what the equation knows of a torque; a reversal in it does no harm
+LEAST_VISCOUS_SHARE = 0.2  # minimum share of a joint's viscous friction on the motor side
+LEAST_VISCOUS = 1e-6  # [Nm s/rad] absolute minimum
+OVERLAP = 0.2  # [s] at both ends of the equation's samples, over which the wide-band torque is aligned
 
 
 class EffectContext:
@@ -29,12 +29,12 @@ class EffectContext:
 
     Args:
         link: rigid-body dynamics.
-        signals: the equation's.
-        layout: of the vector.
-        shared: cache of whatever only the signals determine, one for all models of the same signals.
-        x: shape (P,), the parameters that the laws see.
-        q: shape (3, N, n), the link side they see [rad/s^k].
-        s: shape (N, n), transmission torque without friction [Nm]; None before the equation has found it.
+        signals: signals of the equation.
+        layout: layout of x.
+        shared: cache of quantities that depend on the signals only, common to all their models.
+        x: shape (P,), parameters offered to the effects.
+        q: shape (3, N, n), link side offered to the effects [rad/s^k].
+        s: shape (N, n), transmission torque without friction [Nm]; None before it is known.
         fine: wide-band signals of an earlier context, whose bands are kept.
     """
 
@@ -58,11 +58,11 @@ class EffectContext:
 
     @property
     def s(self) -> Array | None:
-        """The transmission torque that the laws see, shape (N, n) [Nm]."""
+        """Transmission torque offered to the effects, shape (N, n) [Nm]."""
         return self._s
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
-        """The same signals for laws that see other parameters."""
+        """The same signals with other parameters."""
         return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, fine=self._fine)
 
     # -- the protocol ------------------------------------------------------------------------------------
@@ -146,9 +146,9 @@ class EffectContext:
         return values[:, self._signals.kept(block)].transpose(2, 0, 1)
 
     def pulses_block(self, index: int, at: NDArray[np.intp], joint: int, depth: int) -> Array:
-        """Unit samples at fine instants `at` (M,) of one stretch, filtered: shape (M, depth, N_block).
+        """Filtered unit samples at fine instants `at` (M,) of one stretch, shape (M, depth, N_block).
 
-        The filter answers every pulse alike, so that its response is looked up.
+        Looked up in the filter's impulse response.
         """
         kernel, reach = self._impulse(joint, self.fine()[index].step)
         lag = np.clip(self._sampled(index)[None, :] - at[:, None], -reach - 1, reach + 1)
@@ -173,7 +173,7 @@ class EffectContext:
         return np.round((time - fine.time[0]) / fine.step).astype(int)
 
     def _impulse(self, joint: int, step: float) -> tuple[Array, int]:
-        """Three derivatives of the filter's impulse response on the fine grid, and its reach."""
+        """Three derivatives of the filter's impulse response on the fine grid, and its half-length."""
         observer = self._signals.observer_of(joint)
         key = ("impulse", observer.name, float(np.max(observer.bandwidth)), round(step, 9))
         if key not in self._shared:
@@ -237,11 +237,11 @@ class EffectContext:
     def _without_friction(
         self, joint: int, s: Array, motion: JointMotion, rate: Array, block: Block, hertz: float
     ) -> JointMotion:
-        """The same with the equation's own transmission torque s, friction subtracted.
+        """The same motion with the transmission torque s of the equation, without friction.
 
-        s is known between the equation's first and last sample of the stretch. Beyond, the wide-band torque
-        is continued from there: a step of friction that is subtracted on one side only is one that a damped
-        joint answers to.
+        s is known between the first and last sample of the equation in the stretch; beyond, the wide-band
+        torque, also without friction, is continued from there: a damped joint would respond to a step of
+        friction that is subtracted on one side only.
         """
         torque, rate = motion.torque.copy(), rate.copy()
         laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
@@ -269,13 +269,13 @@ class EffectContext:
 
 
 def _scaled(motions: list[JointMotion]) -> list[JointMotion]:
-    """The same with the torque's rms over all stretches."""
+    """The same motions, scaled by the rms torque over all stretches."""
     scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in motions]) ** 2))) + 1e-12
     return [replace(motion, torque_scale=scale) for motion in motions]
 
 
 def viscous_scale(layout: Layout, x: Array, joint: int) -> tuple[float, float, float]:
-    """The f_mv that effects are relative to, also where the split is not right yet; ∂ by f_mv and by f_lv."""
+    """Motor-side viscous friction that scales effects, bounded from below; derivatives by f_mv and f_lv."""
     motor, link = float(x[layout.motor_viscous][joint]), float(x[layout.link_viscous][joint])
     share = LEAST_VISCOUS_SHARE
     if motor >= max(share * (motor + link), LEAST_VISCOUS):

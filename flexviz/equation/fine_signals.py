@@ -1,4 +1,4 @@
-"""Wide-band motion on a fine grid: what effects' laws are evaluated on before they are filtered."""
+"""Wide-band motion on a fine grid, on which effects are evaluated before they are filtered."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from flexviz.observers import ButterworthZeroPhase
 
 Array = NDArray[np.float64]
 
-FINE_STEP = 2e-3  # [s] the effects' laws are evaluated at least this often
-# the velocity whose sign friction follows: wide enough for sharp reversals, narrow enough for little noise
+FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
+# band of the velocity that determines the sign of friction: a compromise between sharp reversals and noise
 SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
 SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
-TORQUE_NOISE = 5e-3  # the transmission torque's noise may be this share of its rms
-LINK_VELOCITY_NOISE = 4e-3  # [rad/s]
-BAND_STEP = 1.05  # bands within this factor are the same to signals that models share
+TORQUE_NOISE = 5e-3  # maximum noise of the transmission torque relative to its rms
+LINK_VELOCITY_NOISE = 4e-3  # [rad/s] maximum noise of the link velocity
+BAND_STEP = 1.05  # bands within this factor share their signals
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class FineSignals:
         time: shape (N_fine,) [s].
         step: between samples [s].
         position, velocity: shape (N_fine, n), motor side [rad], [rad/s].
-        theta: shape (4, N_fine, n), in the torque's band: what s and ṡ need [rad/s^k].
+        theta: shape (4, N_fine, n), in the torque band, for s and ṡ [rad/s^k].
         tau: shape (2, N_fine, n) [Nm/s^k].
-        torque_hertz: shape (n,), that band.
+        torque_hertz: shape (n,), torque band [Hz].
     """
 
     time: Array
@@ -54,12 +54,12 @@ def fine_stride(block: Block) -> int:
 def fine_signals(
     signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]
 ) -> list[FineSignals]:
-    """Of every block, made once for all models whose bands are nearly the same.
+    """Fine signals of every block, shared by all models with nearly the same bands.
 
     Args:
-        signals: the equation's.
-        inertia, stiffness: shape (n,), B and K, which decide how much noise s and q̇ would have.
-        shared: cache of whatever only the signals determine.
+        signals: signals of the equation.
+        inertia, stiffness: shape (n,), B and K, which determine the noise of s and q̇.
+        shared: cache of quantities that depend on the signals only.
     """
     blocks = signals.blocks
     if "noise" not in shared:

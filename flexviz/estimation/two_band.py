@@ -1,4 +1,4 @@
-"""Two-band data: the residual from a wide filter, the instruments from a narrow one, and their noise."""
+"""Two-band data: residual from a wide filter, instruments from a narrow one, and their noise."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ from flexviz.observers import FlatZeroPhase
 Array = NDArray[np.float64]
 
 NARROW_HERTZ = 6.0
-SAMPLES_PER_CYCLE = 3.6  # the flat filter ends at 1.8 w: twice that is the sampling theorem's least rate
+SAMPLES_PER_CYCLE = 3.6  # Nyquist rate: the flat filter ends at 1.8 w
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
-NOISE_SAMPLES = 60  # samples that show the size of the noise
+NOISE_SAMPLES = 60  # samples from which the noise level is computed
 
 
 @dataclass(frozen=True, eq=False)
 class BandEvaluation:
-    """Both bands' equations at x.
+    """The equations of both bands at x.
 
     Attributes:
         x: shape (P,).
-        wide_point, narrow_point: what the effects see in either band.
+        wide_point, narrow_point: operating points of the effects in each band.
         residual: shape (N, n), of the wide band [Nm].
-        narrow: the narrow band's equation.
+        narrow: equation of the narrow band.
     """
 
     x: Array
@@ -65,14 +65,14 @@ class BandEvaluation:
 
 
 class TwoBandData:
-    """Signals in two bands and the noise's paths through them.
+    """Signals in two bands and their noise.
 
     Attributes:
-        layout: of the model.
-        wide, narrow: the equation in either band.
+        layout: layout of the model.
+        wide, narrow: equation in each band.
         blocks: stretches of samples.
         noise: standard deviations of θ [rad] and τ [Nm] per raw sample, shape (n,) each.
-        noise_model: from which the data are weighted.
+        noise_model: noise model of the weighting.
     """
 
     def __init__(
@@ -116,19 +116,19 @@ class TwoBandData:
         return other
 
     def with_model_error(self, variance: Array) -> TwoBandData:
-        """The same data with a white model error, shape (n,) [Nm²], beside the measurement noise."""
+        """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
         other = copy(self)
         other.noise_model = self.noise_model.with_model_error(variance)
         return other
 
     def evaluate(self, x: Array, after: BandEvaluation | None = None) -> BandEvaluation:
-        """Both equations at x, shape (P,); `after` is where a fit was before."""
+        """Both equations at x, shape (P,); `after`: an earlier evaluation of the same fit."""
         wide = self.wide.at(x, None if after is None else after.wide_point)
         narrow = self.narrow.at(x, None if after is None else after.narrow_point)
         return BandEvaluation(x, wide, narrow, wide.residual(x), narrow.evaluate(x))
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
-        """One whitener per block, at the parameters x and the narrow band's rigid-body terms."""
+        """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
         model, paths = self.noise_model, noise_paths(self.layout, x, link)
         out = []
         for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
@@ -139,11 +139,11 @@ class TwoBandData:
         return out
 
     def joint_whiteners(self, paths: Sequence[NoisePath]) -> list[list[Whitener]]:
-        """For every block one whitener per joint, of that joint's residual alone.
+        """One whitener per joint and block, for the residual of this joint alone.
 
-        The fit's weighting also predicts one joint's noise from the others', which is right for estimating;
-        but with it a torque that is missing on one joint shows on every joint that comes after it. The model
-        error is left out, because these residuals are searched for what it stands for.
+        The weighting of the fit also predicts the noise of one joint from that of others; a torque missing on
+        one joint would thus appear on others. The model error is omitted: these residuals are inspected for
+        the effects that cause it.
         """
         out: list[list[Whitener]] = []
         for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
@@ -167,7 +167,7 @@ class TwoBandData:
         return [made[key] for key in keys]
 
     def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
-        """Mean of (W z)ᵀ W r per sample from the noise that both contain, shape (P,), one per block."""
+        """Mean of (W z)ᵀ W r per sample due to shared noise, shape (P,), one per block."""
         paths = {(w.sensor, j): w for w in noise_paths(self.layout, x, link) for j in w.joints}
         observers = self.narrow.signals.observer, self.wide.signals.observer
         out = [np.zeros(self.layout.size) for _ in self.blocks]
@@ -186,7 +186,7 @@ class TwoBandData:
         return out
 
     def noise_level(self, x: Array, link: LinkTerms) -> Array:
-        """Mean variance that the measurement noise leaves in the residual, from a few samples, shape (n,)."""
+        """Mean noise variance of the residual, from a few samples, shape (n,) [Nm²]."""
         few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
         part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
@@ -204,13 +204,13 @@ class TwoBandData:
         return variance / len(part.mass) + self.noise_model.model_error
 
     def noise_shape(self, x: Array, link: LinkTerms) -> Array:
-        """What the whiteners depend on, dimensionless, shape (2n,): logs of the variances, time constants."""
+        """Quantities that determine the whiteners, shape (2n,): logs of variances, scaled time constants."""
         band = float(np.max(self.wide.signals.observer.bandwidth))
         level = np.log(self.noise_level(x, link))
         return np.concatenate((level, band * time_constants(self.layout, x)))
 
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
-        """One weighting per block: the whitener and the unknown course of the effects' reversals."""
+        """One weighting per block: the whitener and the nuisance pulses at reversals."""
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
         chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], evaluation.narrow.link)
         for unknown in pulses(evaluation.wide_point, x, chain):
@@ -220,12 +220,12 @@ class TwoBandData:
     def noise_score_covariance(
         self, x: Array, link: LinkTerms, z: Array, weightings: list[NoiseWeighting]
     ) -> Array:
-        """Covariance of Zᵀ W r from the measurement noise and the model error, shape (P, P).
+        """Covariance of Zᵀ W r due to measurement noise and model error, shape (P, P).
 
         Args:
             x: shape (P,).
-            link: the narrow band's rigid-body terms there.
-            z: shape (N, n, P), whitened instruments; zero where samples are not used.
+            link: rigid-body terms of the narrow band at x.
+            z: shape (N, n, P), whitened instruments; zero for unused samples.
             weightings: one per block.
         """
         paths = noise_paths(self.layout, x, link)
@@ -246,7 +246,7 @@ class TwoBandData:
 
 
 def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array:
-    """Cov(r_jt, r_j,t−k) of every joint with itself from one noise source, shape (p + 1, N, n)."""
+    """Autocovariance Cov(r_jt, r_j,t−k) of each joint due to one noise source, shape (p + 1, N, n)."""
     count = sensitivity.shape[1]
     out = np.zeros((len(kernel), *sensitivity.shape[1:3]))
     weighted = sensitivity * variance
@@ -259,7 +259,7 @@ def _own_covariance(sensitivity: Array, kernel: Array, variance: Array) -> Array
 def residual_noise(
     signals: Signals, layout: Layout, x: Array, link: LinkTerms, noise: tuple[Array, Array]
 ) -> Array:
-    """Mean variance that white noise (σ_θ, σ_τ) leaves in the residual, shape (n,) [Nm²]."""
+    """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
     total = np.zeros(layout.n)
     for path in noise_paths(layout, x, link):
         for block in signals.blocks:

@@ -1,4 +1,4 @@
-"""Residual and instruments in units of the noise, at one x and along a fit."""
+"""Weighted residual and instruments at one x, and their weighting along a fit."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class WeightedNormalEquations:
-    """H δx = −g of one Gauss–Newton step.
+    """Normal equations H δx = −g of one Gauss–Newton step.
 
     Attributes:
-        gradient: shape (P,), g = Zᵀ W r − b and the prior's.
+        gradient: shape (P,), g = Zᵀ W r − b + gradient of the prior.
         information: shape (P, P), Zᵀ W Z.
         prior_hessian: shape (P, P).
     """
@@ -46,11 +46,11 @@ class Point:
         two_band: the data and the model.
         x: shape (P,).
         r: shape (N, n); unused samples are zero.
-        z: shape (N, n, P), likewise.
+        z: shape (N, n, P); unused samples are zero.
         used: shape (N,), samples outside the transients.
         weightings: one per block.
-        narrow: the narrow band's equation.
-        bias: mean of zᵀ r per sample from the noise that both contain, shape (P,), one per block.
+        narrow: equation of the narrow band.
+        bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
     """
 
     two_band: TwoBandData
@@ -74,7 +74,7 @@ class Point:
 
     @property
     def chi(self) -> Array:
-        """Mean square of each joint's residual, shape (n,): one where noise alone explains it."""
+        """Mean square of each joint's whitened residual, shape (n,); 1 for noise."""
         return np.sum(self.r**2, axis=0) / max(np.count_nonzero(self.used), 1)
 
     @property
@@ -84,23 +84,23 @@ class Point:
 
     @property
     def objective(self) -> float:
-        """The same and the cost of unknown pulses."""
+        """`noise_objective` plus the cost of nuisance pulses."""
         return self.noise_objective + sum(m.log_determinant for m in self.weightings)
 
     def within(self, window: Bools) -> Point:
-        """The same with the samples of a window (N,) only."""
+        """The point restricted to the samples of a window, shape (N,)."""
         r, z = self.r * window[:, None], self.z * window[:, None, None]
         return replace(self, r=r, z=z, used=self.used & window)
 
     def score(self) -> Array:
-        """Zᵀ W r − b, shape (P,): zero on average where the model is right."""
+        """Zᵀ W r − b, shape (P,), of zero mean for a correct model."""
         score: Array = self.z.reshape(-1, self.z.shape[2]).T @ self.r.ravel()
         for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
             score -= np.count_nonzero(self.used[rows]) * mean
         return score
 
     def sample_scores(self) -> Array:
-        """What each sample adds to the score, shape (N, P)."""
+        """Contribution of each sample to the score, shape (N, P)."""
         each = np.einsum("tjp,tj->tp", self.z, self.r)
         for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
             each[rows] -= self.used[rows, None] * mean
@@ -109,8 +109,8 @@ class Point:
     def _corrected_bias(self) -> list[Array]:
         """b per sample, shape (P,), one per block.
 
-        A joint whose residual is below its noise has less noise than was estimated (torque chatter, for one,
-        is not noise): less is subtracted then.
+        Reduced for joints whose residual is below the estimated noise (torque chatter, for example, is not
+        noise).
         """
         layout = self.two_band.layout
         chi = np.sum(self.r[self.used] ** 2, axis=0) / max(np.count_nonzero(self.used), 1)
@@ -122,7 +122,7 @@ class Point:
         return [share * mean for mean in self.bias]
 
     def normal_equations(self, prior: Prior) -> WeightedNormalEquations:
-        """Of the weighted residual and the prior."""
+        """Normal equations of the weighted residual and the prior."""
         gradient, prior_hessian = prior.gradient_and_hessian(self.x)
         flat = self.z.reshape(-1, self.z.shape[2])
         return WeightedNormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
@@ -132,7 +132,7 @@ class Point:
         return score_covariance(self.r, self.z, self.rows)
 
     def noise_score_covariance(self) -> Array:
-        """The same from the noise model, raised where the residual is larger than it says."""
+        """Covariance of the score from the noise model, scaled up to the size of the residual."""
         two_band, raised = self.two_band, max(float(np.mean(self.chi)), 1.0)
         return two_band.noise_score_covariance(self.x, self.narrow.link, self.z, self.weightings) * raised
 
@@ -153,9 +153,9 @@ def weighted_point(
 def outside_transients(r: Array) -> Bools:
     """Samples of one stretch outside the transients at its ends, shape (N,).
 
-    A record that starts with a jump leaves a longer transient than one that does not. The whitened residual
-    shows it: windows of 1/80 of the stretch at either end are dropped up to the last one, within the first
-    eighth, that is `ESTIMATION.transient` times as large as usual.
+    The length of a transient depends on how the record starts. Windows of 1/80 of the stretch are dropped at
+    both ends up to the innermost one, within an eighth of the stretch, whose energy exceeds
+    `ESTIMATION.transient` times the median.
     """
     window = max(3, len(r) // 80)
     count = len(r) // window
@@ -172,15 +172,13 @@ def outside_transients(r: Array) -> Bools:
 
 
 class Whitening:
-    """Weighted points along a fit, whitened once.
-
-    Subclasses renew parts of the weighting where the fit has moved too far for it.
+    """Weighted points along a fit, whitened once; subclasses renew the weighting as the fit proceeds.
 
     Args:
         two_band: the data and the model.
-        after: where a fit was before.
-        own_error: shape (N, n), part of the residual that its band alone makes [Nm].
-        window: shape (N,), the samples that count; all of them where None.
+        after: evaluation of an earlier fit.
+        own_error: shape (N, n), error of the band, subtracted from the residual [Nm].
+        window: shape (N,), samples to use; default: all.
     """
 
     def __init__(
@@ -215,7 +213,7 @@ class Whitening:
         return point if self._window is None else point.within(self._window)
 
     def _renew(self, here: BandEvaluation) -> None:
-        """Drop what has to be made anew at this evaluation."""
+        """Discard the parts of the weighting that are outdated at this evaluation."""
 
     def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
         assert self._whiteners is not None
@@ -223,7 +221,7 @@ class Whitening:
 
 
 class EarlyWhitening(Whitening):
-    """Whitened at each of the first steps, until the parameters are nearly right."""
+    """Whitening renewed at each of the first steps, while the parameters still change considerably."""
 
     STEPS = 2
 
@@ -239,10 +237,9 @@ class EarlyWhitening(Whitening):
 
 
 class ModelErrorWhitening(Whitening):
-    """Whitened once, and again whenever the residual asks for another model error.
+    """Whitening with a model error that follows the residual from point to point.
 
-    Where the measurement noise cannot explain the residual, a white model error is added to it, and follows
-    the residual from point to point.
+    The model error is added if the measurement noise does not explain the residual.
     """
 
     def point(self, x: Array) -> Point:
@@ -256,12 +253,12 @@ class ModelErrorWhitening(Whitening):
 
 
 class TrackingWhitening(Whitening):
-    """Whitened anew only where the noise's shape or an effect's reversals have changed.
+    """Whitening renewed only when the noise shape or the reversals of an effect have changed.
 
     Args:
         two_band: the data and the model.
-        near: whiteners of a point nearby, with the noise shape that they were made for.
-        with_bias: the points' score is needed.
+        near: whiteners of a nearby point and the noise shape for which they were computed.
+        with_bias: whether to compute the instrument bias, which the score needs.
     """
 
     def __init__(
@@ -293,5 +290,5 @@ class TrackingWhitening(Whitening):
 
 
 def first_model_error(torque: Array) -> Array:
-    """First guess of a model error's variance, shape (n,) [Nm²], from torques (N, n)."""
+    """Initial variance of the model error, shape (n,) [Nm²], from torques (N, n)."""
     return ESTIMATION.first_model_error**2 * np.mean(torque**2, axis=0)

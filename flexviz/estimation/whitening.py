@@ -5,13 +5,13 @@ the pose). The residual's covariance between two instants is therefore known in 
 
     Cov(r_t, r_u) = Σ_jk A_j(t) ρ_jk(t − u) A_k(u)ᵀ,    A_k = ∂r/∂θ^(k) or ∂r/∂τ^(k),
 
-ρ_jk(t − u) the covariance of the filtered noise's j-th and k-th derivatives. Each sample is predicted from
-the p before it with exactly these covariances and divided by what then remains (a banded approximation of the
-inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988). The first samples of a stretch lose nothing.
+where ρ_jk(t − u) is the covariance of the j-th and k-th derivative of the filtered noise. Each sample is
+predicted from its p predecessors with these covariances and scaled by the remaining standard deviation (a
+banded approximation of the inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988).
 
-What is unknown of friction at reversals (`pulses`) adds a few columns V of unknown size: the covariance
-becomes 1 + V Vᵀ in whitened terms, and a symmetric square root of its inverse is
-P = 1 − U (1 − (1 + S²)^(−½)) Uᵀ with V = U S ….
+The unknown torque at reversals (`pulses`) adds a few columns V of unknown size: the whitened covariance
+becomes 1 + V Vᵀ, and a symmetric square root of its inverse is P = 1 − U (1 − (1 + S²)^(−½)) Uᵀ with V = U S
+….
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Whitener:
-    """Turns a stretch of the residual into samples of unit variance.
+    """Linear map of a stretch of the residual to white samples of unit variance.
 
     Attributes:
-        predictor: shape (p, N, n, n): what of sample t is predicted by sample t−1−k.
-        scale: shape (N, n, n), inverse Cholesky factor of what remains [1/Nm].
+        predictor: shape (p, N, n, n), prediction of sample t from sample t−1−k.
+        scale: shape (N, n, n), inverse Cholesky factor of the prediction error's covariance [1/Nm].
     """
 
     predictor: Array
@@ -75,7 +75,7 @@ class NoiseWeighting:
     def with_unknown(self, columns: Array) -> NoiseWeighting:
         """The same with unknown columns, shape (N, n, M), each of unit variance."""
         flat = self.whitener.apply(columns).reshape(-1, columns.shape[2])
-        # by the small Gram matrix: directions far below one unit change nothing
+        # via the small Gram matrix: directions of negligible size are dropped
         squares, turn = np.linalg.eigh(flat.T @ flat)
         kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
         size = np.sqrt(squares[kept])
@@ -90,7 +90,7 @@ class NoiseWeighting:
         return self.whitener.transposed(self._project(y))
 
     def unknown_share(self, y: Array) -> Array:
-        """yᵀ P V: what the unknown columns add to the score of instruments y (N, n, P), shape (P, M)."""
+        """yᵀ P V: effect of the unknown columns on the score of instruments y (N, n, P), shape (P, M)."""
         if self.basis is None or self.size is None:
             return np.zeros((y.shape[2], 0))
         flat = y.reshape(len(self.basis), -1)
@@ -98,7 +98,7 @@ class NoiseWeighting:
 
     @property
     def log_determinant(self) -> float:
-        """Of 1 + V Vᵀ: what the freedom of the unknown columns costs in likelihood (twice its logarithm)."""
+        """log det(1 + V Vᵀ): cost of the unknown columns in twice the log likelihood."""
         return 0.0 if self.size is None else float(np.log1p(self.size**2).sum())
 
     def _project(self, y: Array) -> Array:
@@ -112,7 +112,7 @@ class NoiseWeighting:
 def noise_kernel(
     observer: Observer, joint_step: float, raw_step: float, count: int | NoisePath, lags: int
 ) -> Array:
-    """Covariance of the derivatives of filtered white noise of unit variance a raw sample.
+    """Covariance of the derivatives of filtered white noise of unit variance per raw sample.
 
     Args:
         observer: whose transfer functions the noise passes.
@@ -140,7 +140,7 @@ def shared_kernel(
     paths: tuple[NoisePath, NoisePath],
     lags: int,
 ) -> Array:
-    """Covariance of what two observers and paths make of the same white noise of unit variance a raw sample.
+    """Covariance of the same white noise, of unit variance per raw sample, after two observers and paths.
 
     Args:
         observers: x and y pass these.
@@ -160,13 +160,13 @@ def shared_kernel(
 
 
 def _length(observer: Observer, joint_step: float, lags: int) -> int:
-    """Of a spectrum that is fine enough to resolve the band and long enough to hold the lags."""
+    """Length of a spectrum that resolves the band and contains the lags."""
     slowest = float(np.min(observer.bandwidth)) * joint_step
     return 2 ** int(np.ceil(np.log2(max(8192, 4 * lags, 500 / slowest))))
 
 
 def _frequencies(length: int, step: float) -> Array:
-    """Of a transform of an even number of samples [rad/s]."""
+    """Frequencies of a transform of an even number of samples [rad/s]."""
     return np.linspace(0.0, np.pi / step, length // 2 + 1)
 
 
@@ -214,7 +214,7 @@ def paths_covariance(
     Args:
         paths: through the equation.
         kernels: of each, shape (p + 1, D, D).
-        noise: standard deviations of θ and τ a raw sample, shape (n,) each.
+        noise: standard deviations of θ and τ per raw sample, shape (n,) each.
         rows: the N samples.
     """
     parts = [
@@ -232,10 +232,10 @@ def noise_score_covariance(
     joint_step: float,
     raw_step: float,
 ) -> Array:
-    """Covariance of Σ_t weights_tᵀ r_t when r is white noise on one of its paths through the equation.
+    """Covariance of Σ_t weights_tᵀ r_t for r due to white noise on one path.
 
-    The predictor's few samples cannot resolve how little noise there is at the lowest frequencies, where the
-    robot moves, so that the whitened residual is not quite white there; this is exact.
+    Exact, whereas the whitened residual is not quite white at the low frequencies of the motion: a predictor
+    of few samples cannot resolve how little noise there is.
 
     Args:
         weights: shape (N, n, P).
@@ -265,15 +265,15 @@ def noise_score_covariance(
 
 
 def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
-    """From Cov(r_t, r_{t−k}), shape (p + 1, N, n, n).
+    """Whitener from the covariance of the residual.
 
     Args:
-        covariance: of the residual.
-        every: the predictor is solved for at every such sample and interpolated between: it changes as slowly
-            as the pose. 1 is exact.
-        ridge: share of the variance by which the samples before are taken to scatter besides. Without it, the
-            predictor weighs up what lies in the filter's stop band, where a sharp reversal leaves more than
-            noise. Unit variance stays exact.
+        covariance: Cov(r_t, r_{t−k}), shape (p + 1, N, n, n).
+        every: spacing of the samples at which the predictor is computed, interpolated in between, as it
+            changes slowly with the pose; 1 is exact.
+        ridge: share of the variance added to that of the preceding samples. Without it, the predictor
+            amplifies the stop band of the filter, where a sharp reversal leaves more than noise. Unit
+            variance stays exact.
     """
     order, count, n = len(covariance) - 1, covariance.shape[1], covariance.shape[2]
     every = min(every, max(1, (count - order - 1) // 2))
@@ -297,14 +297,14 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
 
 
 def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:
-    """Predictor (T, p, n, n) of the samples t and inverse Cholesky factor (T, n, n) of what remains."""
+    """Predictor (T, p, n, n) of the samples t, and inverse Cholesky factor (T, n, n) of its error."""
     order, n = len(covariance) - 1, covariance.shape[2]
     past = np.empty((len(t), order, n, order, n))
     for i in range(order):
         for j in range(i, order):
             block = covariance[j - i, np.maximum(t - 1 - i, 0)]
             missing = t - 1 - j < 0
-            if missing.any():  # a sample before the first: of unit variance, and related to nothing
+            if missing.any():  # before the first sample: independent, of unit variance
                 block = block.copy()
                 block[missing] = np.eye(n) if i == j else 0.0
             past[:, i, :, j, :] = block
