@@ -1,11 +1,11 @@
-"""Long work beside the screen: one worker, one task at a time, with progress, stopping, reasons for failure.
+"""Background jobs: one worker, one task at a time, with progress, stopping and error messages.
 
-A `Task` runs either in a child process, where it cannot hold the interpreter lock that playback needs, or in
-a thread of this process, where its result need not be copied.
+A `Task` runs either in a child process, which does not block playback by the interpreter lock, or in a
+thread, which avoids copying the result.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
-a single BLAS thread and a lower priority, and ends by itself when the pipe closes. `in_children` says what it
-has to do before its first task.
+a single BLAS thread and a lower priority, and exits when the pipe closes. `in_children` registers
+preparations for it.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ class _Child:
             stdin=subprocess.DEVNULL,
             stdout=sys.stderr.fileno() if _has_fileno(sys.stderr) else None,
             env=environment | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-            start_new_session=True,  # Ctrl+C is the parent's to handle
+            start_new_session=True,  # only the parent handles Ctrl+C
         )
         theirs.close()
 
@@ -259,7 +259,7 @@ class _Child:
 def child_main(descriptor: int) -> None:
     """The child process: run the tasks that come through the pipe until it closes."""
     with contextlib.suppress(OSError):
-        os.nice(5)  # playback and the page go first
+        os.nice(5)  # playback and the page have priority
     pipe = mpc.Connection(descriptor)
     lock = threading.Lock()
     stops: dict[int, threading.Event] = {}

@@ -112,7 +112,7 @@ def mesh_names(urdf: str) -> Iterator[str]:
 
 
 def resolve_mesh(name: str, urdf_path: Path) -> Path:
-    """The file that a mesh name in `urdf_path` stands for; InputError naming it when there is none."""
+    """The file of a mesh name in `urdf_path`; InputError if it does not exist."""
     folder = urdf_path.parent
     match = re.match(r"(package|file|model)://(.*)", name)
     tried: list[Path] = []

@@ -22,7 +22,7 @@ class RobotSettings:
     """Typical values of a robot with flexible joints, all at the joint side.
 
     Attributes:
-        robot: what to give `Robot.load`.
+        robot: argument of `Robot.load`.
         joints: names of the n joints.
         stiffness: (n,) [Nm/rad].
         motor_inertia: (n,) [kg m²].

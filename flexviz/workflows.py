@@ -1,4 +1,4 @@
-"""From a measurement set to a report or a recording: what `report` and `record` do, for Python."""
+"""Workflows of `flexviz report` and `flexviz record`, for use from Python."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ def write_report(
     Args:
         source: folder of a set or a session, or an open session.
         out: file to write: .html, .md or .json.
-        guard: also check what moves with the observer's bandwidth; None: only where the model does not reach
-            the measurement noise.
+        guard: also check how results change with the observer bandwidth; None: only if the model does not
+            reach the measurement noise.
         keep: new folder for a session with the results.
         progress, should_stop: see `flexviz.progress`.
 
@@ -110,7 +110,7 @@ def _diagnosed(
 def _completed(
     opened: OpenedSession, guard: bool | None, progress: ProgressCallback, should_stop: StopCallback
 ) -> Session:
-    """A session as saved: only what is asked for and missing is computed, the model stays."""
+    """A saved session: only missing results are computed, the model is unchanged."""
     session, measurements = opened.session, opened.measurements
     analysis = session.analysis
     if opened.changed:
@@ -197,7 +197,7 @@ def _solve(
     options: dict[str, Any],
     results: list[Identification],
 ) -> None:
-    """Identify with these effects, add it to `results`, record it and where it fails."""
+    """Identify with these effects, append the result to `results`, record it and its residual maps."""
     file.recorder.start(label)
     result = identify(file.measurements, effects=effects, **options)
     file.recorder.result(result)

@@ -42,7 +42,7 @@ class LogClock:
 
     @property
     def key(self) -> str:
-        """What `time.shift` calls it: the topic, or the time column."""
+        """Its key in `time.shift`: the topic, or the time column."""
         return self.table or self.name
 
     def seconds(self, origin: LogClock) -> Array:
@@ -89,7 +89,7 @@ def own_clock(table: LogTable, time: TimeColumn) -> str | None:
 
 
 def likely_clocks(table: LogTable) -> list[str]:
-    """Increasing columns: those with the name or unit of a time, else the first one."""
+    """Increasing columns with the name or unit of a time, else the first increasing one."""
     rising = [name for name, values in table.columns.items() if increases(values)]
     called = [name for name in rising if called_time(name) or table.units.get(name) in TIME]
     return called or rising[:1]
@@ -189,5 +189,5 @@ def guess_unit(table: LogTable, name: str) -> tuple[str, str]:
 
 
 def finite(values: Array) -> Array:
-    """The values that are known."""
+    """The finite values."""
     return values if values.dtype.kind == "i" else values[np.isfinite(values)]

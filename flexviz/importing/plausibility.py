@@ -39,7 +39,7 @@ def check_groups(
     found = check_torques(mapping, model)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
     found += [s for s in check_range(mapping, model) if (s.joints[0], "theta") not in known]
-    # where θ itself is wrong, its torque and the columns beside it prove nothing
+    # a wrong θ makes its torque and the columns compared with it inconclusive
     wrong_theta = {s.joints[0] for s in found if s.signal == "theta"}
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
     known |= {(joint, "theta") for joint in wrong_theta}
@@ -88,7 +88,7 @@ def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
 
 
 def issues_of_set(measurements: MeasurementSet, **keys: object) -> list[Issue]:
-    """What an import would find in a set's θ and τ; link positions are left out.
+    """Issues that an import would find in θ and τ of a set; link positions are ignored.
 
     Args:
         measurements: the set.

@@ -10,7 +10,7 @@ Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -
 
 
 class Questions(Protocol):
-    """Somebody who can be asked."""
+    """Source of answers to questions."""
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
         """The index of one of the options, or None for none of them."""
@@ -26,7 +26,7 @@ class Questions(Protocol):
 
 
 class Silent:
-    """Asks nobody."""
+    """Returns the defaults without asking."""
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
         return default

@@ -32,8 +32,8 @@ class ImportThresholds:
     smallest_delay: float = 1e-3  # [s] friction unknown to the model can look like a shorter one
     delay_steps: float = 0.75  # a torque held for a step seems half a step early
     delay_sigmas: float = 5.0  # standard errors by which a delay must differ from 0
-    torque_explained: float = 0.99  # share of τ that the model must explain; delays are then believed
-    # the same where the delay itself moves more torque than is left unexplained
+    torque_explained: float = 0.99  # share of τ that the model must explain; only then is a delay trusted
+    # the same if the delay changes the torque by more than is left unexplained
     torque_explained_loosely: float = 0.9
 
     # Torques against the robot's masses
@@ -46,7 +46,7 @@ class ImportThresholds:
     gain: float = 0.4  # sum of shares that a change must add, enough to exclude chance
     free_gain: float = 0.2  # the same where τ may have any scale, which hides much of a wrong sign
     stated_gear: float = 0.1  # gain granted to a gear that the mapping states and does not use
-    believed: float = 0.5  # share that the changed joints must reach
+    smallest_share: float = 0.5  # share that the changed joints must reach
     unexplained: float = 0.2  # share below which a joint is called unexplained
     scale_gain: float = 0.2  # share that another scale of τ must add to be called a wrong unit
     shortest_motion: float = 1.0  # [s] of all groups together; shorter ones prove nothing

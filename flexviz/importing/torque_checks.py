@@ -46,7 +46,7 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     for j, factor in factors.items():
         start.factor[j] = factor
     result = search(mapping, model, start, any_scale=False)
-    if np.min(result.shares) < LIMITS.believed:  # τ may have another scale too: then its shape decides
+    if np.min(result.shares) < LIMITS.smallest_share:  # τ may have another scale too: then its shape decides
         other = search(mapping, model, start, any_scale=True)
         if np.sum(other.shares) > np.sum(result.shares) + LIMITS.gain:
             result = replace(other, shares=shares_of(model.fit(other.reading), any_scale=False))
@@ -79,7 +79,9 @@ def search(mapping: Mapping, model: TorqueModel, reading: Reading, any_scale: bo
             weakest = np.max(changed) if other.fixes[0].key in ("unit", "side") else np.min(changed)
             gain = float(np.sum(tried) - np.sum(shares))
             gain += LIMITS.stated_gear * len(changed) if other.fixes[0].key == "side" else 0.0
-            worth = gain >= (LIMITS.free_gain if any_scale else LIMITS.gain) and weakest >= LIMITS.believed
+            worth = (
+                gain >= (LIMITS.free_gain if any_scale else LIMITS.gain) and weakest >= LIMITS.smallest_share
+            )
             if worth and gain > best_gain + 0.02:
                 best, best_gain, best_shares = other, gain, tried
         if best is None:
@@ -97,9 +99,9 @@ def shares_of(fits: Sequence[TorqueFit], any_scale: bool) -> Array:
 
 
 def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bool) -> list[Hypothesis]:
-    """What could be otherwise: one joint's θ or τ, or all joints' signs or unit of θ.
+    """Possible faults: θ or τ of one joint, or the signs or the unit of θ of all joints.
 
-    Where τ may have any scale, the unit of a single joint's θ cannot be told.
+    If τ may have any scale, the unit of θ of a single joint cannot be determined.
     """
     names = mapping.names
     result = opposite_signs(mapping, now, names) if len(names) > 1 else []
@@ -212,7 +214,7 @@ def check_theta_by_q(mapping: Mapping, model: TorqueModel) -> tuple[list[Issue],
 
 
 def agrees(ratio: float) -> bool:
-    """Whether a ratio is 1 but for the spring."""
+    """Whether a ratio is 1 except for the deflection of the spring."""
     return 1 / LIMITS.agrees < ratio < LIMITS.agrees
 
 
@@ -226,7 +228,7 @@ def check_scale(mapping: Mapping, model: TorqueModel, result: SearchResult) -> l
     fits = model.fit_any_scale(result.reading)
     for joint, fit, share in zip(mapping.names, fits, result.shares, strict=True):
         explained = min(fit.share - share, fit.by_masses) >= LIMITS.scale_gain
-        if not explained or fit.share < LIMITS.believed:
+        if not explained or fit.share < LIMITS.smallest_share:
             continue
         change = torque_change(mapping, joint, fit.slope)
         if change is None:

@@ -28,7 +28,7 @@ Samples = Sequence[tuple[tuple[PayloadBody, ...], SampledMotion]]
 
 @dataclass(frozen=True)
 class TorqueFit:
-    """How the torque of one joint is explained."""
+    """Fit of the torque of one joint."""
 
     share: float  # of its variance, at most 1; negative where the fit is worse than a constant
     slope: float  # s
@@ -172,7 +172,7 @@ def fit_joint(
     target = torque - np.mean(torque)
     total = float(target @ target)
     if fastest < LIMITS.resting or total == 0.0:
-        return TorqueFit(1.0, 1.0)  # a joint at rest proves nothing
+        return TorqueFit(1.0, 1.0)  # a joint at rest is no evidence
     matrix = np.stack([rigid, a, v, np.tanh(30.0 * v / fastest)], axis=1)
     matrix -= np.mean(matrix, axis=0)  # the offset is free
     scale = np.linalg.norm(matrix, axis=0)

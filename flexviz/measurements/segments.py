@@ -26,7 +26,7 @@ from flexviz.measurements.tables import row_name
 GAP = 2.75  # intervals longer than this many median ones separate segments
 JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
 SHORTEST = 32  # samples: shorter segments are not used
-POINTS = 6  # samples an interpolated value is made of
+POINTS = 6  # samples per interpolated value
 POSITIONS = np.arange(POINTS)
 BLOCK = 1 << 16  # rows handled at once, so that no temporary array is as large as the data
 _DECIMALS = range(1, 10)
@@ -130,8 +130,7 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
 
     Returns:
         The segments (views of `signals` where possible), the number of samples in stretches that are too
-            short,
-        and whether anything was resampled.
+        short, and whether anything was resampled.
     """
     segments: list[Segment] = []
     dropped, resampled = 0, False
@@ -150,7 +149,7 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
 
 
 def resample(time: Array, values: Array, clock: UniformClock) -> Array:
-    """`values` (N, k) at `time` as they are at the instants of `clock`: (M, k), in place where M ≤ N."""
+    """`values` (N, k) at `time`, interpolated at the instants of `clock`: (M, k), in place if M ≤ N."""
     in_place = clock.count <= len(time)
     result = values[: clock.count] if in_place else np.empty((values.shape[1], clock.count)).T
     # rows since … since + len(saved), of which the first are overwritten already

@@ -45,7 +45,7 @@ class UnitThresholds:
     excess_checked: float = 2.0
     excess_odd: float = 3.0
     excess_refused: float = 20.0
-    explained: float = 0.2  # share of τ that the rigid model must explain before its slope is believed
+    explained: float = 0.2  # share of τ that the rigid model must explain before its slope is trusted
     explained_alone: float = 0.5  # the same for a single joint
     odd_slope: float = 20.0  # τ beyond this factor of the rigid model (or its inverse) is odd
     milli_slope: float = 100.0  # slopes of mNm are 1000
@@ -182,10 +182,10 @@ def check_tau(
         message = f"reaches {largest[joint]:.4g}, {why}: is this {unit}? expected Nm at the joint side"
         raise InputError(message, file=file, place=f"column tau_{robot.joints[joint]}")
 
-    believed = rigid.share > UNITS.explained
-    if believed and rigid.slope > UNITS.milli_slope:
+    trusted = rigid.share > UNITS.explained
+    if trusted and rigid.slope > UNITS.milli_slope:
         refuse(worst, f"{rigid.slope:.0f} times the torque of the rigid model", "mNm")
-    if believed and 0.0 < rigid.slope < UNITS.kilo_slope:
+    if trusted and 0.0 < rigid.slope < UNITS.kilo_slope:
         why = f"1/{1 / rigid.slope:.0f} of the torque of the rigid model"
         refuse(worst, why, "kNm, or the motor's torque before the gear")
     for j in (int(j) for j in np.flatnonzero(strong | (deflection > UNITS.deflection_odd))):
@@ -197,7 +197,7 @@ def check_tau(
             why = f"far above the effort limit, and the joint would deflect by {deflection[j]:.2g} rad"
             refuse(j, why, "mNm")
     column = f"column tau_{robot.joints[worst]} reaches {largest[worst]:.4g}"
-    if believed and not 1 / UNITS.odd_slope < abs(rigid.slope) < UNITS.odd_slope:
+    if trusted and not 1 / UNITS.odd_slope < abs(rigid.slope) < UNITS.odd_slope:
         warn(f"{column}, {rigid.slope:.3g} times the torque of the rigid model: Nm at the joint side?")
     elif strong.any():
         warn(f"{column}, far above the joints' effort limits: Nm at the joint side?")

@@ -1,4 +1,4 @@
-"""Results: one document written and read, the words they are graded with, parameters by name."""
+"""Results: the results document, verdicts and grades, lookup of parameters by name."""
 
 from flexviz.results.document import ResultDocument, json_schema, note_entries
 from flexviz.results.entries import (

@@ -1,4 +1,4 @@
-"""What the entries of a results document share: numbers that may be null, and where they come from."""
+"""Common parts of the entries of a results document: base class and nullable numbers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def nullable(value: Any, info: ValidationInfo) -> Any:
 
 
 def named(names: tuple[str, ...], data: Any) -> Any:
-    """A tuple of a record with its names; anything else as it is."""
+    """A tuple as a dictionary with these names; anything else unchanged."""
     return dict(zip(names, data, strict=True)) if isinstance(data, tuple) else data
 
 

@@ -8,11 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AliasChoices,
-    Field,
-    model_validator,
-)
+from pydantic import AliasChoices, Field, model_validator
 
 from flexviz.results.base import Column, Nullable, Number, ResultEntry, named
 from flexviz.results.curves import FreeCurveEntry, GuardEntry, MapEntry
@@ -151,9 +147,7 @@ class GroupErrorEntry(ResultEntry):
     @model_validator(mode="before")
     @classmethod
     def _from_tuple(cls, data: Any) -> Any:
-        return (
-            dict(zip(("name", "rms", "validation"), data, strict=True)) if isinstance(data, tuple) else data
-        )
+        return named(("name", "rms", "validation"), data)
 
 
 class StepEntry(ResultEntry):
@@ -218,20 +212,20 @@ class ResultFields(ResultEntry):
 
     @property
     def all_parameters(self) -> list[ParameterEntry]:
-        """The parameters, wherever they stand."""
+        """Parameters of the final model, or of the fit."""
         return list(self.model.parameters if self.model is not None else self.parameters or [])
 
     @property
     def all_effects(self) -> list[EffectEntry] | None:
-        """The effects where they are listed; None where only their parameters are."""
+        """Effects of the final model, or of the fit; None if only their parameters are listed."""
         return self.effects if self.model is None else self.model.effects
 
     @property
     def final_verdict(self) -> Verdict | None:
-        """Of the model that the parameters belong to; a diagnosis's `verdict` is of its first one."""
+        """Verdict on the final model; `verdict` of a diagnosis refers to its first one."""
         return self.steps[-1].verdict if self.steps else self.verdict
 
     @property
     def findings(self) -> list[CandidateEntry]:
-        """The candidates, under the name a diagnosis has for them."""
+        """The candidates, by their name in `Diagnosis`."""
         return self.candidates

@@ -1,4 +1,4 @@
-"""The words a result is graded with, and its notes."""
+"""Verdicts, grades and notes of a result."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ NoteKind = Literal["model-error", "pulses", "unexplained", "free-curve", "bandwi
 
 @dataclass(frozen=True)
 class Note:
-    """What a reader of a diagnosis should know beside the verdict: a kind and a sentence.
+    """A remark on a diagnosis in one sentence.
 
-    The kinds: "model-error" (effects were judged beside a model error), "pulses" (the error is that of
-    reversals), "unexplained" (what stays), "free-curve" (what a free curve would absorb), "bandwidth" (what
-    moves with the observer's bandwidth), "other".
+    Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
+    reversals), "unexplained" (remaining error), "free-curve" (error that a free curve would absorb),
+    "bandwidth" (values that change with the observer bandwidth), "other".
     """
 
     kind: NoteKind

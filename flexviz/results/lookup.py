@@ -15,7 +15,7 @@ class ParameterNotFound(FlexvizError, KeyError):
 
 
 class Placed(Protocol):
-    """What a parameter's name and place are read from."""
+    """Anything with a parameter name and a place."""
 
     @property
     def name(self) -> str: ...
@@ -33,10 +33,10 @@ P = TypeVar("P", bound=Placed)
 def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -> P:
     """The parameter of a name and a place, which is its joint, payload or group.
 
-    A name alone is enough where only one place has it; "stiffness:joint1" is understood as well.
+    A name alone is enough if it is unique; "stiffness:joint1" works as well.
 
     Raises:
-        ParameterNotFound: with what was probably meant.
+        ParameterNotFound: listing similar names.
     """
     if isinstance(key, str):
         name, _, rest = key.partition(":")
@@ -58,5 +58,5 @@ def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -
 
 
 def place_of(parameter: Placed) -> str:
-    """The joint, payload or group a parameter belongs to; empty where it belongs to none."""
+    """Joint, payload or group of a parameter; empty if it has none."""
     return parameter.joint or parameter.payload or parameter.group or ""

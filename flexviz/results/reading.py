@@ -20,7 +20,7 @@ def read_result(file: str | Path) -> ResultDocument:
     """A result file, as `identify --json`, `diagnose --json` or `export` wrote it.
 
     Raises:
-        InputError: it is no such file, or something in it is wrong; one line that says where.
+        InputError: naming file and place, if it is not a valid result file.
     """
     file = Path(file)
     suffix = file.suffix.lower()
@@ -28,7 +28,7 @@ def read_result(file: str | Path) -> ResultDocument:
         raise InputError(f"not a result file, expected {' or '.join(SUFFIXES[:2])}", file=file)
     try:
         if file.stat().st_size > LARGEST_BYTES:
-            raise InputError("larger than any result", file=file)
+            raise InputError(f"larger than {LARGEST_BYTES:,} bytes, expected a result", file=file)
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=file) from None
@@ -40,7 +40,7 @@ def read_result(file: str | Path) -> ResultDocument:
 
 
 def checked(data: Any, file: Path) -> ResultDocument:
-    """The document of what was read from `file`."""
+    """The validated document of `data` from `file`."""
     if not isinstance(data, dict) or not {"parameters", "model"} & data.keys():
         raise InputError(
             'holds no "parameters"; expected what "flexviz identify --json", "flexviz diagnose --json" or '

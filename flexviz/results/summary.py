@@ -1,4 +1,4 @@
-"""A result as text: tables and sentences for a terminal, a notebook and a log."""
+"""A result as tables and sentences for terminals, notebooks and logs."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
 
 
 def run_lines(result: ResultFields) -> list[str]:
-    """How an identification ran."""
+    """Facts about the run of an identification."""
     lines = [f"{result.set}: {result.message}"]
     if result.observer is not None and result.seconds is not None:
         lines.append(

@@ -11,11 +11,11 @@ from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEn
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import number, with_error
 
-WIDE = 110  # columns from which a table has room for what a parameter is tied to
+WIDE = 110  # columns from which a table has room for ties between parameters
 
 
 def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) -> Table:
-    """One row per parameter; with `ties` also what it is tied to."""
+    """One row per parameter; with `ties` also the parameters it is tied to."""
     table = plain_table(
         "parameter", "joint", numbers=("start", "value", "± 95 %"), end=("unit", "identifiable")
     )
@@ -36,13 +36,13 @@ def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) 
 
 
 def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
-    """What is tied to what, as lines of text for a narrow terminal."""
+    """Ties between parameters as lines of text, for a narrow terminal."""
     tied = [p for p in parameters if p.tied_to]
     return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
 
 
 def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
-    """The inertial combinations that motion can show, which is what single inertial parameters hide."""
+    """Identifiable combinations of inertial parameters."""
     table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
     for c in combinations:
         style = "" if c.identifiable == "yes" else "dim"
@@ -60,7 +60,7 @@ def residual_table(residual: ResidualEntry) -> Table:
 
 
 def interval(value: float, std: float | None) -> tuple[str, str]:
-    """A value and half its 95 % interval, both to the digit where the latter has its second one."""
+    """A value and half its 95 % interval, rounded to the second digit of the interval."""
     shown, half = with_error(value, None if std is None else NORMAL_95 * std)
     shown = _ascii(shown)
     return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
@@ -75,5 +75,5 @@ def plain_table(*texts: str, numbers: Sequence[str] = (), end: Sequence[str] = (
 
 
 def _ascii(text: str) -> str:
-    """With a hyphen for a minus, so that numbers can be copied from a terminal into a program."""
+    """Replace the minus sign by a hyphen, so that numbers can be copied into a program."""
     return text.replace("−", "-")
