@@ -106,4 +106,4 @@ def test_a_change_meanwhile_wins(app: Application) -> None:
     (data,) = (step for step in app.dock.steps if isinstance(step, DataStep))
     send(app, data._roles["t1p1"], "Ignore")
     wait(app)
-    assert app.store.analysis.diagnosis is None and "have changed meanwhile" in status(app)
+    assert app.store.analysis.diagnosis is None and "have changed in the meantime" in status(app)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from flexviz.app.change import Changed, ChangeSignal, Turn
 from flexviz.app.clock import PlaybackClock
-from flexviz.app.events import LARGEST_QUEUE, Event, EventQueue
+from flexviz.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
 from flexviz.app.input_checks import InputRule, check
 from flexviz.app.page import off
 from flexviz.app.style import in_row
@@ -120,9 +120,9 @@ def test_each_step_counts() -> None:
 
 def test_the_queue_has_an_end() -> None:
     queue = EventQueue()
-    for value in range(LARGEST_QUEUE + 50):
+    for value in range(MAX_QUEUE_LENGTH + 50):
         queue.call(nothing, value)
-    assert len(queue) == LARGEST_QUEUE
+    assert len(queue) == MAX_QUEUE_LENGTH
 
 
 def test_many_threads() -> None:

@@ -103,7 +103,7 @@ def test_a_viewer_that_goes_away_takes_nothing_with_it(
     recording: Any = files_of(app).recordings._open["viewer"]
     recording.lost_viewer = "connection refused"
     until(app, lambda: not files_of(app)._live.value)
-    assert "the Rerun viewer has gone" in status(app)
+    assert "the Rerun viewer has disconnected" in status(app)
     until(app, lambda: "close" in Recording.told)
 
 
@@ -121,7 +121,7 @@ def test_other_machines_are_not_called(text: str) -> None:
 
 
 def test_models_have_names() -> None:
-    assert model_label(()) == "the model as it is"
+    assert model_label(()) == "present model"
     assert model_label(("coulomb_friction:joint2",)) == "with Coulomb friction on joint2"
 
 

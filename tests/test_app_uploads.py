@@ -75,7 +75,7 @@ def test_links_bombs_and_rubbish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(uploads, "LARGEST_SET", 1000)
     with pytest.raises(InputError, match="MB unpacked"):
         unpack("s.zip", zip_of({"measurements.toml": b"x" * 2000}), tmp_path)
-    monkeypatch.setattr(uploads, "MOST_FILES", 1)
+    monkeypatch.setattr(uploads, "MAX_FILES", 1)
     with pytest.raises(InputError, match="files; at most"):
         unpack("s.zip", zip_of({"measurements.toml": b"", "a.csv": b""}), tmp_path)
     assert not list(tmp_path.iterdir())
@@ -144,7 +144,7 @@ def test_an_incoming_has_limits(monkeypatch: pytest.MonkeyPatch, incoming: Uploa
     monkeypatch.setattr("flexviz.app.uploads.LARGEST_SET", 10)
     with pytest.raises(InputError, match="together"):
         incoming.put("a.csv", b"x" * 11)
-    monkeypatch.setattr("flexviz.app.uploads.MOST_FILES", 1)
+    monkeypatch.setattr("flexviz.app.uploads.MAX_FILES", 1)
     incoming.put("a.csv", b"")
     with pytest.raises(InputError, match="more than 1 files"):
         incoming.put("b.csv", b"")

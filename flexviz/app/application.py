@@ -1,4 +1,4 @@
-"""The application: it puts the parts together and runs the one loop that acts on events."""
+"""The application: its parts and the event loop."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from flexviz.app.tasks import WARM
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
 
-TICK = 0.1  # [s] playheads, the time slider and live plots follow this often
+TICK = 0.1  # [s] update interval of playheads, time slider and live plots
 
 
 class Application:
-    """Store, page, steps, plots and display; only the loop's thread changes them.
+    """Store, page, steps, plots and display, changed by the loop's thread only.
 
     Attributes:
-        queue: events of browsers and of the worker.
-        store: what is open, selected and under way.
-        page, dock, plots, playback_panel: the page, and its docks.
+        queue: events of browsers and the worker.
+        store: the state of the application.
+        page, dock, plots, playback_panel: the page and its panels.
         display: the robots.
     """
 
@@ -58,12 +58,12 @@ class Application:
         self.tasks.start(LoadModules(WARM), lambda _: None, failed=lambda _: None)
 
     def run(self) -> None:
-        """Act on events until `close`."""
+        """Process events until `close`."""
         while not self._stopped.is_set():
             self.once(TICK / 2)
 
     def once(self, wait: float) -> None:
-        """Act on one event (waiting `wait` [s] for it), on due commands, and on the passing of time."""
+        """Process one event (waiting up to `wait` [s]), due commands, and the tick."""
         event = self.queue.take(wait)
         if event is not None:
             if event.control:
@@ -76,13 +76,13 @@ class Application:
             self._act(self.store.tell, Changed.TICK)
 
     def close(self) -> None:
-        """End the loop, the playback and the worker; keep what is not saved."""
+        """End the loop, the playback and the worker; keep unsaved work."""
         self._stopped.set()
         self.store.tell(Changed.CLOSED)
         self.tasks.close()
 
     def _act(self, action: Callable[..., None], *arguments: Any) -> None:
-        """Do something; a failure is shown and does not end the loop."""
+        """Call `action`; a failure is shown and does not end the loop."""
         try:
             action(*arguments)
         except FlexvizError as error:

@@ -1,4 +1,4 @@
-"""The change signal: who is told of what, and in which order."""
+"""The change signal: subscribers and the order in which they are notified."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ class Changed(Flag):
     """What has changed in the store."""
 
     OPENED = auto()  # another measurement set or session
-    ANALYSIS = auto()  # anything in the analysis; what exactly, the next three say
+    ANALYSIS = auto()  # anything in the analysis; details in the next three
     OBSERVER = auto()  # the observer or its bandwidth
     RESULT = auto()  # the identification
-    DIAGNOSIS = auto()  # the diagnosis, or the models on the way to the present one
-    NEW_STATE = auto()  # the session has gone on to a new state
-    HISTORY = auto()  # the session has gone back or forward, by undo or redo
+    DIAGNOSIS = auto()  # the diagnosis, or the earlier models
+    NEW_STATE = auto()  # a new state of the session
+    HISTORY = auto()  # undo or redo
     DERIVED = auto()  # the simulated motion, or the residual maps, of a result
     FIT = auto()  # iterations of a running fit
     CHECK = auto()  # the sentence of the last check
@@ -24,22 +24,18 @@ class Changed(Flag):
     GROUP = auto()  # the selected group
     STEP = auto()  # the step whose controls are shown
     VIEW = auto()  # how the robots are drawn
-    HIGHLIGHT = auto()  # the instants that are marked
-    ACTIVITY = auto()  # what the user waits for has begun or ended
-    PROGRESS = auto()  # how much of it is done
+    HIGHLIGHT = auto()  # the highlighted instants
+    ACTIVITY = auto()  # a task that the user waits for has started or ended
+    PROGRESS = auto()  # the progress of that task
     MESSAGE = auto()  # the status line
     SAVED = auto()  # the session
     FOLDER = auto()  # where the session is saved
-    TICK = auto()  # a moment has passed
+    TICK = auto()  # periodic
     CLOSED = auto()  # the application ends
 
 
 class Turn(IntEnum):
-    """The order in which subscribers are told of a change.
-
-    Whoever reads a new error in the status line, or sees Stop go out, finds the plots and tables that belong
-    to it.
-    """
+    """The order in which subscribers are notified: plots and tables are current before the status line."""
 
     PLOTS = auto()
     CONTROLS = auto()
@@ -68,7 +64,7 @@ class ChangeSignal:
         self._subscribers.sort(key=lambda subscriber: subscriber.stage)
 
     def tell(self, change: Changed) -> None:
-        """Tell the subscribers; what one of them changes is told once all have heard of this."""
+        """Notify the subscribers; changes they make are notified after all have been called."""
         self._untold |= change
         if self._telling:
             return

@@ -1,4 +1,4 @@
-"""The playback clock: the instant of the selected group that is shown. No viser here."""
+"""The playback clock: the displayed instant of the selected group."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 class PlaybackClock:
-    """Runs from `start` to `end` [s] at `speed` and starts again; usable from any thread."""
+    """Runs over a time span and starts again; thread-safe."""
 
     def __init__(self, now: Callable[[], float] = wall.monotonic) -> None:
         self._now = now
@@ -19,10 +19,10 @@ class PlaybackClock:
         self._time = 0.0
         self._speed = 1.0
         self.loop = True  # start again at the end, or stop there
-        self._since: float | None = None  # wall time when it was started, None while it is paused
+        self._since: float | None = None  # wall time of the start, None while paused
 
     def span(self, start: float, end: float) -> None:
-        """Run over another group, from its beginning; playing or paused as before."""
+        """Set the span to `start` … `end` [s] and go to its start; playing or paused as before."""
         with self._lock:
             self._start, self._end = start, max(end, start + 1e-6)
             self._set(start)
@@ -46,14 +46,14 @@ class PlaybackClock:
             self._set(min(max(time, self._start), self._end))
 
     def step(self, by: float) -> None:
-        """Pause and move by so many seconds."""
+        """Pause and move `by` [s]."""
         with self._lock:
             time = min(max(self._at() + by, self._start), self._end)
             self._since = None
             self._set(time)
 
     def set_speed(self, speed: float) -> None:
-        """Seconds of the group per second of wall time."""
+        """Set the playback speed, as a multiple of real time."""
         with self._lock:
             self._set(self._at())
             self._speed = speed
@@ -65,7 +65,7 @@ class PlaybackClock:
 
     @property
     def time(self) -> float:
-        """The present instant [s]."""
+        """The current instant [s]."""
         with self._lock:
             return self._at()
 

@@ -1,4 +1,4 @@
-"""The command palette and its keys. A key that the focused control has used does nothing else."""
+"""The command palette and its keys. A key press used by the focused control triggers no command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import viser
 
 from flexviz.app.events import EventQueue
 
-SETTLE = 0.06  # [s] a key press waits this long for the control that may have used it (a slider, a button)
+SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
 CTRL, SHIFT = "cmd/ctrl", "cmd/ctrl+shift"
 
 
@@ -20,10 +20,9 @@ class Command:
     """An entry of the palette.
 
     Attributes:
-        label: its name, unique.
-        action: called with the number of the browser it came from.
-        hotkey, modifier: its key, if any.
-        shared: whether controls use this key, too.
+        label: unique name.
+        action: called with the number of the browser.
+        shared: whether controls also use this key.
     """
 
     label: str
@@ -41,7 +40,7 @@ class _Request:
 
 
 class Commands:
-    """Commands that wait a moment before they act."""
+    """Commands, executed after a short delay."""
 
     def __init__(self, server: viser.ViserServer, queue: EventQueue) -> None:
         self._server, self._queue = server, queue
@@ -50,7 +49,7 @@ class Commands:
         self._touched = 0.0
 
     def add(self, command: Command) -> None:
-        """Put a command into the palette."""
+        """Add a command to the palette."""
         self.known[command.label] = command
         hotkey: Any = command.hotkey
         modifier: Any = command.modifier
@@ -62,15 +61,15 @@ class Commands:
         handle.on_trigger(triggered)
 
     def request(self, request: _Request) -> None:
-        """Act on this in a moment."""
+        """Queue a command."""
         self._waiting.append(request)
 
     def touched(self, when: float) -> None:
-        """A control was used at this time [s, monotonic]."""
+        """Record that a control was used at time `when` [s, monotonic]."""
         self._touched = when
 
     def due(self) -> list[Callable[[], None]]:
-        """What is to be done now."""
+        """The actions of commands that are due."""
         now = time.monotonic()
         due = [request for request in self._waiting if now - request.when >= SETTLE]
         self._waiting = [request for request in self._waiting if request not in due]

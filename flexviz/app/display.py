@@ -1,4 +1,4 @@
-"""The 3D display: the store's motion on the stage, with colours, labels, trails and marked instants."""
+"""The 3D display: motion of both robots, colours, labels, trails and highlighted instants."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from flexviz.scene import scene_labels, scene_layout
 from flexviz.view import joint_colours, joint_rms
 
 TRAIL_POINTS = 160
-MARKED_POINTS = 300  # of the path that may be highlighted
+MARKED_POINTS = 300  # resolution of the highlighted path
 
 
 class Display:
-    """Draws both robots as the store says."""
+    """Draws both robots from the store."""
 
     def __init__(self, store: Store, server: viser.ViserServer, queue: EventQueue) -> None:
         self._store = store
@@ -51,7 +51,7 @@ class Display:
         self._store.select(joint=joint)
 
     def _build(self) -> None:
-        """Put the robot of a new set on the stage."""
+        """Build the scene for a new set."""
         robot, shape = self._store.measurements.robot, self._store.opened.shape
         self._layout = self._store.view.layout
         self.playback.show(None)
@@ -70,7 +70,7 @@ class Display:
             self.scene.measured.colour(joint_colours(rms, self._store.measurements.n))
 
     def _draw(self) -> None:
-        """Draw the motion with its factors, labels and trails."""
+        """Draw the motion with labels and trails."""
         store, motion, view = self._store, self._store.motion, self._store.view
         if view.layout != self._layout:
             self._layout = view.layout
@@ -95,7 +95,7 @@ class Display:
         return "simulation failed" if failed else "being simulated"
 
     def _mark(self) -> None:
-        """Highlight the marked instants on the measured robot's path."""
+        """Highlight the selected instants on the measured robot's path."""
         store, highlight = self._store, self._store.highlight
         if highlight is None:
             self.scene.mark(None)

@@ -1,4 +1,4 @@
-"""The left dock's frame: where one is, what goes on, undo, redo and stop, which joint and group."""
+"""The left dock: step line, status, undo, redo, stop, and the selected joint and group."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style
 from flexviz.view import error_text, next_step, status_html, step_line_html, steps_done
 
-LEFT = 330  # [pixels]
+LEFT_WIDTH = 330  # [pixels]
 
 
 class Dock:
-    """The frame; below it come the current step's controls."""
+    """The dock, with the current step's controls below."""
 
     def __init__(self, store: Store, page: Page, kinds: Sequence[type[WorkflowStep]]) -> None:
         self._store, self._page = store, page
@@ -24,7 +24,7 @@ class Dock:
         gui = page.gui
         page.set_dark(False)
         gui.main_panel.dock_left()
-        gui.main_panel.set_width(LEFT)
+        gui.main_panel.set_width(LEFT_WIDTH)
         self._style = gui.add_html("")
         self._line = gui.add_html("")
         self._status = gui.add_html("")
@@ -62,22 +62,22 @@ class Dock:
         self._group.options = tuple(group.name for group in measurements.groups)
 
     def _refresh(self) -> None:
-        """Show what is selected, and what may be pressed."""
+        """Show the selection and enable the buttons."""
         store = self._store
         self._joint.value, self._group.value = store.joint_name, store.group.name
         for button, label, verb in (
-            (self._undo, store.session.undoes, "takes back"),
-            (self._redo, store.session.redoes, "does again"),
+            (self._undo, store.session.undoes, "undoes"),
+            (self._redo, store.session.redoes, "redoes"),
         ):
             off(button, "" if label else "nothing to do", f"{verb}: {label}")
         off(
             self._stop,
             "" if store.running else "nothing is running",
-            "ends what is running and keeps its results",
+            "stops the running task and keeps its results",
         )
 
     def _progress(self) -> None:
-        """How far the running task is; an unknown share is drawn full."""
+        """Show the progress; an unknown share is drawn as full."""
         activity = self._store.activity
         self._bar.visible = activity is not None
         if activity is not None:
@@ -94,7 +94,7 @@ class Dock:
             step.folder.visible = step.title == self._store.step
 
     def _draw_line(self) -> None:
-        """The step line with the next thing to do, and the style sheet, which follows buttons and hints."""
+        """Draw the step line with the recommended next action, and the style sheet."""
         store, uuid, titles = self._store, self._buttons._impl.uuid, self._titles
         rules = [*self._page.rules, pressed(uuid, titles.index(store.step))]
         following = next_step(store.analysis, store.step, store.running)

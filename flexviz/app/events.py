@@ -1,4 +1,4 @@
-"""The queue between the browsers, the worker and the one loop that acts."""
+"""The event queue between browsers, worker and the application's loop."""
 
 from __future__ import annotations
 
@@ -8,19 +8,17 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any
 
-LARGEST_QUEUE = 1000  # waiting events; more come only from a client that misbehaves
+MAX_QUEUE_LENGTH = 1000  # events; only a misbehaving client exceeds it
 
 
 @dataclass(frozen=True)
 class Event:
-    """Something happened.
+    """A call `action(value)` for the loop.
 
     Attributes:
-        source: where; of several waiting events from one source only the newest counts.
-        action: what the loop calls with `value`.
-        value: what it carries.
-        control: whether somebody used a control on the page.
-        born: when [s, monotonic].
+        source: origin; a newer event replaces waiting ones of the same source.
+        control: whether a control on the page was used.
+        born: creation time [s, monotonic].
     """
 
     source: Hashable
@@ -31,27 +29,27 @@ class Event:
 
 
 class EventQueue:
-    """First in, first out; of several waiting events from one source only the newest stays."""
+    """First in, first out; a newer event replaces waiting ones of the same source."""
 
     def __init__(self) -> None:
         self._waiting: list[Event] = []
         self._change = threading.Condition()
 
     def put(self, event: Event, *, each: bool = False) -> None:
-        """Add an event; with `each` older ones from its source stay. From any thread."""
+        """Add an event; `each` keeps older ones of its source. Thread-safe."""
         with self._change:
             if not each:
                 self._waiting = [other for other in self._waiting if other.source != event.source]
-            if len(self._waiting) < LARGEST_QUEUE:
+            if len(self._waiting) < MAX_QUEUE_LENGTH:
                 self._waiting.append(event)
             self._change.notify()
 
     def call(self, action: Callable[[Any], None], value: Any = None) -> None:
-        """Have the loop call `action(value)`, each time. From any thread."""
+        """Let the loop call `action(value)`, once per call. Thread-safe."""
         self.put(Event(action, action, value), each=True)
 
     def take(self, timeout: float) -> Event | None:
-        """The oldest event, or None when none comes within `timeout` [s]."""
+        """The oldest event, or None after `timeout` [s]."""
         with self._change:
             if not self._waiting:
                 self._change.wait(timeout)

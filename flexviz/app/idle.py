@@ -1,4 +1,4 @@
-"""Work of idle time: the identified model's own motion, and where its residual lies."""
+"""Idle work: simulated motion and residual maps of the identified model."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _UnderWay:
-    """A task that was started for one entry of a result: a group, or "maps"."""
+    """A running task for one entry of a result: a group, or "maps"."""
 
     derived: Derived
     entry: str
 
 
 class IdleWork:
-    """Starts what the present result lacks, again where something came between."""
+    """Computes what the current result lacks; restarts interrupted tasks."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -57,7 +57,7 @@ class IdleWork:
     def _start(
         self, task: IdleTask[Result], entry: _UnderWay, keep: Callable[[Result], None], what: str
     ) -> None:
-        """Have it done, unless that is under way."""
+        """Start a task, unless it is already running."""
         store, kind = self._store, type(task)
         before = self._under_way.get(kind)
         if before is not None and before.derived is entry.derived and before.entry == entry.entry:

@@ -1,7 +1,7 @@
-"""What comes in from a browser: every message and value is checked before anything acts on it.
+"""Validation of all messages and values from a browser.
 
-viser itself checks none of this. It leans on viser's inside (the handler tables), so viser's version is
-pinned and tests/test_app_input_checks.py holds every promise made here.
+viser does not validate them. This uses viser's internal handler tables, so viser's version is pinned and
+tests/test_app_input_checks.py covers every check.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class InputRule:
 
 
 def check(rule: InputRule, value: Any) -> Any:
-    """`value` as the control's own type; InputError if it is not acceptable."""
+    """`value` converted to the control's type; raises InputError if it is invalid."""
     if rule.disabled:
         raise InputError("the control is disabled")
     if rule.kind == "number":
@@ -118,7 +118,7 @@ def _shown(value: Any) -> str:
 
 
 def guard_messages(server: viser.ViserServer) -> None:
-    """Drop messages that nothing here needs, and check every value before it reaches a control."""
+    """Drop unneeded messages, and check every value before it reaches a control."""
     websocket = server._websock_server
     for kind in UNWANTED:
         with contextlib.suppress(AssertionError):
@@ -145,7 +145,7 @@ def guard_messages(server: viser.ViserServer) -> None:
 
 
 def guard_uploads(server: viser.ViserServer) -> None:
-    """Accept uploads only for upload buttons, a few at a time, and no larger than announced and allowed."""
+    """Accept uploads only for upload buttons, limited in number and size."""
     websocket, gui = server._websock_server, server.gui
     states = gui._current_file_upload_states
     websocket.unregister_handler(messages.FileTransferStartUpload, gui._handle_file_transfer_start)
@@ -193,7 +193,7 @@ def upload_refusal(handle: Any, message: Any, running: int) -> str:
 
 
 def rule_of(handle: Any) -> InputRule:
-    """What a viser control accepts; unknown kinds accept nothing."""
+    """The rule of a viser control; unknown kinds accept nothing."""
     disabled = bool(getattr(handle, "disabled", False))
     if isinstance(handle, viser.GuiSliderHandle | viser.GuiNumberHandle):
         low = float("-inf") if handle.min is None else float(handle.min)
@@ -215,7 +215,7 @@ def rule_of(handle: Any) -> InputRule:
 
 
 def _send_back(server: viser.ViserServer, client_id: Any, handle: Any) -> None:
-    """Restore the true value in the browser that sent a bad one."""
+    """Restore the value in the browser that sent an invalid one."""
     client = server.get_clients().get(client_id)
     if client is not None and not handle._impl.is_button:
         update = messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle.value})

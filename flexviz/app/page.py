@@ -17,7 +17,7 @@ from flexviz.app.tooltips import Tooltips
 
 
 class Page:
-    """Builds controls, in the folder that is being filled, and binds them to actions of the loop."""
+    """Builds controls in the current folder, and binds them to actions of the loop."""
 
     def __init__(self, server: viser.ViserServer, queue: EventQueue) -> None:
         self.server, self._queue = server, queue
@@ -27,11 +27,11 @@ class Page:
         self.rules = [CSS]
 
     def call(self, action: Callable[[Any], None], value: Any) -> None:
-        """Have the loop call `action(value)`. From any thread."""
+        """Let the loop call `action(value)`. Thread-safe."""
         self._queue.call(action, value)
 
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
-        """Call `action(value)` whenever a browser changes this control; its keys are its own."""
+        """Call `action(value)` when a browser changes this control."""
 
         async def changed(event: Any) -> None:
             if event.client_id is not None:
@@ -41,7 +41,7 @@ class Page:
         return handle
 
     def choose(self, handle: Any, action: Callable[[str], None]) -> Any:
-        """Call `action(option)` for every press in a row of buttons."""
+        """Call `action(option)` for every press in a button group."""
 
         async def chosen(event: Any) -> None:
             if event.client_id is not None:
@@ -57,7 +57,7 @@ class Page:
     def client_button(
         self, label: str, action: Callable[[int], None], color: Any = "gray", **look: Any
     ) -> Any:
-        """A button that calls `action(client)` with the number of the browser it was pressed in."""
+        """A button that calls `action(client)` with the number of the browser."""
         handle = self.gui.add_button(label, color=color, **look)
 
         async def pressed(event: Any) -> None:
@@ -87,15 +87,15 @@ class Page:
         *,
         shared: bool = False,
     ) -> None:
-        """An entry of the command palette; `shared` where controls use its key, too."""
+        """Add a command to the palette; `shared` if controls also use its key."""
         self.commands.add(Command(label, lambda _: action(), hotkey, modifier, shared))
 
     def client_command(self, label: str, action: Callable[[int], None]) -> None:
-        """A command that needs to know the browser it came from."""
+        """Add a command that is called with the number of the browser."""
         self.commands.add(Command(label, action))
 
     def row(self, buttons: Sequence[Any], share: float | None = None) -> None:
-        """Set buttons beside each other; each takes `share` of the row (None: equal shares)."""
+        """Place buttons side by side; each takes `share` of the row (None: equal shares)."""
         uuids = [button._impl.uuid for button in buttons]
         self.tooltips.open_left(uuids[(len(uuids) + 1) // 2 :] if share is None else uuids)
         self.rules.append(in_row(*uuids, share=share))
@@ -109,25 +109,25 @@ class Page:
         self.gui.configure_theme(dark_mode=dark, show_share_button=False, show_logo=False)
 
     def alert(self, reason: str) -> None:
-        """Say what went wrong where nobody overlooks it, in every browser."""
+        """Show a failure as a notification in every browser."""
         for client in self.server.get_clients().values():
             client.add_notification("That did not work", reason, color="red", auto_close_seconds=12)
 
     def send_file(self, client: int, name: str, content: bytes) -> None:
-        """Send a file to a browser, if it is still there."""
+        """Send a file to a browser, if it is still connected."""
         handle = self.server.get_clients().get(client)
         if handle is not None:
             handle.send_file_download(name, content, save_immediately=True)
 
 
 def off(handle: Any, why: str, hint: str = "") -> None:
-    """Grey a control for a reason, which its hint tells; without a reason it is on and has this hint."""
+    """Disable a control with the reason `why` as its hint; without a reason enable it with `hint`."""
     handle.disabled = bool(why)
     handle.hint = f"off: {why}" if why else hint
 
 
 def dim(text: str) -> str:
-    """A subdued sentence (HTML); nothing for no text."""
+    """A subdued sentence (HTML), or "" without text."""
     return f'<div class="fv fv-dim">{text}</div>' if text else ""
 
 

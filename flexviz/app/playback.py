@@ -1,4 +1,4 @@
-"""Playback: a thread that moves both robots 30 times a second, whatever else is running."""
+"""Playback: a thread that moves both robots 30 times per second."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RATE = 30.0  # [1/s]
 
 @dataclass(frozen=True, eq=False)
 class DrawnMotion:
-    """What is drawn and by how much it is exaggerated; replaced as a whole."""
+    """The drawn motion with its exaggeration factors."""
 
     motion: RobotMotion
     deflection: float
@@ -26,7 +26,7 @@ class DrawnMotion:
 
 
 class Playback:
-    """Draws `drawn_motion` at the clock's time; only while something moves."""
+    """Draws the motion at the clock's time, if it has changed."""
 
     def __init__(self, scene: Scene, clock: PlaybackClock) -> None:
         self._scene = scene
@@ -39,15 +39,15 @@ class Playback:
         self._thread = threading.Thread(target=self._run, name="flexviz-playback", daemon=True)
 
     def start(self) -> None:
-        """Begin to draw."""
+        """Start the thread."""
         self._thread.start()
 
     def show(self, drawn_motion: DrawnMotion | None) -> None:
-        """Draw this from now on; None draws nothing."""
+        """Draw this motion; None draws nothing."""
         self._drawn_motion = drawn_motion
 
     def hold(self) -> threading.Lock:
-        """Hold this while the scene is rebuilt."""
+        """The lock to hold while the scene is rebuilt."""
         return self._lock
 
     def close(self) -> None:

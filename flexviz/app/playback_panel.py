@@ -17,7 +17,7 @@ from flexviz.view import joint_rms, legend_html
 
 PLAY, PAUSE, BACK, FORWARD = BUTTONS = ("Play", "Pause", "◀ Step", "Step ▶")
 FRAME = 1.0 / 30.0  # [s] one press of a step button at speed 1
-SCRUB_REST = 0.8  # [s] after a person has moved the time slider, the program leaves it alone
+SCRUB_REST = 0.8  # [s] without automatic updates after the user has moved the time slider
 SIDES = ("motor side θ", "link side q")
 SPEED_NAMES = tuple(f"{speed:g}×" for speed in SPEEDS)
 
@@ -77,23 +77,23 @@ class PlaybackPanel:
         store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _set(self, name: str) -> Callable[[Any], None]:
-        """What changes one field of the view's settings."""
+        """An action that changes one field of the view settings."""
         return lambda value: self._change(**{name: value})
 
     def _change(self, **fields: Any) -> None:
         self._store.set_view(replace(self._store.view, **fields))
 
     def _span(self) -> None:
-        """A new group's time."""
+        """Set the time span of a new group."""
         segments = self._store.group.segments
         self._time.min, self._time.max = float(segments[0].time[0]), float(segments[-1].time[-1])
         self._time.value = self._time.min
 
     def _refresh(self) -> None:
-        """The legend of the present result and group, and what may be chosen."""
+        """Update the legend, and enable the controls."""
         store, motion, view = self._store, self._store.motion, self._store.view
         self._layout.value = view.layout
-        if view.deflection is None:  # else a person may be moving the slider
+        if view.deflection is None:  # else the user may be moving the slider
             self._deflection.value = store.deflection
         why = "" if motion.link is not None else "the selected group has no link encoders"
         off(self._side, why, "compares motor angles, or link sides as the encoders measured them")
@@ -106,7 +106,7 @@ class PlaybackPanel:
         )
 
     def _tick(self) -> None:
-        """Let the time slider follow the clock, unless somebody holds it."""
+        """Let the time slider follow the clock, unless the user holds it."""
         if self._clock.playing:
             self._follow()
 

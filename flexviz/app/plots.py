@@ -1,4 +1,4 @@
-"""The right dock's tabs of plots. A tab's charts change only when what they show does."""
+"""The plots in the right dock. Charts are updated only when their content changes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexviz.view import (
     states_charts,
 )
 
-RIGHT = 430  # [pixels]
+RIGHT_WIDTH = 430  # [pixels]
 
 
 class PlotPanel:
@@ -34,8 +34,8 @@ class PlotPanel:
         with compare:
             self._steps = page.gui.add_html("")
         panel.dock_right()
-        panel.set_width(RIGHT)
-        self._stale = False  # there are iterations that are not drawn
+        panel.set_width(RIGHT_WIDTH)
+        self._stale = False  # some iterations are not drawn yet
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         store.subscribe(selected | Changed.OBSERVER, self._draw_states)
         store.subscribe(selected | Changed.RESULT | Changed.DERIVED, self._draw_signals)
@@ -47,20 +47,20 @@ class PlotPanel:
         store.subscribe(Changed.TICK, self._move)
 
     def _draw_states(self) -> None:
-        """The observer's states of the selected joint in the selected group."""
+        """Draw the observer states of the selected joint and group."""
         store, analysis = self._store, self._store.analysis
         observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
         hold, now = store.measurements.torque_hold, store.clock.time
         self._states.show(states_charts(store.group, store.joint, observer, hold, now))
 
     def _draw_signals(self) -> None:
-        """Torque, residual and error of the selected joint in the selected group."""
+        """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
         self._signals.show(signals_charts(store.group, store.joint, store.joint_name, result, store.motion))
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
-        """The error of every model on the way."""
+        """Draw the error after every model step."""
         store, models = self._store, self._store.analysis.model_steps
         self._compare.show(staircase_charts(models, store.joint, store.joint_name))
         self._steps.content = staircase_html(models)
@@ -69,7 +69,7 @@ class PlotPanel:
         self._stale = True
 
     def _draw_convergence(self) -> None:
-        """The solver's iterations; they may come faster than they can be drawn."""
+        """Draw the solver's iterations, at most once per tick."""
         if self._stale:
             self._stale = False
             self._convergence.show(convergence_charts(self._store.fit.iterations))

@@ -1,7 +1,7 @@
 """Live recordings of the session: into a file in ./sessions, to a running Rerun viewer, or both.
 
-Each has a stream of its own, so that a viewer that goes away takes nothing from the file. One that is opened
-late starts with all that is known by then.
+Each has its own stream, so that a lost viewer does not affect the file. A recording started late begins with
+all results so far.
 """
 
 from __future__ import annotations
@@ -32,13 +32,11 @@ CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recordi
 
 @dataclass(frozen=True)
 class RecordingEvent:
-    """What has become of a recording.
+    """A change of a recording's state.
 
     Attributes:
-        kind: which one.
-        mark: what it was wanted for.
-        state: it has begun, has ended, or cannot go on.
-        value: the open recording, what was written (or None), or the reason.
+        mark: identifies the request that started it.
+        value: the open recording, the written file (or None), or the reason of the failure.
     """
 
     kind: Kind
@@ -48,9 +46,9 @@ class RecordingEvent:
 
 
 class Recordings:
-    """Tells every open recording what happens.
+    """Feeds all open recordings.
 
-    `heard` is called in the loop's thread with every `RecordingEvent`; `call(action, value)` calls there.
+    `call(action, value)` calls in the loop's thread, where `heard` gets every `RecordingEvent`.
     """
 
     def __init__(
@@ -61,10 +59,10 @@ class Recordings:
     ) -> None:
         self._store, self._call, self._heard = store, call, heard
         self._open: dict[Kind, LiveRecording] = {}
-        self._wanted: dict[Kind, object] = {}  # what each is wanted for: another set is another recording
+        self._wanted: dict[Kind, object] = {}  # mark of the current request
         self._threads: list[threading.Thread] = []
         self._ended = False
-        self._newest: Identification | None = None  # what they all know
+        self._newest: Identification | None = None  # last result sent to all of them
         self._diagnosis: Diagnosis | None = None
         self._replays: set[str] = set()  # of the newest result
         self._maps: object = None
@@ -80,7 +78,7 @@ class Recordings:
     # -- on and off ----------------------------------------------------------------------------------
 
     def start(self, kind: Kind, address: str = "") -> None:
-        """Open one; `address` is the viewer's. Whether that worked is told through `heard`."""
+        """Start a recording, to the viewer at `address` if any; reported through `heard`."""
         if kind in self._wanted:
             return
         measurements, mark = self._store.measurements, object()
@@ -104,7 +102,7 @@ class Recordings:
         self._in_thread(begin, kind, mark)
 
     def stop(self, kind: Kind) -> None:
-        """Close one; what was written is told through `heard`."""
+        """Close a recording; reported through `heard`."""
         mark = self._wanted.pop(kind, None)
         recording = self._open.pop(kind, None)
         if recording is not None:
@@ -117,7 +115,7 @@ class Recordings:
         self._in_thread(end, kind, mark)
 
     def _close_all(self) -> None:
-        """Close all and wait for them."""
+        """Close all recordings and wait."""
         self._ended = True
         for kind in KINDS:
             self.stop(kind)
@@ -131,28 +129,28 @@ class Recordings:
         return file.stat().st_size if file is not None and file.is_file() else 0
 
     def _tick(self) -> None:
-        """Let go of a viewer that has gone away."""
+        """Drop a viewer that has disconnected."""
         viewer = self._open.get("viewer")
         if viewer is not None and viewer.lost_viewer:
-            reason = f"the Rerun viewer has gone: {one_line(viewer.lost_viewer)}"
+            reason = f"the Rerun viewer has disconnected: {one_line(viewer.lost_viewer)}"
             self._happened(RecordingEvent("viewer", self._wanted.get("viewer"), "failed", reason))
 
-    # -- what is told --------------------------------------------------------------------------------
+    # -- content -------------------------------------------------------------------------------------
 
     def _changed(self) -> None:
-        """The session has gone on: new results, and what was done."""
+        """Record new results and the last action."""
         for recording in self._open.values():
             recording.note(self._store.last_action)
             self._results(recording, self._newest, self._diagnosis)
         self._remember()
 
     def _noted(self) -> None:
-        """Something else was done."""
+        """Record the last action."""
         for recording in self._open.values():
             recording.note(self._store.last_action)
 
     def _iterated(self) -> None:
-        """Iterations of a fit; those of a fit that leads to several results belong to none."""
+        """Record iterations, unless the fit leads to several results."""
         fit = self._store.fit
         if fit is not self._fit:
             self._fit, self._iterations = fit, 0
@@ -170,7 +168,7 @@ class Recordings:
             recording.iteration(iteration)
 
     def _derived(self) -> None:
-        """What was computed of the newest result: its own motion, and where it fails."""
+        """Record simulated motion and residual maps of the newest result."""
         derived = self._store.derived_of(self._newest)
         if self._newest is None or derived is None:
             return
@@ -191,7 +189,7 @@ class Recordings:
     def _results(
         self, recording: LiveRecording, known: Identification | None, diagnosed: Diagnosis | None
     ) -> None:
-        """The present results, where they differ from those that the recording knows."""
+        """Record the current results, if the recording does not have them."""
         from flexviz.observers import make_observer
 
         analysis = self._store.analysis
@@ -203,7 +201,7 @@ class Recordings:
             recording.diagnosed(diagnosis, tuple(model.step for model in analysis.model_steps))
 
     def _catch_up(self, recording: LiveRecording) -> None:
-        """All that is known before it began: the present results, and what a running fit has done."""
+        """Record everything so far, including the iterations of a running fit."""
         store = self._store
         for step in store.session.steps:
             recording.note(step.label)
@@ -256,16 +254,14 @@ class Recordings:
 
 
 def model_label(effects: tuple[str, ...]) -> str:
-    """A model in a few words."""
-    return (
-        "with " + ", ".join(effect_text_name(name) for name in effects) if effects else "the model as it is"
-    )
+    """Short description of a model."""
+    return "with " + ", ".join(effect_text_name(name) for name in effects) if effects else "present model"
 
 
 def local_address(text: str) -> str:
-    """A viewer's address on this machine: from "", a port, host:port, or a whole one.
+    """A viewer address on this machine: "", a port, host:port, or a complete address.
 
-    A browser must not make this machine talk to another one.
+    Browsers must not make this machine connect to another one.
     """
     text = text.strip()
     host = None

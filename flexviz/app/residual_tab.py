@@ -1,4 +1,4 @@
-"""The tab "Where it fails": maps, residual against every variable, and a range that is marked everywhere."""
+"""The tab "Where it fails": residual maps, curves and a highlighted range."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ OFF = "nothing"
 
 
 class ResidualTab:
-    """Draws the present result for the selected joint and group."""
+    """Draws the current result for the selected joint and group."""
 
     def __init__(self, store: Store, page: Page, tab: Any) -> None:
         self._store = store
@@ -87,7 +87,7 @@ class ResidualTab:
         self._charts.move(self._store.clock.time)
 
     def _marked(self) -> Highlight | None:
-        """The instants in the chosen range; None where nothing is to be marked."""
+        """The instants in the chosen range, or None."""
         key = self._variable.value
         if self._samples is None or self._samples.limits(key) is None:
             self._about.content = ""
@@ -106,7 +106,7 @@ class ResidualTab:
         self._draw()
 
     def _first_range(self, key: str, low: float, high: float) -> tuple[float, float]:
-        """Where the residual lies along a variable; the highest quarter where that is not known."""
+        """The range with most of the residual, or else the upper quarter."""
         found = map_of(self._store.maps, self._store.joint_name, key)
         if found is None or not low <= found.range[0] < found.range[1] <= high:
             return low + 0.75 * (high - low), high

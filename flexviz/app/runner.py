@@ -1,4 +1,4 @@
-"""Tasks on the worker, whose news come back into the loop."""
+"""Tasks on the worker, with callbacks in the application's loop."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from flexviz.progress import Progress, ProgressCallback, ignore
 
 
 def nothing() -> None:
-    """Nothing to do."""
+    """Do nothing."""
 
 
 class TaskRunner:
-    """Starts tasks; all that is given to it is called in the loop's thread."""
+    """Starts tasks; all callbacks run in the loop's thread."""
 
     def __init__(self, queue: EventQueue, failed: Callable[[str], None]) -> None:
         self._queue, self._failed = queue, failed
@@ -30,13 +30,13 @@ class TaskRunner:
         failed: Callable[[str], None] | None = None,
         stopped: Callable[[], None] = nothing,
     ) -> Job:
-        """Start a task, in place of a waiting one of its class.
+        """Start a task, replacing a waiting one of its class.
 
         Args:
             done: gets its result.
             progress: gets its progress.
-            failed: gets the reason of a failure; by default that is shown to the user.
-            stopped: called where it was stopped without a result.
+            failed: gets the reason of a failure; by default it is shown to the user.
+            stopped: called if it was stopped without a result.
         """
 
         def act(event: JobEvent) -> None:

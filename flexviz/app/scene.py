@@ -15,12 +15,12 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.scene import ARROW_RADIUS, FIELD_OF_VIEW, RobotShape, SceneLayout, torque_arrow, torque_axes
 
 GHOST_OPACITY = 0.45
-MOVED_CAMERA = 0.02  # of the stage's width: a person moves the camera farther
+MOVED_CAMERA = 0.02  # share of the stage's width; users move the camera farther
 HIDDEN_SHARE = (
     0.27  # share of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
 )
-SAME_ASPECT = 0.02  # a slow browser draws fewer pixels: their number says nothing, only width ÷ height does
-ASK_INTERVAL = 2.0  # [s] between two questions how large a canvas is: docks appear late, windows change
+SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
+SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
 
 
 class RobotNodes:
@@ -64,12 +64,12 @@ class RobotNodes:
             handle.position = pose[:3, 3]
 
     def colour(self, colours: Sequence[tuple[int, int, int]]) -> None:
-        """Give each joint's body its colour; the base stays grey."""
+        """Set the colour of each joint's body; the base is grey."""
         for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
             handle.color = COLOURS.body if body.joint is None else colours[body.joint]
 
     def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
-        """Show the payload's bodies as balls of their mass, with the density of stone."""
+        """Show the payload's bodies as balls of equal mass (2500 kg/m³)."""
         for handle in self._payload:
             handle.remove()
         self._payload = []
@@ -89,7 +89,7 @@ class RobotNodes:
             self._payload.append(ball)
 
     def torque(self, shares: np.ndarray | None, q: np.ndarray) -> None:
-        """Bend an arrow around every joint by shares (n,) of its largest torque, at q (n,) [rad]."""
+        """Draw torque arrows around the joints, shares (n,) of the largest torque, at q (n,) [rad]."""
         if shares is None:
             for handle in self._arrows:
                 handle.remove()
@@ -110,7 +110,7 @@ class RobotNodes:
             self._arrows[index].position = poses[axis.link][:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
-        """Where the tip is at M joint positions (n,) [rad]: (M, 3) [m]."""
+        """Tip positions (M, 3) [m] at M joint positions (n,) [rad]."""
         return np.array(
             [self._robot.link_poses(q)[self._shape.tip][:3, 3] for q in positions], dtype=np.float32
         )
@@ -139,7 +139,7 @@ class RobotNodes:
         )
 
     def remove(self) -> None:
-        """Take the robot out of the scene."""
+        """Remove the robot."""
         self._frame.remove()
 
 
@@ -151,18 +151,18 @@ class Scene:
         self._on_click = on_click
         self._grid: Any = None
         self._labels: dict[str, Any] = {}
-        self._aimed: dict[int, float] = {}  # width ÷ height of the canvas each browser was aimed for
-        self._views: dict[int, np.ndarray] = {}  # and where its camera was put
-        self._begin = np.zeros(3)  # where every page's camera begins
-        self._nudged = 1e-4  # share by which a camera is moved to make its browser answer
-        self._asked = 0.0  # when browsers were asked for their size [s, monotonic]
+        self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
+        self._views: dict[int, np.ndarray] = {}  # browser -> camera position
+        self._begin = np.zeros(3)  # initial camera position
+        self._nudged = 1e-4  # relative camera motion that triggers an update
+        self._asked = 0.0  # last request of the canvas size [s, monotonic]
         self.measured: RobotNodes | None = None
         self.identified: RobotNodes | None = None
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(cast_shadow=False)
 
     def build(self, robot: Robot, shape: RobotShape, stage: SceneLayout, layout: str) -> None:
-        """Put both copies of a new set's robot on the stage."""
+        """Build both copies of a new set's robot."""
         self.clear()
         self._stage = stage
         size = 6.0 * max(stage.size, stage.width)
@@ -203,12 +203,12 @@ class Scene:
             client.camera.look_at = look
 
     def gone(self, client: viser.ClientHandle) -> None:
-        """A browser has left."""
+        """Forget a disconnected browser."""
         self._aimed.pop(client.client_id, None)
         self._views.pop(client.client_id, None)
 
     def resized(self, client: viser.ClientHandle) -> None:
-        """Aim again when the canvas has changed size (docks appear late) and nobody has moved the camera."""
+        """Aim again if the canvas size has changed and the user has not moved the camera."""
         now = _aspect(client)
         if self.measured is None or abs(self._aimed.get(client.client_id, now) / now - 1.0) < SAME_ASPECT:
             return
@@ -216,18 +216,18 @@ class Scene:
             self.aim(client)
 
     def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
-        """Whether nobody has moved this browser's camera."""
+        """Whether the user has not moved this browser's camera."""
         aimed = self._views.get(number)
         if aimed is None:
             return False
-        # a browser may take the camera that every page begins with only after it was aimed
+        # a browser may apply the initial camera after it was aimed
         ours = (aimed, self._begin)
         away = min(float(np.linalg.norm(client.camera.position - place)) for place in ours)
         return away < MOVED_CAMERA * self._stage.width
 
     def tick(self) -> None:
-        """Ask every browser how large its canvas is: it answers only when its camera moves."""
-        if time.monotonic() - self._asked < ASK_INTERVAL:
+        """Request every browser's canvas size, which it sends only when its camera moves."""
+        if time.monotonic() - self._asked < SIZE_INTERVAL:
             return
         self._asked = time.monotonic()
         for number, client in self._server.get_clients().items():
@@ -236,7 +236,7 @@ class Scene:
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
 
     def labels(self, measured: str, identified: str) -> None:
-        """Write above each robot what it shows, and the factor of its exaggeration."""
+        """Label both robots."""
         left, right = self._stage.label_places(self._layout)
         for name, text, at in (("measured", measured, left), ("identified", identified, right)):
             if name in self._labels:
@@ -274,7 +274,7 @@ class Scene:
             self.measured.torque(torque, measured)
 
     def clear(self) -> None:
-        """Empty the stage."""
+        """Remove everything."""
         for nodes in (self.measured, self.identified):
             if nodes is not None:
                 nodes.remove()

@@ -1,7 +1,7 @@
-"""A viser server that only this machine's user can talk to: who may connect.
+"""A viser server with access control by Host and Origin.
 
-viser itself checks neither Host nor Origin. The check wraps `serve` of the websocket library, so viser's
-version is pinned and tests/test_app_input_checks.py holds every promise made here.
+viser checks neither. The check wraps `serve` of the websocket library, so viser's version is pinned and
+tests/test_app_input_checks.py covers every check.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def start_server(host: str = "127.0.0.1", port: int | None = None) -> viser.Vise
     if port is not None and not 0 <= port <= 65535:
         raise InputError(f"port {port} does not exist; expected 0 to 65535")
     check_free(host, port or 0)
-    with guarded_serve(host), contextlib.redirect_stdout(io.StringIO()):  # viser prints a banner of its own
+    with guarded_serve(host), contextlib.redirect_stdout(io.StringIO()):  # hides viser's banner
         server = viser.ViserServer(
             host=host, port=DEFAULT_PORT if port is None else port, label="flexviz", verbose=False
         )
@@ -65,8 +65,8 @@ def is_loopback(host: str) -> bool:
 def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
     """Whether a request with these Host and Origin headers may reach a server bound to `bound_to`.
 
-    A page of another site must not talk to the server of this machine: where the server listens on loopback
-    the Host must be a loopback name (no DNS rebinding), and an Origin, where there is one, the Host itself.
+    Pages of other sites must not reach this server: if it listens on loopback, Host must be a loopback name
+    (no DNS rebinding), and an Origin must equal the Host.
     """
     if not host:
         return False
@@ -80,7 +80,7 @@ def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
 
 @contextlib.contextmanager
 def guarded_serve(bound_to: str) -> Iterator[None]:
-    """While a ViserServer starts inside this context, its websocket server gets the Host and Origin check."""
+    """Add the Host and Origin check to a ViserServer started in this context."""
     module: Any = websocket_server  # viser looks `serve` up here when it starts
     original = module.serve
 

@@ -1,4 +1,4 @@
-"""The records that the store holds."""
+"""Records of the store."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Opened:
     """A measurement set, ready to be shown.
 
     Attributes:
-        truth: what a simulated set was made with, or None; only shown when asked for.
-        session, folder: of a saved session and where it lies; None for a set.
+        truth: true values of a simulated set, shown only on request.
+        session, folder: a saved session and its folder; None for a set.
     """
 
     measurements: MeasurementSet
@@ -40,7 +40,7 @@ class Opened:
 
 @dataclass(frozen=True)
 class Message:
-    """What the status line says."""
+    """The status line."""
 
     text: str = ""
     tone: Tone = ""
@@ -51,7 +51,7 @@ class Activity:
     """The task that the user waits for.
 
     Attributes:
-        share: how much of it is done, 0 … 1; 1 where that is not known.
+        share: done, 0 … 1; 1 if unknown.
     """
 
     task: Task[Any]
@@ -63,7 +63,7 @@ class FitProgress:
     """The latest fit: its effects beside the set's own, and its iterations so far.
 
     Attributes:
-        single: whether its iterations lead to one result.
+        single: whether it leads to one result.
     """
 
     effects: tuple[str, ...] = ()
@@ -76,7 +76,7 @@ class ViewSettings:
     """How the robots are drawn.
 
     Attributes:
-        deflection: factor of the deflection; None is one that fits the motion.
+        deflection: factor of the deflection; None: chosen to suit the motion.
         error: factor of simulated − measured.
         link_side: compare link sides instead of motor sides.
         torque: draw arrows for the measured torque.
@@ -99,12 +99,12 @@ class Highlight:
 
 @dataclass(eq=False)
 class Derived:
-    """What was computed from one result in idle time.
+    """Idle work on one result.
 
     Attributes:
-        replays: group -> the model simulated along it.
-        maps: where the model's residual lies.
-        failed: groups, and "maps", that could not be computed.
+        replays: group -> simulated model.
+        maps: residual maps.
+        failed: groups, or "maps", that could not be computed.
     """
 
     result: Identification | None

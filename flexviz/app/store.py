@@ -1,7 +1,7 @@
-"""The store: what is open, selected and under way, and the signal that says what has changed.
+"""The store: the application's state and its change signal.
 
-Steps, plots and the scene know only this. They change it through its methods and draw what it holds whenever
-it tells them so. Only the loop's thread calls it.
+Steps, plots and the scene know only the store: they change it through its methods and draw its content when
+notified. Only the loop's thread calls it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
-KEPT_RESULTS = 8  # whose simulated motions and maps are kept, so that undo shows them at once
+KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
 
 class Store(ChangeSignal):
@@ -44,13 +44,13 @@ class Store(ChangeSignal):
 
     Attributes:
         opened: the measurement set.
-        session: its analysis with the history; `change` goes on with it.
-        folder: where the session is saved, or None.
-        joint, group: what is selected.
-        clock: the instant that is shown.
-        activity: what the user waits for, or None.
-        last_action: what was done last, for a log.
-        saved: the session as it was last saved.
+        session: the analysis with its history.
+        folder: of the saved session, or None.
+        joint, group: the selection.
+        clock: the displayed instant.
+        activity: the task that the user waits for, or None.
+        last_action: the last action, for a log.
+        saved: the session when last saved.
     """
 
     def __init__(self, opened: Opened, step: str, tasks: TaskRunner, alert: Callable[[str], None]) -> None:
@@ -80,7 +80,7 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
-        self._derived = [Derived(None)]  # the present result's last
+        self._derived = [Derived(None)]  # the current result is the last
         self._motion: tuple[tuple[Any, ...], RobotMotion] | None = None
         self._span()
 
@@ -91,41 +91,41 @@ class Store(ChangeSignal):
 
     @property
     def analysis(self) -> Analysis:
-        """The present state of the analysis."""
+        """The current state of the analysis."""
         return self.session.analysis
 
     def open_path(self, path: Path, what: str = "") -> None:
-        """Read a set or session, `what` to the user, and show it."""
+        """Open a set or session; `what` names it in the status line."""
 
         def failed(reason: str) -> None:
             self.fail(reason)
-            self.tell(Changed.FOLDER)  # whoever names what is open names the old one again
+            self.tell(Changed.FOLDER)  # the selector returns to the open one
 
         self.say(f"opening {what or path.name}", "busy")
         self.tasks.start(OpenSet(path), self.open, failed=failed)
 
     def set_folder(self, folder: Path | None) -> None:
-        """The session is saved here from now on (None: under a name of its own)."""
+        """Set the folder of the session (None: a new one when saved)."""
         self.folder = folder
         self.tell(Changed.FOLDER)
 
     def mark_saved(self, session: Session, folder: Path) -> None:
-        """This session has been saved there."""
+        """Record that a session was saved."""
         self.saved, self.folder = session, folder
         self.tell(Changed.SAVED | Changed.FOLDER)
 
     # -- the analysis --------------------------------------------------------------------------------
 
     def change(self, label: str, analysis: Analysis) -> None:
-        """Go on to a new state of the analysis; changes with one label in a row count as one."""
+        """Set a new state of the analysis; consecutive changes with the same label are merged."""
         self._go(label, self.session.then(label, analysis), Changed.NEW_STATE)
 
     def undo(self) -> None:
-        """Go one state back."""
+        """Undo the last change."""
         self._go(f"undone: {self.session.present.label}", self.session.undo(), Changed.HISTORY)
 
     def redo(self) -> None:
-        """Go one undone state forward."""
+        """Redo the undone change."""
         session = self.session.redo()
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
@@ -147,14 +147,14 @@ class Store(ChangeSignal):
         self.tell(change)
 
     def note_recording(self, file: Path) -> None:
-        """Remember a recording of this session."""
+        """Add a recording to the session."""
         self.session = self.session.with_recording(file)
 
-    # -- what follows from it ------------------------------------------------------------------------
+    # -- derived data --------------------------------------------------------------------------------
 
     @property
     def derived(self) -> Derived:
-        """What is computed of the present result; kept for a while."""
+        """Derived data of the current result."""
         result = self.analysis.identification
         if self._derived[-1].result is not result:
             same = self.derived_of(result) or Derived(result)
@@ -163,7 +163,7 @@ class Store(ChangeSignal):
         return self._derived[-1]
 
     def derived_of(self, result: Identification | None) -> Derived | None:
-        """What is computed of a result, while it is kept."""
+        """Derived data of a result, if still kept."""
         return next((derived for derived in self._derived if derived.result is result), None)
 
     @property
@@ -180,12 +180,12 @@ class Store(ChangeSignal):
 
     @property
     def deflection(self) -> float:
-        """By how much the deflection is exaggerated."""
+        """Factor of the drawn deflection."""
         return nice_factor(self.motion) if self.view.deflection is None else self.view.deflection
 
     @property
     def maps(self) -> tuple[ResidualMap, ...]:
-        """Where the present model's residual lies: from the diagnosis, or computed in idle time."""
+        """Residual maps of the current model, from the diagnosis or from idle work."""
         analysis = self.analysis
         if analysis.diagnosis is not None and analysis.diagnosis_up_to_date and analysis.diagnosis.maps:
             return analysis.diagnosis.maps
@@ -193,14 +193,14 @@ class Store(ChangeSignal):
 
     @property
     def free_curve(self) -> FreeCurve | None:
-        """The free curve of the diagnosis, where it drew one."""
+        """The free curve of the diagnosis, if any."""
         analysis = self.analysis
         return analysis.diagnosis.free_curve if analysis.diagnosis and analysis.diagnosis_up_to_date else None
 
     # -- what is shown -------------------------------------------------------------------------------
 
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
-        """Show another joint, or another group, everywhere."""
+        """Select a joint or a group."""
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
             self.tell(Changed.JOINT)
@@ -210,13 +210,13 @@ class Store(ChangeSignal):
             self.tell(Changed.GROUP)
 
     def _span(self) -> None:
-        """Let the clock run over the selected group."""
+        """Set the clock's span to the selected group."""
         segments = self.group.segments
         self.clock.span(float(segments[0].time[0]), float(segments[-1].time[-1]))
 
     @property
     def joint_name(self) -> str:
-        """The selected joint."""
+        """Name of the selected joint."""
         return self.measurements.joints[self.joint]
 
     def go(self, step: str) -> None:
@@ -225,18 +225,18 @@ class Store(ChangeSignal):
         self.tell(Changed.STEP)
 
     def set_view(self, view: ViewSettings) -> None:
-        """Draw the robots like this."""
+        """Set how the robots are drawn."""
         self.view = view
         self.tell(Changed.VIEW)
 
     def set_highlight(self, highlight: Highlight | None) -> None:
-        """Mark these instants; None marks nothing."""
+        """Highlight these instants; None for none."""
         if highlight is not None or self.highlight is not None:
             self.highlight = highlight
             self.tell(Changed.HIGHLIGHT)
 
     def set_check(self, sentence: str) -> None:
-        """What the groups and effects can identify (HTML)."""
+        """Set the sentence on what can be identified (HTML)."""
         if sentence != self.check:
             self.check = sentence
             self.tell(Changed.CHECK)
@@ -247,11 +247,11 @@ class Store(ChangeSignal):
         self.tell(Changed.MESSAGE)
 
     def fail(self, reason: str) -> None:
-        """Say what went wrong where nobody overlooks it; the app stays usable."""
+        """Show a failure in the status line and as an alert."""
         self.say(reason, "bad")
         self._alert(reason)
 
-    # -- what is under way ---------------------------------------------------------------------------
+    # -- activity ------------------------------------------------------------------------------------
 
     def await_task(
         self,
@@ -268,10 +268,10 @@ class Store(ChangeSignal):
 
         Args:
             done: gets its result.
-            begin, stopped: what the status line says when it starts, and when it ends without a result.
+            begin, stopped: status line at the start, and when stopped without a result.
             progress: gets its progress; by default `report`.
-            share: where the progress bar starts.
-            fit: collects its iterations, where it is a fit; idle work makes room for that.
+            share: initial progress.
+            fit: collects the iterations of a fit, which stops idle work.
         """
 
         def end(act: Callable[[], None]) -> None:
@@ -297,7 +297,7 @@ class Store(ChangeSignal):
         self.tell(Changed.ACTIVITY)
 
     def report(self, news: Progress) -> None:
-        """Show the progress of what the user waits for."""
+        """Show the progress of the activity."""
         if news.iteration is not None:
             self.fit.iterations.append(news.iteration)
             self.tell(Changed.FIT)
@@ -309,7 +309,7 @@ class Store(ChangeSignal):
         self.say(news.text, "busy")
 
     def stop(self) -> None:
-        """Stop what runs; identification and sweep keep what they have."""
+        """Stop the activity; identification and sweep keep their results so far."""
         if self.activity is not None:
             self.tasks.stop(type(self.activity.task))
             self.say("stopping", "busy")
@@ -320,7 +320,7 @@ class Store(ChangeSignal):
         return self.activity is not None
 
     def runs(self, kind: type[Task[Any]]) -> bool:
-        """Whether it is a task of this class."""
+        """Whether the user waits for a task of this class."""
         return self.activity is not None and isinstance(self.activity.task, kind)
 
     @property
@@ -331,7 +331,7 @@ class Store(ChangeSignal):
         return "" if self.analysis.groups_with("fit") else "no group is set to Fit in step Data"
 
     def may_start(self, what: str) -> bool:
-        """Whether a fit can be started now; says why not (a key or command may ask at any time)."""
+        """Whether a fit can be started now; otherwise the status line says why not."""
         if self.why_not:
             self.say(f"{what} is off: {self.why_not}", "bad")
         return not self.why_not

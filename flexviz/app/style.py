@@ -1,4 +1,4 @@
-"""The style of the app's own HTML, light and dark, and small corrections of viser's controls."""
+"""Style sheet of the app's HTML, light and dark, and corrections of viser's controls."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def label_width(uuid: str, width: str) -> str:
 
 
 def wide_label(uuid: str) -> str:
-    """Rules that make room for a whole name in a control's label, and set the rows closer."""
+    """Rules for a wide label and closely spaced rows."""
     return (
         label_width(uuid, "14em") + "\n"
         f"{flex(uuid)} {{ padding-bottom: 0 !important; margin-bottom: -0.15em; }}"
@@ -96,7 +96,7 @@ def wide_label(uuid: str) -> str:
 
 
 def in_row(*uuids: str, share: float | None = None) -> str:
-    """Rules that put buttons beside each other; each takes `share` of the row (None: equal shares)."""
+    """Rules that place buttons side by side; each takes `share` of the row (None: equal shares)."""
     width = share if share is not None else 1.0 / len(uuids)
     first = uuids[0]
     boxes = ", ".join(f'div:has(> button[id="{uuid}"])' for uuid in uuids)
@@ -110,7 +110,7 @@ def in_row(*uuids: str, share: float | None = None) -> str:
 
 
 def next_button(uuid: str) -> str:
-    """A rule that marks a button as the next one to press."""
+    """A rule that marks a button as the recommended next action."""
     return f'button[id="{uuid}"] {{ outline: 3px solid #E69F00; outline-offset: 1px; }}'
 
 

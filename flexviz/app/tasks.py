@@ -1,4 +1,4 @@
-"""The long work on a measurement set: open, identify, check, sweep, diagnose, simulate. No viser."""
+"""Tasks on a measurement set: open, identify, check, sweep, diagnose, simulate."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "
 
 
 class SetTask(Task[Result]):
-    """Work on the open measurement set; another set makes it pointless."""
+    """A task on the open measurement set, stopped when another one is opened."""
 
 
 class IdleTask(SetTask[Result]):
-    """Work that nobody waits for; it makes room for a fit."""
+    """A background task, stopped by a fit."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class OpenSet(Task[Opened]):
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
-    """The values a simulated set was made with, or None."""
+    """The true values of a simulated set, or None."""
     file = folder / "truth.json"
     if not file.is_file():
         return None
@@ -69,13 +69,13 @@ class Identify(SetTask["Identification"]):
     analysis: Analysis
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-        """Identify; stopped, the result is what the solver has."""
+        """Identify; when stopped, returns the result so far."""
         return _identify(self.analysis, progress, should_stop)
 
 
 @dataclass(frozen=True)
 class CheckParameters(IdleTask["Identification"]):
-    """A trial fit that shows what these groups and effects can identify."""
+    """Trial fit: what these groups and effects can identify."""
 
     analysis: Analysis
 
@@ -106,7 +106,7 @@ class Sweep(SetTask["SweepResult"]):
     bandwidths: tuple[float, ...]
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> SweepResult:
-        """Identify at each; stopped, the result holds those that are done."""
+        """Identify at each bandwidth; when stopped, returns those that are done."""
         from flexviz.identification import sweep
 
         return sweep(
@@ -121,7 +121,7 @@ class Sweep(SetTask["SweepResult"]):
 
 @dataclass(frozen=True, eq=False)
 class AddedEffect:
-    """A model with one effect more: all effects beside the set's own, and its identification."""
+    """A model after one more added effect: all effects beside the set's own, and its identification."""
 
     effects: tuple[str, ...]
     identification: Identification
@@ -129,11 +129,11 @@ class AddedEffect:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosedSet:
-    """What `Diagnose` found.
+    """Result of `Diagnose`.
 
     Attributes:
-        diagnosis: of the model it started with.
-        identification: of that model; None where it was known before.
+        diagnosis: of the initial model.
+        identification: of the initial model; None if already known.
         added: the models after each added effect.
     """
 
@@ -144,18 +144,14 @@ class DiagnosedSet:
 
 @dataclass(frozen=True)
 class Diagnose(SetTask[DiagnosedSet]):
-    """Identify where needed, then look for missing effects; with `apply` add all that are found.
-
-    Attributes:
-        model: the identified model, where there is one already.
-    """
+    """Identify unless `model` is given, then diagnose; `apply` adds all findings."""
 
     analysis: Analysis
     model: FlexibleModel | None
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
-        """Look; progress holds the identification's iterations and the diagnosis's sentences."""
+        """Diagnose; reports the iterations of the identification and the stages of the diagnosis."""
         from flexviz.diagnosis import diagnose
 
         analysis, known = self.analysis, self.model
@@ -166,7 +162,7 @@ class Diagnose(SetTask[DiagnosedSet]):
                 raise Cancelled
             known = identification.model if identification.converged else None
         if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
-            known = None  # another observer's values may lie far from where the diagnosis would start
+            known = None  # values of another observer may be far from the diagnosis's start
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
         diagnosis = diagnose(
@@ -185,13 +181,13 @@ class Diagnose(SetTask[DiagnosedSet]):
 
 @dataclass(frozen=True)
 class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
-    """Find where a model's residual lies: every joint's, against every variable."""
+    """Residual maps of a model: every joint against every variable."""
 
     analysis: Analysis
     model: FlexibleModel
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[ResidualMap, ...]:
-        """Map it as the diagnosis does."""
+        """Compute the maps of the diagnosis."""
         from flexviz.diagnosis import maps_of
 
         def check() -> None:
@@ -227,12 +223,12 @@ class Replay(IdleTask["Run"]):
 
 
 def chosen_set(analysis: Analysis) -> MeasurementSet:
-    """The measurement set with its groups used as the analysis says."""
+    """The measurement set with the roles of the analysis."""
     return with_roles(cached_set(analysis.path), dict(analysis.roles))
 
 
 def cached_set(path: Path) -> MeasurementSet:
-    """The set as this process last read it; read again when its file has changed."""
+    """The set, cached until its file changes."""
     return _read(path, (path / "measurements.toml").stat().st_mtime_ns)
 
 
@@ -245,7 +241,7 @@ def _read(path: Path, stamp: int) -> MeasurementSet:
 
 
 def sets_beside(*paths: Path) -> dict[str, Path]:
-    """Name -> folder of what can be opened: `paths`, and what is bundled, in ./sessions, or beside them."""
+    """Name -> folder of available sets and sessions: `paths`, beside them, in ./sessions, bundled."""
     from flexviz.resources import sessions_dir
 
     found: dict[str, Path] = {}

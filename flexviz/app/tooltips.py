@@ -1,4 +1,4 @@
-"""Tooltips of buttons. viser shows those of other controls only, so the style sheet draws these."""
+"""Tooltips of buttons, drawn by the style sheet, because viser has none for buttons."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ DELAY = 0.5  # [s] as viser's own
 
 
 class Tooltips:
-    """All buttons, and which of them stand on the right of their row."""
+    """All buttons with tooltips."""
 
     def __init__(self) -> None:
         self._buttons: list[Any] = []
         self._right: set[str] = set()
 
     def add(self, button: Any) -> None:
-        """Show this button's current hint, also while the button is greyed."""
+        """Show this button's hint, also while it is disabled."""
         self._buttons.append(button)
 
     def open_left(self, uuids: Iterable[str]) -> None:
-        """Let the hints of these buttons open to the left, towards the middle of their row."""
+        """Open the hints of these buttons to the left."""
         self._right |= set(uuids)
 
     def rules(self) -> list[str]:
@@ -49,7 +49,7 @@ class Tooltips:
 
 
 def css_text(text: str) -> str:
-    """A text as a CSS string that can stand inside HTML too."""
+    """A text as a CSS string that is safe in HTML."""
     escaped = "".join(
         f"\\{ord(character):x} " if character in "\"'\\<>&\n\r" else character for character in text
     )

@@ -1,8 +1,4 @@
-"""Files from a browser: their names, kinds and sizes, checked before anything is written.
-
-Names are only names: what is written lies in a new folder of our own, whatever the file calls itself.
-No viser here.
-"""
+"""Uploaded files: names, types and sizes are checked before anything is written to a new folder."""
 
 from __future__ import annotations
 
@@ -20,7 +16,7 @@ from flexviz.session import SESSION_FILE, open_session
 
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
 LARGEST_SET = 2 * 2**30  # bytes of all files of a set, unpacked
-MOST_FILES = 500
+MAX_FILES = 500
 KINDS = (
     ".toml", ".csv", ".parquet", ".urdf", ".xml", ".json", ".npz", ".stl", ".dae", ".obj", ".mtl", ".ply",
     ".glb", ".gltf", ".png", ".jpg", ".md", ".txt",
@@ -30,7 +26,7 @@ MAIN = "measurements.toml"
 
 
 def safe_name(name: str) -> str:
-    """The last part of a file's name, with no character that could form a path."""
+    """The last part of a file's name, without path characters."""
     last = re.split(r"[\\/]", name)[-1].strip()
     cleaned = _NAME.sub("_", last)[:120]
     if not cleaned.strip("._ ") or cleaned.startswith("."):
@@ -52,10 +48,7 @@ def new_folder(parent: Path, name: str) -> Path:
 
 
 def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPath]]:
-    """The files of a zip with their target paths; InputError for anything that is not a plain set.
-
-    A single folder around everything is dropped.
-    """
+    """The files of a zip with their target paths, without a common top folder; InputError if it is no set."""
     entries: list[tuple[zipfile.ZipInfo, PurePosixPath]] = []
     total = 0
     for info in archive.infolist():
@@ -73,8 +66,8 @@ def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPat
             raise InputError(f"{info.filename[:80]!r}: {', '.join(KINDS)} can be uploaded")
         total += info.file_size
         entries.append((info, path))
-    if len(entries) > MOST_FILES:
-        raise InputError(f"{len(entries)} files; at most {MOST_FILES} are accepted")
+    if len(entries) > MAX_FILES:
+        raise InputError(f"{len(entries)} files; at most {MAX_FILES} are accepted")
     if total > LARGEST_SET:
         raise InputError(
             f"{total / 2**20:.0f} MB unpacked; at most {LARGEST_SET / 2**20:.0f} MB are accepted"
@@ -91,7 +84,7 @@ def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPat
 
 
 def unpack(name: str, content: bytes, parent: Path) -> Path:
-    """Write a zip's set into a new folder in `parent`; a failure leaves nothing behind."""
+    """Unpack a set into a new folder in `parent`; a failure leaves nothing behind."""
     folder = new_folder(parent, Path(safe_name(name)).stem)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
@@ -122,14 +115,14 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None
 
 
 class UploadFolder:
-    """Uploaded files on their way to a set, in a temporary folder until every named file is there."""
+    """Uploaded files in a temporary folder, until the set is complete."""
 
     def __init__(self) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="flexviz-upload-")
         self._begin()
 
     def _begin(self) -> None:
-        """Start a new, empty folder; the old one stays, the chosen robot may be in it."""
+        """Start a new folder; the old one is kept, because it may hold the chosen robot."""
         self.folder = new_folder(Path(self._temporary.name), "uploaded")
         self.folder.mkdir()
 
@@ -140,20 +133,20 @@ class UploadFolder:
 
     @property
     def no_set(self) -> bool:
-        """Whether neither a set's nor a session's file is there."""
+        """Whether there is neither a set nor a session."""
         return not (self.folder / MAIN).is_file() and not (self.folder / SESSION_FILE).is_file()
 
     def put(self, name: str, content: bytes) -> Path:
-        """Take one file; returns where it lies. InputError where it is not acceptable."""
+        """Store a file and return its path; InputError if it is not acceptable."""
         target = self._place(safe_name(name))
         others = [file for file in self._files() if file != target]
         if len(content) + sum(file.stat().st_size for file in others) > LARGEST_SET:
             raise InputError(f"more than {LARGEST_SET / 2**20:.0f} MB together")
-        if len(others) >= MOST_FILES:
-            raise InputError(f"more than {MOST_FILES} files")
+        if len(others) >= MAX_FILES:
+            raise InputError(f"more than {MAX_FILES} files")
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)
-        for file in self._files():  # what came before the file that says where it belongs
+        for file in self._files():  # files that arrived before measurements.toml
             place = self._place(file.relative_to(self.folder).as_posix())
             if place != file and not place.exists():
                 place.parent.mkdir(parents=True, exist_ok=True)
@@ -161,7 +154,7 @@ class UploadFolder:
         return target
 
     def unpack(self, name: str, content: bytes) -> None:
-        """Replace the files by those of a zip."""
+        """Replace all files by those of a zip."""
         self.folder = unpack(name, content, Path(self._temporary.name))
 
     def named(self) -> list[str]:
@@ -213,7 +206,7 @@ class UploadFolder:
         return [file for file in self.folder.rglob("*") if file.is_file()]
 
     def _place(self, name: str) -> Path:
-        """Where a file belongs: a browser sends no folders, but measurements.toml may name some."""
+        """The path of a file: browsers send no folders, but measurements.toml may name them."""
         try:
             wanted = [entry for entry in self.named() if Path(entry).name == Path(name).name]
         except InputError:

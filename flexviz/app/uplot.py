@@ -20,7 +20,7 @@ FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones 
 
 
 class UplotChart:
-    """One chart; `show` brings it to a new description by sending only what changed."""
+    """One chart; `show` sends only the changes."""
 
     def __init__(self, server: viser.ViserServer, chart: Chart) -> None:
         self._server = server
@@ -39,7 +39,7 @@ class UplotChart:
         )
 
     def show(self, chart: Chart) -> None:
-        """Draw this chart instead of the one before."""
+        """Replace the chart."""
         before, self._chart = self._chart, chart
         self._columns, self._at, self._level = columns(chart), None, LEVELS[0]
         look = _look(chart)
@@ -56,10 +56,10 @@ class UplotChart:
         self._handle.visible = on
 
     def move(self, time: float) -> None:
-        """Move the playhead [s]; nothing is sent for a chart without one or when it stays where it is.
+        """Move the playhead to `time` [s], if it changes.
 
-        The level changes with every move, and with it the scale's top: a chart whose data change in the
-        moment in which it gets its width sets out its axes only where a scale changes too.
+        The level alternates, and with it the scale: uPlot lays out the axes of a chart whose data change
+        while it is resized only if a scale changes, too.
         """
         if not self._chart.playhead:
             return
@@ -78,7 +78,7 @@ class UplotChart:
 
 
 class ChartColumn:
-    """The charts of one tab, by key; charts appear when first shown and are hidden when no longer given."""
+    """The charts of one tab, by key; charts that are no longer given are hidden."""
 
     def __init__(self, server: viser.ViserServer, tab: Any) -> None:
         self._server = server
@@ -88,7 +88,7 @@ class ChartColumn:
             self._notes = server.gui.add_html("")
 
     def show(self, charts: tuple[Chart, ...]) -> None:
-        """Bring the tab to these charts; one without series is only its note."""
+        """Show these charts; a chart without series shows only its note."""
         notes = "".join(f'<div class="fv fv-dim">{escape(c.note)}</div>' for c in charts if c.note)
         self._notes.content = notes
         drawn = {chart.key: chart for chart in charts if chart.series and len(columns(chart)[0]) > 1}
@@ -111,7 +111,7 @@ class ChartColumn:
 def columns(chart: Chart) -> tuple[Array, ...]:
     """x, every series, both edges of every ribbon, highlights and marker, each (M,).
 
-    All series of a chart on the screen have one x. Rows with a NaN are left out: one would blank the chart.
+    All series must share x. Rows with NaN are omitted, because a single one would blank the chart.
     """
     paths = [series.path() for series in chart.series]
     edges = [edge for ribbon in chart.ribbons for edge in (ribbon.high, ribbon.low)]
@@ -130,12 +130,12 @@ def columns(chart: Chart) -> tuple[Array, ...]:
 
 
 def nearest(x: Array, value: float) -> int:
-    """The first row of x (M,), increasing, that is nearest to a value; 0 where there is none."""
+    """Index of the value in x (M,) nearest to `value`; 0 if x is empty."""
     return int(np.argmin(np.abs(x - value))) if len(x) else 0
 
 
 def _look(chart: Chart) -> dict[str, Any]:
-    """Everything of a uPlot but its data, title and size."""
+    """All options of a uPlot except data, title and size."""
     return {
         "series": _series(chart),
         "scales": _scales(chart),

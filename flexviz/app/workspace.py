@@ -1,4 +1,4 @@
-"""What the app writes, all in ./sessions: sessions, uploaded and simulated sets, recordings. No viser."""
+"""The app's output in ./sessions: sessions, uploaded and simulated sets, recordings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SURPRISE, NOTHING = "surprise me", "nothing"
 
 
 def output_dir() -> Path:
-    """The folder `sessions` of the folder that flexviz was started in; not inside the installed package."""
+    """./sessions; InputError inside the installed package."""
     import flexviz
 
     folder = Path.cwd() / "sessions"
@@ -32,24 +32,24 @@ def output_dir() -> Path:
 
 
 def unsaved_dir() -> Path:
-    """Where unsaved work is kept."""
+    """The folder of unsaved work."""
     return output_dir() / ".unsaved"
 
 
 def stamped(name: str) -> Path:
-    """A new folder for what is called `name`, with the time in its own name."""
+    """A new folder named `name` with a time stamp."""
     return new_folder(output_dir(), f"{name[:36]}-{time.strftime('%Y%m%d-%H%M%S')}")
 
 
 def new_recording(name: str) -> Path:
-    """A new file for a recording of the set called `name`, with the time in its own name."""
+    """A new recording file named `name` with a time stamp."""
     folder = output_dir()
     folder.mkdir(parents=True, exist_ok=True)
     return folder / f"{stamped(name).name}.rrd"
 
 
 def short(path: Path) -> str:
-    """A path as a person in the current folder would write it."""
+    """A path relative to the current folder, if possible."""
     try:
         return f"./{path.resolve().relative_to(Path.cwd())}"
     except ValueError:
@@ -58,7 +58,7 @@ def short(path: Path) -> str:
 
 @dataclass(frozen=True)
 class FileContent:
-    """A file that is sent to a browser."""
+    """A file for a browser."""
 
     name: str
     content: bytes
@@ -66,7 +66,7 @@ class FileContent:
 
 @dataclass(frozen=True)
 class SaveSession(Task[Path]):
-    """Save a session: over itself, `folder`, where that lies in the output folder already; else anew."""
+    """Save a session into `folder` if that is in the output folder, otherwise into a new one."""
 
     session: Session
     measurements: MeasurementSet
@@ -99,7 +99,7 @@ class ZipSession(Task[FileContent]):
 
 @dataclass(frozen=True)
 class WriteReport(Task[FileContent]):
-    """Write what the session holds as one HTML file; `folder` is where the session is saved."""
+    """Write a session as one HTML file; `folder` is that of the saved session."""
 
     session: Session
     measurements: MeasurementSet
@@ -116,7 +116,7 @@ class WriteReport(Task[FileContent]):
 
 @dataclass(frozen=True)
 class SimulateQuiz(Task[Path]):
-    """Simulate a set with a hidden effect; which one, and where, is only in its truth.json.
+    """Simulate a set with a hidden effect, which only its truth.json reveals.
 
     Attributes:
         robot: a preset's name, or the path of a URDF.

@@ -1,4 +1,4 @@
-"""Another set in step 1: upload one, or a robot; simulate a set that hides an effect."""
+"""Another set in step 1: upload a set or a robot, or simulate a set with a hidden effect."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.robot import Robot
 from flexviz.wording import escape, plural
 
-WAITING = "A zip, or measurements.toml and the files it names; or a robot's URDF, to simulate it."
-NAMED_FILES = 6  # missing ones that are listed
+WAITING = "A zip, or measurements.toml and its files; or a robot's URDF, to simulate it."
+MAX_MISSING_FILES = 6  # listed in the message
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class AnotherSet:
         self._store.tasks.start(task, done, stopped=lambda: self._store.say("stopped reading the upload"))
 
     def _uploaded(self, file: Any) -> None:
-        """A browser has sent a file (`name`, `content`)."""
+        """Handle an uploaded file (`name`, `content`)."""
         if file.name.lower().endswith(".zip"):
             self._store.say("unpacking", "busy")
             self._read(
@@ -108,14 +108,14 @@ class AnotherSet:
         self._look(place if place.suffix.lower() == ".urdf" else None)
 
     def _look(self, urdf: Path | None) -> None:
-        """Is there a whole set now, or a robot alone?"""
+        """Read the upload if the set is complete; offer a robot without a set."""
         store, uploads = self._store, self._uploads
         try:
             missing = uploads.missing()
             if uploads.no_set and urdf is not None:
                 self._offer_robot(urdf)
             elif missing:
-                names = ", ".join(missing[:NAMED_FILES])
+                names = ", ".join(missing[:MAX_MISSING_FILES])
                 text = f"{plural(uploads.count, 'file')} uploaded; still missing: {names}"
                 self._waiting.content = warning(escape(text))
                 store.say(text)
@@ -126,7 +126,7 @@ class AnotherSet:
             store.fail(f"upload: {error}")
 
     def _offer_robot(self, urdf: Path) -> None:
-        """A URDF alone: it can be simulated, or be the robot of a set that follows."""
+        """Offer a URDF without a set for simulation."""
         try:
             robot = Robot.load(urdf)
         except FlexvizError as error:
@@ -137,7 +137,7 @@ class AnotherSet:
         self._robot.value = urdf.name
         text = (
             f"{urdf.name}: {robot.name}, {plural(robot.n, 'joint')}. Quiz me simulates a set with it; "
-            "or upload the measurements.toml that names it."
+            "or upload a measurements.toml that refers to it."
         )
         self._waiting.content = dim(escape(text))
         self._store.say(f"{urdf.name} uploaded")

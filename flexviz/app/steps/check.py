@@ -1,4 +1,4 @@
-"""Check: what the chosen groups and effects can identify, before anything is run; it renews itself."""
+"""Check: what the chosen groups and effects can identify, before a run; updated automatically."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from flexviz.view import check_html
 if TYPE_CHECKING:
     from flexviz.identification import Identification
 
-SETTLE = 0.7  # [s] without a further change before it is checked again
+SETTLE = 0.7  # [s] without another change before the next check
 
 
 class ParameterCheck:
-    """The button, and the store's sentence. A trial fit whose values are not kept.
+    """The button and its sentence in the store, from a trial fit whose values are discarded.
 
-    Once somebody has asked, or has changed a group's use or an effect, the sentence follows the settings.
+    After the first check, or change of a group's role or an effect, the sentence follows the settings.
     """
 
     def __init__(self, store: Store, page: Page) -> None:
         self._store = store
         self._follows = False
         self._seen: Settings | None = None  # the settings before the latest change
-        self._of: Settings | None = None  # the settings that the sentence belongs to
+        self._of: Settings | None = None  # the settings of the sentence
         self._asked: Settings | None = None
         self._due: float | None = None
         self.button = page.button("Check", self._run)
@@ -44,31 +44,31 @@ class ParameterCheck:
         self._seen = self._of = self._asked = self._due = None
 
     def _new_state(self) -> None:
-        """From a change of the groups' use or the effects on, the sentence is kept up to date."""
+        """Keep the sentence up to date after a change of roles or effects."""
         new, old = self._store.analysis.settings, self._seen
         if old is not None and (new.roles, new.effects) != (old.roles, old.effects):
             self._follows |= not self._store.analysis.up_to_date
 
     def _refresh(self) -> None:
-        """The settings may have changed: then it is checked again after a moment."""
+        """Schedule another check if the settings have changed."""
         analysis = self._store.analysis
         settings = self._seen = analysis.settings
         hint = "which parameters these groups and effects can identify; changes nothing"
         off(self.button, self._store.why_not, hint)
         if not self._follows or settings in (self._of, self._asked):
             return
-        if analysis.up_to_date:  # the table says it
+        if analysis.up_to_date:  # the result holds it
             self._show(settings, check_html(analysis.identification))
         else:
             self._due = time.monotonic() + SETTLE
 
     def _tick(self) -> None:
-        """Check when that is due and nothing else runs."""
+        """Check if due and idle."""
         if self._due is not None and time.monotonic() >= self._due and not self._store.running:
             self._run()
 
     def _run(self) -> None:
-        """Check the present settings."""
+        """Check the current settings."""
         store, analysis = self._store, self._store.analysis
         self._due = None
         if store.why_not:
@@ -97,6 +97,6 @@ class ParameterCheck:
             self._store.set_check("")
 
     def _show(self, settings: Settings, sentence: str) -> None:
-        """The sentence that belongs to these settings."""
+        """Show the sentence of these settings."""
         self._follows, self._of, self._asked = True, settings, None
         self._store.set_check(sentence)

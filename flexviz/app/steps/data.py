@@ -1,4 +1,4 @@
-"""Step 1, Data: which set, and what each of its groups is used for."""
+"""Step 1, Data: the measurement set and the role of each group."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from flexviz.view import set_html
 from flexviz.wording import number
 
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
-LONGEST_LABEL = 40  # characters of a group's label
+MAX_LABEL_LENGTH = 40  # characters of a group's label
 
 
 class DataStep(WorkflowStep):
@@ -51,7 +51,7 @@ class DataStep(WorkflowStep):
         store.subscribe(Changed.OPENED | Changed.CHECK, self._show_check, Turn.CONTROLS)
 
     def _opened(self) -> None:
-        """A new set: its facts, a row for each group."""
+        """Show the new set and one row per group."""
         measurements, page = self.store.measurements, self.page
         self._about.content = set_html(measurements, self.store.opened.shape.missing)
         for row in self._roles.values():
@@ -66,7 +66,7 @@ class DataStep(WorkflowStep):
             self._roles[group.name] = page.watch(row, partial(self._use, group.name))
 
     def _list_sets(self) -> None:
-        """Offer the sets and sessions there are."""
+        """List the available sets and sessions."""
         shown = self._shown()
         self._sets = sets_beside(shown, self.store.measurements.path)
         self._choice.options = tuple(self._sets)
@@ -85,7 +85,7 @@ class DataStep(WorkflowStep):
         self._hint.content = "" if fitted else warning("No group is fitted: choose Fit for at least one.")
 
     def _shown(self) -> Path:
-        """The folder of what is open, a set or a session."""
+        """The folder of the open set or session."""
         return (self.store.folder or self.store.measurements.path).resolve()
 
     def _choose(self, name: str) -> None:
@@ -100,4 +100,4 @@ class DataStep(WorkflowStep):
 
 def _label(group: Group) -> str:
     label = f"{group.name}: {group.trajectory}, {group.payload}"
-    return label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
+    return label if len(label) <= MAX_LABEL_LENGTH else label[: MAX_LABEL_LENGTH - 1] + "…"

@@ -1,4 +1,4 @@
-"""Step 4, Diagnose: what is missing in the model; add it, look again, watch the error fall."""
+"""Step 4, Diagnose: find what the model lacks, add it, diagnose again."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from flexviz.view import free_chart, free_html, heading_html, verdict_html
 from flexviz.wording import effect_text_name, number
 
 LOOKED = "looked for the missing effect"
-STOPPED = "stopped before an answer; the model is unchanged"
+STOPPED = "stopped early; the model is unchanged"
 
 
 class DiagnoseStep(WorkflowStep):
-    """The verdict, the findings, and what has been added."""
+    """The verdict, the findings, and the added effects."""
 
     title = "Diagnose"
 
@@ -47,7 +47,7 @@ class DiagnoseStep(WorkflowStep):
         self.store.subscribe(Changed.GROUP, self._show_findings, Turn.CONTROLS)
 
     def refresh(self) -> None:
-        """Show the diagnosis, and what may be pressed."""
+        """Show the diagnosis and enable the buttons."""
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
         diagnosis, fresh = analysis.diagnosis, analysis.diagnosis_up_to_date
         self._verdict.content = verdict_html(diagnosis, fresh)
@@ -60,11 +60,9 @@ class DiagnoseStep(WorkflowStep):
         self.model.show(store.measurements.effects, analysis.effects, why)
         found = diagnosis is not None and fresh and diagnosis.verdict == "missing" and diagnosis.findings
         self._all.visible = bool(found)
-        off(self._all, why, "adds the best finding, looks again, adds the next, until nothing is missing")
+        off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
         self._why.content = dim(f"Off: {why}." if why else "")
-        off(
-            self._find, why, "identifies where needed, then tries every effect of the library on the residual"
-        )
+        off(self._find, why, "identifies if needed, then tries every effect of the library on the residual")
 
     def _show_findings(self) -> None:
         diagnosis, fresh = self.store.analysis.diagnosis, self.store.analysis.diagnosis_up_to_date
@@ -72,24 +70,24 @@ class DiagnoseStep(WorkflowStep):
         self.findings.show(findings, self.store.why_not, self.store.group.name)
 
     def _look(self) -> None:
-        """Look for what is missing in the present model."""
+        """Diagnose the current model."""
         self._start(LOOKED, self.store.analysis)
 
     def _add(self, index: int) -> None:
-        """Add finding `index`, refit, look again."""
+        """Add finding `index`, refit, diagnose again."""
         analysis = self.store.analysis
         diagnosis = analysis.diagnosis
         if diagnosis is None or not analysis.diagnosis_up_to_date or index >= len(diagnosis.findings):
-            raise InputError("nothing is found for the present model: press Find the missing effect")
+            raise InputError("there are no findings for the current model: press Find the missing effect")
         text = diagnosis.findings[index].text
         self._start(f"added {effect_text_name(text)}", analysis.with_effect(text, True))
 
     def _add_all(self) -> None:
-        """Add what is found, one after the other."""
+        """Add all findings one by one."""
         self._start("added all found", self.store.analysis, apply=True)
 
     def _remove(self, effect: str) -> None:
-        """Remove an effect from the model, refit, look again."""
+        """Remove an effect from the model, refit, diagnose again."""
         analysis = self.store.analysis
         if effect in analysis.effects:
             self._start(f"removed {effect_text_name(effect)}", analysis.with_effect(effect, False))
@@ -105,10 +103,10 @@ class DiagnoseStep(WorkflowStep):
         store.await_task(task, done, begin="looking", stopped=STOPPED, fit=fit)
 
     def _take(self, label: str, analysis: Analysis, before: Analysis, found: DiagnosedSet) -> None:
-        """What was found with the model of `analysis`, in a search that began in the state `before`."""
+        """Show a diagnosis of the model of `analysis`, started in the state `before`."""
         store, diagnosis = self.store, found.diagnosis
         if store.analysis.settings != before.settings:
-            store.say("the settings have changed meanwhile: nothing was added; look again", "bad")
+            store.say("the settings have changed in the meantime: nothing was added; diagnose again", "bad")
             return
         if diagnosis.stopped and diagnosis.verdict != "missing" and not found.added:
             store.say(STOPPED)

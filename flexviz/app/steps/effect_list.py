@@ -1,4 +1,4 @@
-"""The effects in step 3: the common ones in sight, the others by kind in a folder that is closed at first."""
+"""The effects in step 3: common ones first, the others by kind in a closed folder."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class EffectList:
         self._page.style(wide_label, box)
 
     def _opened(self) -> None:
-        """The set's own effects are in the model and stay there."""
+        """Lock the set's own effects, which are always in the model."""
         measurements = self._store.measurements
         payloads = any(group.bodies for group in measurements.groups)
         for name, box in self.boxes.items():
@@ -48,7 +48,7 @@ class EffectList:
             box.hint = effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
 
     def _refresh(self) -> None:
-        """Show which are in the model."""
+        """Show the effects of the model."""
         own, added = self._store.measurements.effects, self._store.analysis.effects
         chosen = (*own, *added)
         for name, box in self.boxes.items():

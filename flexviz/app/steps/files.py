@@ -16,7 +16,7 @@ from flexviz.errors import InputError
 from flexviz.jobs import Task
 from flexviz.wording import escape
 
-VIEWER = "127.0.0.1:9876"  # where a viewer that was started with `rerun` listens
+VIEWER = "127.0.0.1:9876"  # default of a viewer started with `rerun`
 
 
 class Files:
@@ -24,8 +24,8 @@ class Files:
 
     def __init__(self, store: Store, page: Page) -> None:
         self._store, self._page = store, page
-        self._recorded: Path | None = None  # the last recording that is whole
-        self._said: dict[Kind, str] = {}
+        self._recorded: Path | None = None  # the last complete recording
+        self._notes: dict[Kind, str] = {}
         gui = page.gui
         save = page.button(
             "Save session", self._save, hint="into ./sessions, with all results and the history"
@@ -36,15 +36,11 @@ class Files:
         self._report = page.client_button("Report", self._write_report)
         self._fetch = page.client_button("Download recording", self._send_recording)
         self._record = page.watch(
-            gui.add_checkbox(
-                "Record", False, hint="records what happens, as it happens, in a Rerun file in ./sessions"
-            ),
+            gui.add_checkbox("Record", False, hint="records the analysis live in a Rerun file in ./sessions"),
             partial(self._switch, "file"),
         )
         self._live = page.watch(
-            gui.add_checkbox(
-                "Live viewer", False, hint="sends the same to a Rerun viewer that runs on this machine"
-            ),
+            gui.add_checkbox("Live viewer", False, hint="sends the same to a Rerun viewer on this machine"),
             partial(self._switch, "viewer"),
         )
         self._address = page.watch(gui.add_text("Viewer at", VIEWER, visible=False))
@@ -63,19 +59,19 @@ class Files:
         store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
     def _opened(self) -> None:
-        """A new set gets recordings of its own."""
+        """Start new recordings for a new set."""
         for kind in KINDS:
             if self._box(kind).value:
                 self.recordings.stop(kind)
                 self._switch(kind, True)
 
     def _refresh(self) -> None:
-        """Show what may be pressed, and why not."""
+        """Enable the buttons, or say why they are off."""
         analysis, file = self._store.analysis, self._recorded
         nothing = analysis.identification is None and analysis.diagnosis is None
         why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
         off(self._report, why if nothing else "", "all results as one self-contained HTML file")
-        why = "nothing is recorded yet; switch Record on, and off again at the end"
+        why = "nothing is recorded yet; switch Record on, and off again to finish"
         off(self._fetch, why if file is None else "", f"{file.name if file else ''}, to be opened with Rerun")
         why = "switch Live viewer off first" if self._live.value else ""
         off(self._address, why, "where the viewer listens; start one with: rerun --port 9876")
@@ -84,7 +80,7 @@ class Files:
         if size := self.recordings.size():
             self._say("file", f"Recording: {size / 1e6:.1f} MB so far.")
 
-    # -- out of the browser --------------------------------------------------------------------------
+    # -- save, download, report ----------------------------------------------------------------------
 
     def _start(self, task: Task[Any], doing: str, done: Any) -> None:
         self._store.say(doing, "busy")
@@ -137,12 +133,12 @@ class Files:
         self._refresh()
 
     def _switched_off(self, kind: Kind) -> None:
-        """A recording cannot go on."""
+        """Switch a failed recording off."""
         self._box(kind).value = False
         self._address.visible |= kind == "viewer"
 
     def _heard(self, event: RecordingEvent) -> None:
-        """News of a recording."""
+        """Show the state of a recording."""
         kind, value = event.kind, event.value
         if event.state == "failed":
             self._switched_off(kind)
@@ -163,7 +159,7 @@ class Files:
         return self._record if kind == "file" else self._live
 
     def _say(self, kind: Kind, text: str) -> None:
-        self._said[kind] = text
+        self._notes[kind] = text
         self._note.content = dim(
-            "".join(f"<div>{escape(said)}</div>" for said in self._said.values() if said)
+            "".join(f"<div>{escape(said)}</div>" for said in self._notes.values() if said)
         )

@@ -13,19 +13,19 @@ from flexviz.view import card_html, evidence_chart, finding_html
 if TYPE_CHECKING:
     from flexviz.diagnosis import Finding
 
-LISTED_FINDINGS = 8
+MAX_FINDINGS = 8
 HEIGHT = 170  # [pixels] of the evidence
 
 
 class FindingList:
-    """A fixed number of entries that findings appear in; the first one is open."""
+    """A fixed number of entries for findings; the first one is open."""
 
     def __init__(self, page: Page, add: Callable[[int], None]) -> None:
         self._findings: tuple[Finding, ...] = ()
-        self.entries = [FindingEntry(page, index, add) for index in range(LISTED_FINDINGS)]
+        self.entries = [FindingEntry(page, index, add) for index in range(MAX_FINDINGS)]
 
     def show(self, findings: Sequence[Finding], why: str, group: str) -> None:
-        """Show these findings, the best one in full; `why` says why none can be added now."""
+        """Show the findings, the best one in full; `why`: the reason that none can be added now."""
         anew = tuple(findings) != self._findings
         self._findings = tuple(findings)
         for index, entry in enumerate(self.entries):
@@ -58,7 +58,7 @@ class FindingEntry:
         page.row((self._toggle, self.add))
 
     def show(self, finding: Finding | None, why: str, group: str) -> None:
-        """This finding with its evidence in a group, or nothing."""
+        """Show a finding with its evidence in a group; None hides the entry."""
         self._finding, self._group = finding, group
         for handle in (self._text, self._toggle, self.add, self._card):
             handle.visible = finding is not None
@@ -67,12 +67,12 @@ class FindingEntry:
             return
         self._text.content = finding_html(finding, self._index + 1, full=self._index == 0)
         self._card.content = card_html(finding.effect)
-        off(self.add, why, "adds this effect, identifies again, and looks for what is still missing")
+        off(self.add, why, "adds this effect, identifies and diagnoses again")
         self._show_evidence(finding)
 
     def _show_evidence(self, finding: Finding) -> None:
         there = finding.evidence is not None
-        why = "" if there else "it was tried only briefly, so there is no evidence"
+        why = "" if there else "only screened briefly, so there is no evidence"
         off(self._toggle, why, "the residual with this effect's signature over it")
         shown = self.opened and there
         self._toggle.label = "Hide evidence" if shown else "Show evidence"

@@ -61,18 +61,18 @@ class IdentifyStep(WorkflowStep):
         self._check.content = self.store.check
 
     def refresh(self) -> None:
-        """Show the result, and what may be pressed."""
+        """Show the result and enable Run."""
         self._draw_table()
         self._refine.value = self.store.analysis.refine
         self._why.content = dim(self._state())
         off(self._run, self.store.why_not, "identifies the model with these groups and effects")
 
     def _state(self) -> str:
-        """What Run does, or why it does nothing."""
+        """What Run does, or why it is off."""
         analysis, running = self.store.analysis, self.store.running
         fitted, held_out = analysis.groups_with("fit"), analysis.groups_with("validate")
         if self.store.runs(Identify):
-            return "Running; Stop keeps what the solver has."
+            return "Running; Stop keeps the results so far."
         if running:
             return "Run is off: something else is running. Stop ends it."
         if not fitted:
@@ -83,7 +83,7 @@ class IdentifyStep(WorkflowStep):
         return f"Fits {plural(len(fitted), 'group')}, {validation}."
 
     def _start(self) -> None:
-        """Identify with the present settings."""
+        """Identify with the current settings."""
         store, analysis = self.store, self.store.analysis
         if not store.may_start("Run"):
             return
@@ -92,7 +92,7 @@ class IdentifyStep(WorkflowStep):
             partial(self._take, analysis.settings),
             begin="running",
             stopped="stopped before a first result",
-            share=1.0,  # how many iterations it takes is not known
+            share=1.0,  # the number of iterations is unknown
             fit=FitProgress(analysis.effects),
         )
 

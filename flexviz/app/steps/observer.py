@@ -1,4 +1,4 @@
-"""Step 2, Observer: which filter turns θ and τ into derivatives, and how wide it is."""
+"""Step 2, Observer: the filter that differentiates θ and τ, and its bandwidth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.view import numbers_html, observer_for, observer_numbers, sweep_bandwidths
 from flexviz.wording import escape, number
 
-LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s]
+LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
 
 
@@ -34,13 +34,18 @@ class ObserverStep(WorkflowStep):
             gui.add_slider(
                 "Bandwidth [rad/s]", math.log10(LOWEST), math.log10(HIGHEST), 0.01, math.log10(50.0),
                 marks=tuple((math.log10(mark), f"{mark:g}") for mark in MARKS),
-                hint="logarithmic; the states on the right follow at once",
+                hint="logarithmic; the states on the right are updated immediately",
             ),
             lambda exponent: self._set_bandwidth(10.0**exponent),
         )  # fmt: skip
         self._exact = page.watch(
             gui.add_number(
-                "exactly", 50.0, min=LOWEST, max=HIGHEST, step=0.1, hint="the same bandwidth [rad/s], typed"
+                "exactly",
+                50.0,
+                min=LOWEST,
+                max=HIGHEST,
+                step=0.1,
+                hint="the same bandwidth [rad/s] as a number",
             ),
             self._set_bandwidth,
         )

@@ -1,4 +1,4 @@
-"""What a step is: a folder of controls that follows the store."""
+"""Base class of the steps: a folder of controls that follows the store."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from flexviz.app.store import Store
 
 
 class WorkflowStep(ABC):
-    """A step of the analysis. It knows the store and its own controls, and no other step.
+    """A step of the analysis, which knows the store and its own controls, but no other step.
 
-    `build` declares its controls and commands, and what they do to the store. Tasks are started with
-    `store.await_task`, where the user waits for them, or `store.tasks.start`.
+    `build` declares the controls and commands. Tasks are started with `store.await_task` if the user waits
+    for them, otherwise with `store.tasks.start`.
 
     Attributes:
-        title: its name in the step line.
-        folder: holds its controls.
-        next_buttons: what `view.next_step` calls its buttons -> the button.
+        title: name in the step line.
+        folder: holds the controls.
+        next_buttons: name in `view.next_step` -> button.
     """
 
     title: ClassVar[str]
@@ -34,8 +34,8 @@ class WorkflowStep(ABC):
 
     @abstractmethod
     def build(self) -> None:
-        """Make the controls; the step's folder is open."""
+        """Create the controls, inside the step's folder."""
 
     @abstractmethod
     def refresh(self) -> None:
-        """Show the present analysis, and what may be pressed."""
+        """Show the current analysis and enable the controls."""

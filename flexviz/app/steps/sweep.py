@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 
 
 class BandwidthSweep:
-    """Sweep, use the minimum.
-
-    `bandwidths` gives the ones to try, `use` sets a bandwidth [rad/s].
-    """
+    """The sweep over `bandwidths()` [rad/s]; `use` sets the one with the least error."""
 
     def __init__(
         self,
@@ -37,11 +34,14 @@ class BandwidthSweep:
     ) -> None:
         self._store, self._bandwidths, self._use = store, bandwidths, use
         self._result: SweepResult | None = None
-        self._of: Analysis | None = None  # what the result belongs to
+        self._of: Analysis | None = None  # settings of the result
         self._start = page.button("Sweep bandwidth", self._run, color="blue")
         self._about = page.gui.add_html("")
         self._best = page.button(
-            "Use the sweep's minimum", self._use_best, visible=False, hint="the least error over all joints"
+            "Use the sweep's minimum",
+            self._use_best,
+            visible=False,
+            hint="the bandwidth with the least error over all joints",
         )
         self._folder = page.gui.add_folder(None, visible=False)
         self._charts = ChartColumn(page.server, self._folder)
@@ -55,7 +55,7 @@ class BandwidthSweep:
         self._result = self._of = None
 
     def _run(self) -> None:
-        """Start a sweep with the present settings."""
+        """Start a sweep with the current settings."""
         if not self._store.may_start("Sweep"):
             return
         analysis = self._store.analysis.without_result()
@@ -82,7 +82,7 @@ class BandwidthSweep:
         self._use(self._result.best)
 
     def _refresh(self) -> None:
-        """Show the result for the selected joint, and what may be pressed."""
+        """Show the result for the selected joint and enable the buttons."""
         store, why = self._store, self._store.why_not
         off(self._start, why, "identifies at eleven bandwidths around this one")
         note = dim(f"Sweep is off: {why}.") if why and not store.runs(Sweep) else ""
@@ -96,5 +96,5 @@ class BandwidthSweep:
 
 
 def _settings(analysis: Analysis) -> tuple[object, ...]:
-    """What a sweep depends on."""
+    """The settings that a sweep depends on."""
     return (analysis.path, analysis.observer, analysis.roles, analysis.effects)

@@ -1,4 +1,4 @@
-"""Work that nobody saved: kept while one works, offered again after a crash."""
+"""Unsaved work: saved automatically, and offered again after a crash."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from flexviz.app.workspace import unsaved_dir
 from flexviz.errors import InputError
 from flexviz.session import Autosave, Unsaved, find_unsaved
 
-QUIET = 2.0  # [s] after which a change without a result is kept
+AUTOSAVE_DELAY = 2.0  # [s] after a change without a result
 
 
 class UnsavedWork:
-    """Keeps the session, and offers what an earlier run left behind."""
+    """Saves the session automatically, and offers unsaved work of an earlier run."""
 
     def __init__(self, store: Store, page: Page) -> None:
         self._store = store
         self._found: Unsaved | None = None
-        self._due = QUIET
+        self._due = AUTOSAVE_DELAY
         self.keeper = Autosave(unsaved_dir, lambda text: page.call(store.fail, text))
         self._text = page.gui.add_html("", visible=False)
         self._button = page.button(
             "Continue unsaved work", self._continue, color="orange", visible=False,
-            hint="opens what was kept when flexviz ended without saving; Undo goes through its history",
+            hint="opens the automatically saved session; Undo goes through its history",
         )  # fmt: skip
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.RESULT | Changed.DIAGNOSIS, self._keep_at_once)
@@ -32,18 +32,18 @@ class UnsavedWork:
         store.subscribe(Changed.CLOSED, self.keeper.close)
 
     def _opened(self) -> None:
-        """Is there unsaved work on what is open now?"""
+        """Look for unsaved work on the open set."""
         store, before = self._store, self._found
         self.keeper.begin()
         if before is not None and store.folder == before.folder.resolve():
             self.keeper.inherit(before, store.session, store.measurements)
-            store.set_folder(None)  # it is saved under a name of its own
+            store.set_folder(None)  # it is saved under a new name
         try:
             self._found = find_unsaved(unsaved_dir(), store.measurements.path, store.folder)
         except (InputError, OSError):
             self._found = None
         if store.folder is None and before is not None and self._found == before:
-            self._found = None  # it is what is open
+            self._found = None  # it is already open
         self._text.visible = self._button.visible = self._found is not None
         if self._found is not None:
             when = self._found.when.astimezone()
@@ -53,12 +53,12 @@ class UnsavedWork:
         self._due = 0.0
 
     def _keep(self) -> None:
-        """Keep the new state; results at once."""
+        """Save the new state; results immediately."""
         self.keeper.keep(self._store.session, self._store.measurements, self._due)
-        self._due = QUIET
+        self._due = AUTOSAVE_DELAY
 
     def _saved(self) -> None:
-        """The session was saved: nothing else is unsaved, unless more was done meanwhile."""
+        """Discard the automatic copy, unless the session has changed since it was saved."""
         store = self._store
         self.keeper.saved()
         if store.saved is not None and not store.analysis.same_as(store.saved.analysis):
