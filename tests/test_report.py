@@ -90,7 +90,7 @@ def test_it_says_everything_a_diagnosis_found(found: Both) -> None:
         "To reproduce", "Data", "Settings", "Again", "History",
     ]  # fmt: skip
     for words in (
-        "Missing: Coulomb friction on joint2 (added here). With it not all is explained:",
+        "Missing: Coulomb friction on joint2 (added here). With it not all of the error is explained:",
         "mostly on joint2 along the velocity (31 % of it)",
         "went from 1.74 to 0.0265 Nm, 66 times less",  # sqrt of the mean square of (2.2, 1.1), (0.021, 0.031)
         "coulomb 3.000 ± 0.020 Nm. Explains 62 % of the held-out error above the noise; confidence 98 %.",

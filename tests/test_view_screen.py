@@ -13,7 +13,7 @@ from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
 from flexviz.scene.layout import scene_layout
-from flexviz.scene.shape import FACES, robot_shape, thinned_mesh
+from flexviz.scene.shape import MAX_FACES, robot_shape, thinned_mesh
 from flexviz.view import status
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
 from flexviz.wording import escape, number, plain_name, short_names, with_error
@@ -207,7 +207,7 @@ def test_shapes_of_shipped_robots_are_light_and_move_with_their_joints(source: s
     robot = Robot.load(source)
     shape = robot_shape(robot)
     assert {body.joint for body in shape.bodies} >= set(range(robot.n))
-    assert sum(len(body.faces) for body in shape.bodies) < FACES * len(shape.bodies)
+    assert sum(len(body.faces) for body in shape.bodies) < MAX_FACES * len(shape.bodies)
     for body in shape.bodies:
         assert body.faces.max() < len(body.vertices) and np.isfinite(body.vertices).all()
         assert robot.joint_of_link(body.link) == body.joint
@@ -218,7 +218,7 @@ def test_a_heavy_mesh_is_thinned() -> None:
 
     ball = trimesh.creation.icosphere(subdivisions=6)
     light = thinned_mesh(ball)
-    assert len(light.faces) <= FACES and np.allclose(light.bounds, ball.bounds, atol=0.05)
+    assert len(light.faces) <= MAX_FACES and np.allclose(light.bounds, ball.bounds, atol=0.05)
 
 
 def test_a_planar_motion_is_looked_at_squarely() -> None:

@@ -1,4 +1,4 @@
-"""Charts as data, their colours, and their SVG, for screen, report, recording and documents alike."""
+"""Charts as plain data, their colours and their SVG, for app, report, recording and documentation."""
 
 from flexviz.charts.chart import (
     DASHED,

@@ -1,4 +1,4 @@
-"""One description of a chart for screen, report, recording and documents; each has a renderer for it."""
+"""Renderer-independent chart description for app, report, recording and documentation."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Dash = tuple[int, ...]
-MAX_POINTS = 600  # of a line on a screen
+MAX_POINTS = 600  # of a drawn line
 SOLID: Dash = ()
 DASHES: tuple[Dash, ...] = (SOLID, (7, 4), (2, 3), (8, 3, 2, 3))
 DASHED = DASHES[1]
@@ -21,12 +21,11 @@ class ChartAxis:
     """One axis of a chart.
 
     Attributes:
-        label: the quantity; may be empty where the title names it.
-        unit: its unit; empty for counts.
-        logarithmic: True for positive values on a logarithmic scale.
-        limits: (lowest, highest); None where the data decide.
-        ticks: (value, text) where positions stand for names.
-        whole: only whole numbers make sense.
+        label: the quantity; empty if the title names it.
+        unit: empty for counts.
+        limits: (lowest, highest); None: from the data.
+        ticks: (value, text) of named positions.
+        whole: integer values only.
     """
 
     label: str = ""
@@ -50,9 +49,9 @@ class ChartSeries:
     """A line through x and y, each of shape (N,); a NaN interrupts it.
 
     Attributes:
-        dash: one of DASHES, so that lines are told apart without colour.
+        dash: one of DASHES, so that lines can be distinguished without colour.
         points: mark every sample.
-        steps: hold each value for half a unit of x to both sides.
+        steps: hold each value from x − 0.5 to x + 0.5.
     """
 
     label: str
@@ -84,19 +83,17 @@ class Ribbon:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Lines and ribbons over one plane.
+    """A line chart with ribbons behind the lines.
 
     Attributes:
         key: name within its tab or page; a chart with the same key replaces it.
-        title: what it shows, without the unit of y.
-        x, y: the axes.
-        series, ribbons: what is drawn; ribbons below.
-        description: the same in sentences, for a caption and for those who cannot see it.
-        note: why there is nothing to draw, or what to know about the drawing.
-        highlights: intervals of x that stand out; None where none ever will.
+        title: without the unit of y.
+        description: caption and alternative text.
+        note: the reason for an empty chart, or a remark on it.
+        highlights: highlighted intervals of x; None: the chart has no highlights.
         marker: x of a vertical line.
-        playhead: whether a playhead runs along x, which is then time.
-        height: [pixels].
+        playhead: show the playback time on x, which is then time.
+        height: [px].
     """
 
     key: str
@@ -118,12 +115,12 @@ class Chart:
         return f"{self.title} [{self.y.unit}]" if self.y.unit else self.title
 
     def spans(self, first: float, last: float) -> Chart:
-        """The same chart with an abscissa from `first` to `last`."""
+        """The chart with x limited to `first` … `last`."""
         return replace(self, x=replace(self.x, limits=(float(first), float(last))))
 
 
 def no_chart(key: str, note: str = "") -> Chart:
-    """Nothing to draw, and why."""
+    """An empty chart with the reason."""
     return Chart(key, "", note=note)
 
 
@@ -139,9 +136,9 @@ def time_chart(
     *,
     height: int = 190,
 ) -> Chart:
-    """A thinned chart over time with a playhead; lines are (label, colour, values), the later ones thinner.
+    """A downsampled chart over time with a playhead; lines are (label, colour, values), later ones thinner.
 
-    Small values are shown in thousandths or millionths of the unit: axes have three decimals at most.
+    Small values get the prefix m or µ, because axes show at most three decimals.
     """
     x, columns = thin(time, [values for _, _, values in lines])
     largest = max((float(np.abs(column).max(initial=0.0)) for column in columns), default=0.0)
@@ -157,10 +154,10 @@ def time_chart(
 
 
 def thin(x: Array, columns: Sequence[Array], points: int = MAX_POINTS) -> tuple[Array, list[Array]]:
-    """At most `points` values of each column, with its minima and maxima; NaN and ±inf are replaced.
+    """Min–max downsampling to at most `points` values per column; NaN and ±inf are replaced.
 
-    x is (N,) increasing, each column (N,). Buckets of samples give two points each: the column's minimum and
-    maximum in the order in which they occur.
+    x is (N,) increasing, each column (N,). Each bucket of samples gives the column's minimum and maximum in
+    their order of occurrence.
     """
     columns = [finite(column) for column in columns]
     count = len(x)
@@ -180,7 +177,7 @@ def thin(x: Array, columns: Sequence[Array], points: int = MAX_POINTS) -> tuple[
 
 
 def finite(column: Array) -> Array:
-    """The column with every NaN or infinity replaced by the last finite value before it (0 where none is)."""
+    """The column with NaN and infinities replaced by the preceding finite value, or 0 at the start."""
     column = np.asarray(column, dtype=float)
     good = np.isfinite(column)
     if good.all():

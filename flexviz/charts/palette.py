@@ -1,4 +1,4 @@
-"""Colours: Okabe-Ito for what is told apart, cividis for what is measured. Never colour alone."""
+"""Colour-blind safe colours: Okabe–Ito for categories, cividis for magnitudes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Palette:
-    """Colours with a meaning, hexadecimal, from the Okabe-Ito set.
+    """Hexadecimal colours of the Okabe–Ito set by meaning.
 
     Attributes:
-        measured, model: the measured and the identified robot.
-        playhead: the present instant, and highlighted data.
-        residual, torque, reference: what they are named after; `reference` is grey.
-        series: for lines told apart by number.
-        body: RGB of a link without a residual yet.
+        playhead: playback time and highlighted data.
+        series: for numbered lines.
+        body: RGB of a link that has no residual yet.
     """
 
     measured: str = "#0072B2"
@@ -34,7 +32,7 @@ class Palette:
 
 COLOURS = Palette()
 
-# Nine points of the cividis map, evenly spaced; readable with every kind of colour blindness.
+# Nine evenly spaced points of the cividis map.
 _CIVIDIS = np.array(
     [
         (0, 34, 78), (24, 54, 109), (62, 76, 107), (90, 98, 111), (117, 120, 117),
@@ -45,7 +43,7 @@ _CIVIDIS = np.array(
 
 
 def cividis(share: float) -> tuple[int, int, int]:
-    """Red, green, blue 0-255 at `share` in [0, 1] of the cividis map; grey where it is not a number."""
+    """RGB 0–255 at `share` in [0, 1] of the cividis map; grey for NaN."""
     if not np.isfinite(share):
         return COLOURS.body
     at = float(np.clip(share, 0.0, 1.0)) * (len(_CIVIDIS) - 1)
@@ -63,7 +61,7 @@ def shares(values: Sequence[float], top: float | None = None) -> list[float]:
 
 
 def rgb(hexadecimal: str) -> tuple[int, int, int]:
-    """ "#0072B2" as red, green, blue 0-255."""
+    """ "#0072B2" as RGB 0–255."""
     return int(hexadecimal[1:3], 16), int(hexadecimal[3:5], 16), int(hexadecimal[5:7], 16)
 
 

@@ -1,4 +1,4 @@
-"""A chart as SVG: no script, nothing from outside, the same bytes on every machine."""
+"""A chart as self-contained SVG without scripts, byte-identical on every machine."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from numpy.typing import NDArray
 from flexviz.charts.chart import Array, Chart, ChartSeries, Ribbon
 from flexviz.charts.palette import COLOURS
 
-LEFT, RIGHT, TOP, BOTTOM = 74, 12, 10, 46  # [px] around the plane, legend not counted
-CHARACTER = 6.4  # [px] mean width of one in the legend
-LEGEND_ROW = 20  # [px]
-MAX_LEGEND = 42  # characters of a legend's entry
-TOLERANCE = 1.2  # a point is left out where the line misses it by less [0.1 px]
-NUDGE = 1e-3  # [0.1 px] keeps rounding errors from deciding a digit
-LOG_SPAN = 0.35  # least half height of a logarithmic ordinate [decades]
+LEFT, RIGHT, TOP, BOTTOM = 74, 12, 10, 46  # [px] margins around the plot area, without the legend
+CHARACTER_WIDTH = 6.4  # [px] mean, in the legend
+LEGEND_ROW = 20  # [px] height
+MAX_LABEL = 42  # characters of a legend entry
+LINE_TOLERANCE = 1.2  # [0.1 px] points closer to the simplified line are dropped
+ROUNDING_BIAS = 1e-3  # [0.1 px] keeps floating-point noise from deciding a digit
+MIN_LOG_HALF_SPAN = 0.35  # [decades] of a logarithmic y axis
 
 Pixels = NDArray[np.int64]  # tenths of a pixel
 
 
 @dataclass(frozen=True)
 class SvgTheme:
-    """How a chart is drawn.
+    """Size and colours of a drawn chart.
 
     Attributes:
-        width: [px]; the height is the chart's, and the legend's.
-        ink: colour of text and rules.
-        standalone: a file of its own with size and font, not part of a page.
+        width: [px]; the height follows from chart and legend.
+        ink: colour of text and grid lines.
+        standalone: set size and font, for a separate file instead of an inline picture.
     """
 
     width: int
@@ -44,7 +44,7 @@ FILE = SvgTheme(480, COLOURS.reference, standalone=True)
 
 
 def draw_svg(chart: Chart, key: str, theme: SvgTheme = PAGE) -> str:
-    """The chart; `key` makes its ids unique on a page."""
+    """The chart as SVG; `key` makes its ids unique on a page."""
     places, rows = _legend_places(chart, theme)
     height = chart.height + LEGEND_ROW * rows
     plane = _Plane(chart, theme, TOP + LEGEND_ROW * rows)
@@ -71,7 +71,7 @@ def draw_svg(chart: Chart, key: str, theme: SvgTheme = PAGE) -> str:
 
 
 class _Plane:
-    """Where values lie on the picture, in tenths of a pixel."""
+    """Mapping from values to tenths of a pixel."""
 
     def __init__(self, chart: Chart, theme: SvgTheme, top: int) -> None:
         self.top, self.bottom = top, top + chart.height - TOP - BOTTOM
@@ -84,7 +84,8 @@ class _Plane:
         if self.logarithmic:
             low, high = limits([np.log10(y[y > 0]) for y in ys])
             middle = (low + high) / 2
-            self.y_limits = min(low, middle - LOG_SPAN), max(high, middle + LOG_SPAN)
+            half = MIN_LOG_HALF_SPAN
+            self.y_limits = min(low, middle - half), max(high, middle + half)
         else:
             self.y_limits = chart.y.limits or limits(ys)
 
@@ -99,11 +100,11 @@ class _Plane:
 
 def _pixels(value: float | Array, span: tuple[float, float], start: int, end: int) -> Pixels:
     share = np.clip((np.asarray(value, dtype=float) - span[0]) / (span[1] - span[0]), 0.0, 1.0)
-    return np.floor(10 * (start + share * (end - start)) + 0.5 + NUDGE).astype(np.int64)
+    return np.floor(10 * (start + share * (end - start)) + 0.5 + ROUNDING_BIAS).astype(np.int64)
 
 
 def limits(values: Sequence[Array], margin: float = 0.04) -> tuple[float, float]:
-    """Smallest and largest finite value with a margin; of a constant, zero and the value."""
+    """Smallest and largest finite value with a margin; for a constant, a range from zero past the value."""
     found = np.concatenate([np.ravel(v) for v in values]) if values else np.zeros(0)
     found = found[np.isfinite(found)]
     low, high = (float(found.min()), float(found.max())) if found.size else (0.0, 1.0)
@@ -133,11 +134,10 @@ def _ribbon(ribbon: Ribbon, plane: _Plane) -> str:
     out = []
     for rows in stretches(ribbon.x, ribbon.low, ribbon.high):
         x = plane.x(ribbon.x[rows])
-        there, back = (
-            _points(x, plane.y(ribbon.high[rows])),
-            _points(x[::-1], plane.y(ribbon.low[rows])[::-1]),
-        )
-        out.append(f'<polygon points="{there} {back}" fill="{ribbon.colour}" fill-opacity="0.25"/>')
+        upper = _points(x, plane.y(ribbon.high[rows]))
+        lower = _points(x[::-1], plane.y(ribbon.low[rows])[::-1])
+        out.append(f'<polygon points="{upper} {lower}" fill="{ribbon.colour}" fill-opacity="0.25"/>')
+
     return "".join(out)
 
 
@@ -158,17 +158,17 @@ def _stroke(series: ChartSeries) -> str:
     return f'fill="none" stroke="{colour}" stroke-width="{width:g}" stroke-linejoin="round"{dash}'
 
 
-LegendEntry = tuple[int, int, ChartSeries | Ribbon]  # row, x [px], what
+LegendEntry = tuple[int, int, ChartSeries | Ribbon]  # row, x [px], entry
 
 
 def _legend_places(chart: Chart, theme: SvgTheme) -> tuple[list[LegendEntry], int]:
-    """Where the legend's entries stand, as many per row as there is room for, and the number of rows."""
+    """Positions of the legend entries, wrapped into rows, and the number of rows."""
     places: list[LegendEntry] = []
     row, x = 0, LEFT
     for entry in (*chart.series, *chart.ribbons):
         if not entry.label:
             continue
-        width = 40 + math.ceil(CHARACTER * len(_short(entry.label)))
+        width = 40 + math.ceil(CHARACTER_WIDTH * len(_short(entry.label)))
         if x > LEFT and x + width > theme.width - RIGHT:
             row, x = row + 1, LEFT
         places.append((row, x, entry))
@@ -190,13 +190,13 @@ def _legend(places: Sequence[LegendEntry]) -> Iterator[str]:
 
 
 def stretches(x: Array, *columns: Array) -> list[NDArray[np.intp]]:
-    """Rows between interruptions: where everything is finite."""
+    """Consecutive rows in which x and all columns are finite."""
     rows = np.flatnonzero(np.isfinite(np.stack([x, *columns])).all(axis=0))
     return [part for part in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(part)]
 
 
 def ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
-    """Round values within low … high, about `count` of them, and their texts."""
+    """About `count` round values within low … high, with their labels."""
     rough = (high - low) / count
     power = 10.0 ** math.floor(math.log10(rough) + 1e-9)
     step = next(m * power for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
@@ -208,7 +208,7 @@ def ticks(low: float, high: float, count: int) -> list[tuple[float, str]]:
 
 
 def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Round values between 10^low and 10^high: as many of each decade as there is room for."""
+    """Round values between 10^low and 10^high, more per decade for short axes."""
     digits = (1, 2, 3, 4, 5, 6, 8) if high - low < 0.9 else (1, 2, 5) if high - low < 2.5 else (1,)
     every = max(1, math.ceil((high - low) / 7))
     powers = [power for power in range(math.floor(low), math.ceil(high) + 1) if power % every == 0]
@@ -217,7 +217,7 @@ def log_ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def thinned(x: Pixels, y: Pixels) -> tuple[Pixels, Pixels]:
-    """The corners that matter (Ramer–Douglas–Peucker)."""
+    """The line simplified by Ramer–Douglas–Peucker."""
     xy = np.stack((x, y), axis=1).astype(float)
     keep, stack = {0, len(xy) - 1}, [(0, len(xy) - 1)]
     while stack:
@@ -228,7 +228,7 @@ def thinned(x: Pixels, y: Pixels) -> tuple[Pixels, Pixels]:
         share = np.clip(inner @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
         distance = np.hypot(*(inner - share[:, None] * along).T)
         worst = int(np.argmax(distance > distance.max() - 1e-6))
-        if distance[worst] > TOLERANCE:
+        if distance[worst] > LINE_TOLERANCE:
             middle = first + 1 + worst
             keep.add(middle)
             stack += [(first, middle), (middle, last)]
@@ -254,4 +254,4 @@ def _text(x: int, y: int, text: str, anchor: str = "middle") -> str:
 
 
 def _short(label: str) -> str:
-    return label if len(label) <= MAX_LEGEND else label[: MAX_LEGEND - 1] + "…"
+    return label if len(label) <= MAX_LABEL else label[: MAX_LABEL - 1] + "…"

@@ -1,4 +1,4 @@
-"""The robots in 3D as plain data: shapes, motion, placement and torque arrows."""
+"""The 3D scene as plain data: robot shapes, motion, placement and torque arrows."""
 
 from flexviz.scene.layout import FIELD_OF_VIEW, LAYOUTS, SceneLayout, scene_layout
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay

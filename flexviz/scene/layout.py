@@ -1,4 +1,4 @@
-"""Where the robots stand and where the camera is, so that the motion is seen as large as possible."""
+"""Placement of robots and camera such that the motion fills the view."""
 
 from __future__ import annotations
 
@@ -17,15 +17,14 @@ LAYOUTS = ("Side by side", "Overlaid")
 
 @dataclass(frozen=True, eq=False)
 class SceneLayout:
-    """Placement for one set.
+    """Placement of the two robots of one measurement set.
 
     Attributes:
         right: (3,) horizontal unit vector to the viewer's right.
         towards: (3,) unit vector from the scene to the viewer.
-        centre: (3,) middle of one robot's motion [m], in its own frame.
-        size: half the height of one robot's motion as it is seen [m].
-        width: half its extent along `right` [m].
-        depth: half its extent towards the viewer [m].
+        centre: (3,) middle of one robot's motion [m], in its base frame.
+        size, width, depth: half extents of that motion: vertical in the view, along `right`, and towards the
+            viewer [m].
         floor: height of the grid [m].
     """
 
@@ -38,22 +37,22 @@ class SceneLayout:
     floor: float
 
     def offsets(self, layout: str) -> tuple[Array, Array]:
-        """(3,) where the measured and the identified robot's bases stand [m]."""
+        """Base positions (3,) of the measured and the identified robot [m]."""
         if layout == "Overlaid":
             return np.zeros(3), np.zeros(3)
         apart = 1.12 * self.width * self.right
         return -apart, apart
 
     def label_places(self, layout: str) -> tuple[Array, Array]:
-        """(3,) where the measured and the identified robot's labels stand: above them, beside each other."""
+        """Label positions (3,) of the measured and the identified robot [m]: above them, side by side."""
         apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
         above = self.centre + np.array([0.0, 0.0, 1.2 * self.size])
         return above - apart, above + apart
 
     def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
-        """Position and point looked at (3,), so that both robots fit a canvas of width / height `aspect`.
+        """Camera position and target (3,) that fit both robots into a canvas of width / height `aspect`.
 
-        The lowest share `hidden` of the canvas lies under the playback panel.
+        The playback panel covers the lowest share `hidden` of the canvas.
         """
         half_width = self.width * (2.35 if layout != "Overlaid" else 1.15)
         half_height = 1.35 * self.size / (1.0 - hidden)  # with the labels
@@ -64,15 +63,14 @@ class SceneLayout:
 
 
 def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:
-    """The stage for positions theta (M, n) [rad] that the robot passes."""
+    """The layout for a motion through positions theta (M, n) [rad]."""
     points, frames = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
     low, high = points.min(axis=0), points.max(axis=0)
     centre = (low + high) / 2
     _, spread, axes = np.linalg.svd(frames - frames.mean(axis=0), full_matrices=False)
     normal = axes[2]
-    if (
-        spread[2] < 0.05 * spread[0] and abs(normal[2]) < 0.3
-    ):  # a motion in a vertical plane: look at it squarely
+    in_vertical_plane = spread[2] < 0.05 * spread[0] and abs(normal[2]) < 0.3
+    if in_vertical_plane:  # seen face on
         flat = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
         flat = -flat if flat[1] > 0 or (flat[1] == 0 and flat[0] < 0) else flat
         towards = 0.96 * flat + np.array([0.0, 0.0, 0.28])
@@ -91,7 +89,7 @@ def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:
 
 
 def _points(robot: Robot, shape: RobotShape, theta: Array) -> tuple[Array, Array]:
-    """At every position: corners of every body's box (P, 3), and the origins of all links (L, 3) [m]."""
+    """Corners of all bodies' bounding boxes (P, 3) and origins of all links (L, 3) over the motion [m]."""
     corners, frames = [], []
     for q in theta:
         poses = robot.link_poses(q)

@@ -1,4 +1,4 @@
-"""The two robots over time: measured motion, the identified model's own motion, deflection of both."""
+"""Measured and simulated robot motion over time, with joint deflections."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
     from flexviz.identification import Identification
 
 Array = NDArray[np.float64]
-RATE = 100.0  # [1/s] the drawn motion's sampling; playback interpolates
-NICE = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+SAMPLE_RATE = 100.0  # [1/s] of the drawn motion; playback interpolates
+ROUND_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of the deflection
 
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """What is drawn of one group, at M instants for n joints.
+    """Drawn motion of one group: M instants, n joints.
 
     Attributes:
         group: its name.
         time: (M,) [s].
         theta: (M, n) measured motor positions [rad].
-        deflection: (M, n) θ − q that belongs to the measured motion [rad], or None where nothing is known.
-        deflection_source: where that comes from, for the label.
+        deflection: (M, n) θ − q of the measured motion [rad]; None if unknown.
+        deflection_source: its origin, for the label.
         model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None if unknown.
         model_note: how the model was simulated, for the label.
         link: (M, n) measured link positions q [rad], or None without link encoders.
@@ -53,10 +53,10 @@ class RobotMotion:
     def pose(
         self, time: float, deflection: float = 0.0, error: float = 1.0, link_side: bool = False
     ) -> tuple[Array, Array]:
-        """Joint positions (n,) to draw for the measured and the identified robot at one instant.
+        """Joint positions (n,) of the measured and the identified robot at one instant [rad].
 
-        `deflection` multiplies θ − q, `error` multiplies the difference simulated − measured θ. On the link
-        side q is compared with q, where it is measured.
+        `deflection` scales θ − q, `error` scales simulated − measured θ. With `link_side`, measured and
+        simulated q are compared, if q is measured.
         """
         if link_side and self.link is not None:
             return self._link_pose(time, error)
@@ -80,7 +80,7 @@ class RobotMotion:
         return measured, measured + error * (theta - bent - measured)
 
     def torque_shares(self, time: float) -> Array:
-        """(n,) the torque at one instant as a share of each joint's largest, −1 … 1."""
+        """(n,) torque at one instant relative to each joint's largest, −1 … 1."""
         if self.torque is None:
             return np.zeros(self.theta.shape[1])
         largest = np.abs(self.torque).max(axis=0)
@@ -95,9 +95,9 @@ def scene_labels(
     simulated_data: bool = False,
     link_side: bool = False,
 ) -> tuple[str, str]:
-    """What stands above the measured and the identified robot; the factors are always written there.
+    """Labels of the measured and the identified robot, with the scale factors.
 
-    `why` says why there is no simulated motion of the identified model, where there is none.
+    `why` is the reason for a missing simulation of the identified model.
     """
     first = "measured (simulated data)" if simulated_data else "measured"
     if link_side and motion.link is not None:
@@ -126,9 +126,9 @@ def sample(time: Array, values: Array, at: float) -> Array:
 
 
 def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> RobotMotion:
-    """The measured motion of a group with the best deflection that is known for it."""
+    """The measured motion of a group with the best deflection available."""
     start, end = group.segments[0].time[0], group.segments[-1].time[-1]
-    count = max(int((end - start) * RATE) + 1, 2)
+    count = max(int((end - start) * SAMPLE_RATE) + 1, 2)
     time = np.linspace(start, end, count)
     all_time = joined(group, "time")
     theta = _columns(time, all_time, joined(group, "theta"))
@@ -141,13 +141,13 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
 
 
 def joined(group: Group, name: str) -> Array:
-    """time (N,), theta or tau (N, n) over all segments; no copy where there is one segment."""
+    """time (N,), theta or tau (N, n) over all segments; not copied if there is only one."""
     parts = [getattr(segment, name) for segment in group.segments]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
-    """The motion with a simulation of the identified model (a `simulation.Run`) beside it."""
+    """The motion together with a simulation of the identified model (a `simulation.Run`)."""
     return replace(
         motion,
         model_theta=_columns(motion.time, run.time, run.theta),
@@ -157,13 +157,13 @@ def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
 
 
 def nice_factor(motion: RobotMotion, target: float = 0.25) -> int:
-    """The round factor that brings the largest deflection nearest to, but not far above, `target` [rad]."""
+    """The largest round factor that scales the deflection to at most `target` [rad]."""
     if motion.deflection is None:
         return 1
     largest = float(np.quantile(np.abs(motion.deflection), 0.98))
     if largest <= 0:
         return 1
-    return max((factor for factor in NICE if factor * largest <= target), default=1)
+    return max((factor for factor in ROUND_FACTORS if factor * largest <= target), default=1)
 
 
 def _columns(time: Array, from_time: Array, values: Array) -> Array:
@@ -178,7 +178,7 @@ def _deflection(
     all_time: Array,
     theta: Array,
 ) -> tuple[Array | None, str]:
-    """Deflection (M, n) and its source: link encoders, the identified model, or rough start values."""
+    """Deflection (M, n) [rad] and its source: link encoders, the identified model, or rough start values."""
     if group.q is not None and np.isfinite(group.q).all():
         return theta - _columns(time, group.time, group.q), "link encoders"
     series = None if result is None else result.residuals.get(group.name)

@@ -1,8 +1,7 @@
-"""The robot's shape: one light mesh for each moving joint's body, and one for the base.
+"""The robot's shape: one simplified mesh per rigid body, for drawing only.
 
-Collision shapes are taken where a link has them, else visual ones, thinned when they are heavy; a robot whose
-links have no shape at all is drawn as capsules between its joint frames, and so is a link whose mesh is not
-there: nothing is computed from shapes.
+Collision geometry is preferred to visual geometry; large meshes are decimated. Robots without any geometry and
+links whose mesh is missing are drawn as capsules between joint frames.
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from flexviz.robot import Robot
 from flexviz.robot_files import resolve_mesh
 
 Array = NDArray[np.float64]
-FACES = 3000  # faces a link may have before it is thinned
+MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """The shape that moves with one joint.
+    """Mesh of the rigid body that one joint moves.
 
     Attributes:
-        joint: index of the joint that moves it, or None for the base.
-        link: the link whose pose places it.
-        vertices: (V, 3) in that link's frame [m].
-        faces: (F, 3) indices of vertices.
+        joint: joint index; None for the base.
+        link: reference link of the vertices.
+        vertices: (V, 3) in the frame of `link` [m].
+        faces: (F, 3) vertex indices.
     """
 
     joint: int | None
@@ -41,10 +40,10 @@ class BodyMesh:
 
 @dataclass(frozen=True, eq=False)
 class RobotShape:
-    """A whole robot: its bodies, its size, and how to look at it.
+    """Meshes and size of a robot.
 
     Attributes:
-        bodies: the base first, then the joints' bodies in the set's order (those that have a shape).
+        bodies: those that have a shape, the base first, then in the set's joint order.
         tip: the link whose path is drawn as a trail.
         reach: largest distance of a link from the base [m].
         missing: why meshes of the URDF are not drawn, one sentence each.
@@ -99,9 +98,9 @@ def merged(joint: int | None, parts: list[tuple[str, Any]], poses: dict[str, Arr
 
 
 def link_mesh(link: Any, robot: Robot, missing: list[str]) -> Any | None:
-    """One link's collision shape (visual when it has none) as one mesh in the link's frame.
+    """Collision geometry of a link (visual if it has none) as one mesh in the link's frame.
 
-    Why a mesh cannot be had is added to `missing`.
+    The reason for each mesh that cannot be loaded is added to `missing`.
     """
     import trimesh
 
@@ -143,8 +142,8 @@ def geometry_mesh(geometry: Any, robot: Robot) -> Any | None:
     return None
 
 
-def thinned_mesh(mesh: Any, faces: int = FACES) -> Any:
-    """The mesh with about `faces` faces at most: vertices that share a cell of a grid become one."""
+def thinned_mesh(mesh: Any, faces: int = MAX_FACES) -> Any:
+    """The mesh with at most about `faces` faces: vertices in the same grid cell are merged."""
     import trimesh
 
     cells = 64
@@ -168,7 +167,7 @@ def thinned_mesh(mesh: Any, faces: int = FACES) -> Any:
 
 
 def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Array]) -> Any:
-    """Capsules from a link's frame to the joints it carries, for a link without a shape."""
+    """Capsules from a link's frame to its child joints, for a link without geometry."""
     import trimesh
 
     radius = 0.035 * reach
@@ -187,7 +186,7 @@ def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Arr
 
 
 def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
-    """The link at the end of the arm: moved by the last joint of the tree and farthest from that joint."""
+    """The link moved by the last joint of the tree that is farthest from that joint."""
     last = max(range(robot.n), key=lambda joint: int(robot.order[joint]))
     links = _links_of(robot, last)
     first = poses[links[0]][:3, 3]

@@ -1,4 +1,4 @@
-"""Torque as an arc around each joint's axis, in the torque's direction and as long as it is large."""
+"""Torque arrows: an arc around each joint axis whose angle is proportional to the torque."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from scipy.spatial.transform import Rotation
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
-ARC_PIECES = 16
-ARC_ANGLE = 1.6 * np.pi  # of the largest torque [rad]
-ARROW_RADIUS = 0.16  # of the robot's reach
+ARC_PIECES = 16  # line segments of an arc
+ARC_ANGLE = 1.6 * np.pi  # [rad] for the largest torque
+ARROW_RADIUS = 0.16  # relative to the robot's reach
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueAxis:
-    """Where a joint turns, seen from the link that it moves.
+    """A joint axis in the frame of the link that it moves.
 
     Attributes:
-        link: whose pose carries the arrow.
-        across, along: (3,) unit vectors across the axis; the joint turns from `across` to `along`.
+        link: the link whose frame is used.
+        across, along: (3,) unit vectors normal to the axis; the joint rotates from `across` to `along`.
     """
 
     link: str
@@ -31,7 +31,7 @@ class TorqueAxis:
 
 
 def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
-    """The axis of each joint of the set; None where it has none to bend an arrow around."""
+    """The axis of each joint of the set; None for prismatic joints and joints without a link."""
     neutral = np.zeros(robot.n)
     poses = robot.link_poses(neutral)
     found: list[TorqueAxis | None] = []
@@ -56,7 +56,7 @@ def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
 
 
 def torque_arrow(axis: TorqueAxis, share: float, radius: float) -> NDArray[np.float32]:
-    """Segments (ARC_PIECES + 2, 2, 3) [m] of an arrow that turns by `share` (−1 … 1) of the widest angle."""
+    """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of the largest angle."""
     share = float(np.clip(share, -1.0, 1.0))
     angle = np.linspace(0.0, share * ARC_ANGLE, ARC_PIECES + 1)
     points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))

@@ -1,14 +1,13 @@
-"""A diagnosis as HTML: the verdict, and each finding with its numbers, ties and absorbing parameters."""
+"""A diagnosis as HTML: verdict and findings."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from flexviz.wording import (
-    absorbed_text,
+    absorbed_list,
     escape,
     finding_name,
-    plural,
     share_text,
     tie_text,
     values_text,
@@ -18,20 +17,19 @@ from flexviz.wording import (
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, Finding
 
-LIKELY_CONFIDENCE = 0.5  # from which a finding stands out
-NAMED_PARAMETERS = 3  # parameters named at most
+LIKELY_CONFIDENCE = 0.5  # a finding with at least this is highlighted
 
 
 def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
     """The verdict in its box, with notes and warnings."""
     if diagnosis is None:
         return (
-            '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it '
-            "where that has not been done, examines the residual, and tries every known effect.</div>"
+            '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it if '
+            "necessary, examines the residual, and tries every known effect.</div>"
         )
-    said = [note for note in diagnosis.notes if diagnosis.free_curve is None or note.kind != "free-curve"]
+    shown = [note for note in diagnosis.notes if diagnosis.free_curve is None or note.kind != "free-curve"]
     notes = "".join(
-        f'<div class="fv-dim">{escape(note.text[:1].upper() + note.text[1:])}.</div>' for note in said
+        f'<div class="fv-dim">{escape(note.text[:1].upper() + note.text[1:])}.</div>' for note in shown
     )
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
@@ -47,14 +45,14 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
 
 
 def heading_html(diagnosis: Diagnosis | None) -> str:
-    """Heading of the findings where none of them is credible."""
+    """The heading above findings of which none is credible."""
     if diagnosis is None or diagnosis.verdict == "missing" or not diagnosis.findings:
         return ""
     return '<div class="fv fv-dim">Tried, but not credible explanations of the residual:</div>'
 
 
 def finding_html(finding: Finding, rank: int, full: bool) -> str:
-    """A finding: name, values, share, confidence; with `full` also its ties and what had absorbed it."""
+    """A finding: name, values, share, confidence; with `full` also all ties and absorbing parameters."""
     likely = " fv-likely" if finding.confidence >= LIKELY_CONFIDENCE else ""
     values = values_text(finding)
     lines = [f"<div><b>{rank}. {escape(finding_name(finding))}</b></div>"]
@@ -66,10 +64,7 @@ def finding_html(finding: Finding, rank: int, full: bool) -> str:
         lines.append(f"<div>{escape(values)}</div>")
     ties = finding.inseparable_from if full else finding.inseparable_from[:1]
     lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
-    absorbed = getattr(finding, "absorbed", ()) if full else ()
-    if absorbed:
-        named = "; ".join(absorbed_text(entry) for entry in absorbed[:NAMED_PARAMETERS])
-        more = len(absorbed) - NAMED_PARAMETERS
-        named += f"; and {plural(more, 'other')}" if more > 0 else ""
-        lines.append(f'<div class="fv-dim">Had been absorbed by {escape(named)}.</div>')
+    if full and finding.absorbed:
+        named = escape(absorbed_list(finding.absorbed))
+        lines.append(f'<div class="fv-dim">Was absorbed by other parameters: {named}.</div>')
     return f'<div class="fv fv-finding{likely}">{"".join(lines)}</div>'

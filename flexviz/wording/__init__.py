@@ -1,4 +1,4 @@
-"""Numbers, effects and findings in words, the same in every room."""
+"""Text for numbers, effects and findings, shared by app, report, recording and command line."""
 
 from flexviz.wording.effects import (
     SCOPES,
@@ -11,6 +11,7 @@ from flexviz.wording.effects import (
 )
 from flexviz.wording.findings import (
     ALONG,
+    absorbed_list,
     absorbed_text,
     effect_text_name,
     effect_title,
@@ -40,6 +41,7 @@ __all__ = [
     "MARKS",
     "SCOPES",
     "SYMBOLS",
+    "absorbed_list",
     "absorbed_text",
     "bounds_text",
     "effect_json",

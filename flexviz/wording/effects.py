@@ -1,4 +1,4 @@
-"""An effect in words and as JSON, for command line, documents and app."""
+"""An effect as text and as JSON, for command line, documents and app."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ SIMULATED = {
     "motor": "u opposes the motor: B θ̈ = τ − f_mv θ̇ − u − τ_j.",
     "link": "u opposes the link: M q̈ + C q̇ + g = τ_j − f_lv q̇ − u.",
     "joint": (
-        "The joint carries τ_j = K x + k₃ x³ + D ẋ with x = deadzone(θ + a sin(nθ + φ) − q, b), whichever of "
-        "these it has; nothing within the play."
+        "The joint torque is τ_j = K x + k₃ x³ + D ẋ with x = deadzone(θ + a sin(nθ + φ) − q, b); terms of "
+        "absent effects are zero, and so is τ_j inside the gap."
     ),
 }
 SCOPES = {
@@ -29,16 +29,16 @@ SCOPES = {
 
 
 def enters_text(effect: Effect) -> str:
-    """How its u enters the identification equation."""
+    """How the effect's u enters the identification equation."""
     means = "u = τ_recorded − τ_applied: " if effect.where == "sensing" else ""
     return means + ENTERS[effect.entry]
 
 
 def simulated_text(effect: Effect) -> str:
-    """How the simulator treats it, as a sentence."""
+    """How the effect is simulated, as a sentence."""
     if is_user_defined(effect.name) and effect.simulation(effect.sizes()) is None:
         return "Not simulated: its class does not define a simulation."
-    sign = " sign(v) is taken as tanh(v / 0.005 rad/s)." if "sign(" in effect.equation else ""
+    sign = " sign(v) is smoothed to tanh(v / 0.005 rad/s)." if "sign(" in effect.equation else ""
     return (effect.simulated or SIMULATED.get(effect.where, "")) + sign
 
 
@@ -48,7 +48,7 @@ def parameter_text(parameter: ParameterSpec) -> str:
 
 
 def bounds_text(parameter: ParameterSpec) -> str:
-    """The bounds in a few characters: "≥ 0", "0.5 … 400", "any"."""
+    """The bounds as short text: "≥ 0", "0.5 … 400", "any"."""
     low, high = (f"{bound:g}".replace("-", "−") for bound in (parameter.lower, parameter.upper))
     if math.isfinite(parameter.lower) and math.isfinite(parameter.upper):
         return f"{low} … {high}"
@@ -58,7 +58,7 @@ def bounds_text(parameter: ParameterSpec) -> str:
 
 
 def relation_text(effect: Effect) -> str:
-    """Which effect it needs or replaces on its joint; empty if neither."""
+    """Which effect this one requires or replaces on its joint; empty if neither."""
     parts = []
     if effect.beside:
         parts.append(f"Only beside {effect.beside}.")
@@ -68,7 +68,7 @@ def relation_text(effect: Effect) -> str:
 
 
 def effect_json(effect: Effect) -> dict[str, Any]:
-    """Everything known about an effect; a missing bound is None."""
+    """All attributes of an effect; an infinite bound is None."""
     return {
         "name": effect.name,
         "title": effect.title,

@@ -1,4 +1,4 @@
-"""A diagnosis in plain text: the verdict's sentence, findings, their values, ties and what absorbed them."""
+"""A diagnosis as plain text: verdict, findings and their values."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Protocol
 
 from flexviz.effects import EFFECTS
 from flexviz.statistics import NORMAL_95
-from flexviz.wording.numbers import listed, number, plain_name, unit_text, with_error
+from flexviz.wording.numbers import listed, number, plain_name, plural, unit_text, with_error
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 WITH_ADDED = {
     "missing": "this is still missing",
     "nothing-missing": "nothing is missing",
-    "unknown": "not all is explained",
+    "unknown": "not all of the error is explained",
 }
 ALONG = {
     "position": "the position",
@@ -27,7 +27,7 @@ ALONG = {
 INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
     name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 }
-SMALLEST_SHARE = 0.005  # a location that explains less is not named
+MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
 
 
 class FindingLike(Protocol):
@@ -61,7 +61,7 @@ class ValueLike(Protocol):
 
 
 class LocationLike(Protocol):
-    """Where a residual lives."""
+    """A joint and variable with a structured residual."""
 
     @property
     def joint(self) -> str: ...
@@ -109,7 +109,7 @@ class AbsorbedLike(Protocol):
 
 
 def effect_title(name: str) -> str:
-    """The effect's title; for one that is not in the library, its name in words."""
+    """The effect's title; its readable name if it is not in the library."""
     effect = EFFECTS.get(name)
     return effect.title if effect is not None else plain_name(name)
 
@@ -126,7 +126,7 @@ def finding_name(finding: FindingLike) -> str:
 
 
 def effect_text_name(text: str) -> str:
-    """The text of a chosen effect ("coulomb_friction:joint2") in words."""
+    """ "coulomb_friction:joint2" as "Coulomb friction on joint2"."""
     name, _, where = text.partition(":")
     place, _, group = where.partition("@")
     return effect_title(name) + where_text(place or None, None, group or None)
@@ -142,9 +142,9 @@ def share_text(share: float) -> str:
 
 
 def verdict_text(diagnosis: VerdictLike, added: Sequence[str] = ()) -> str:
-    """The verdict; begins with "Nothing is missing:", "Missing:" or "Unknown:".
+    """The verdict, beginning with "Nothing is missing:", "Missing:" or "Unknown:".
 
-    With `added`, names of effects that the diagnosis has found and added, it begins with these.
+    `added` are names of effects that the diagnosis found and added; if there are any, they come first.
     """
     if added:
         beginning, _, rest = verdict_text(diagnosis).partition(":")
@@ -161,18 +161,18 @@ def verdict_text(diagnosis: VerdictLike, added: Sequence[str] = ()) -> str:
     if diagnosis.verdict == "missing":
         return f"{beginning} an effect that could not be named."
     if diagnosis.verdict == "nothing-missing":
-        return f"{beginning} no effect of the library would explain what is left; it looks like noise."
-    place = next((p for p in diagnosis.where if (p.explained or 0.0) > SMALLEST_SHARE), None)
+        return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
+    place = next((p for p in diagnosis.where if (p.explained or 0.0) > MIN_NAMED_SHARE), None)
     if place is None:
-        return f"{beginning} something is left that no effect of the library explains."
+        return f"{beginning} no effect of the library explains the structured residual."
     return (
-        f"{beginning} something is left that no effect of the library explains, mostly on {place.joint} "
-        f"along {ALONG.get(place.variable, place.variable)} ({share_text(place.explained or 0.0)} of it)."
+        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}; "
+        f"{share_text(place.explained or 0.0)} of it follows {ALONG.get(place.variable, place.variable)}."
     )
 
 
 def values_text(finding: FindingLike) -> str:
-    """ "coulomb 3.000 ± 0.012 Nm"; the interval is 95 %."""
+    """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals."""
     parts = []
     for name, found in finding.parameters.items():
         shown, error = with_error(found.value, None if found.std is None else NORMAL_95 * found.std)
@@ -186,6 +186,13 @@ def tie_text(tie: TieLike) -> str:
     text = f"Hard to tell from {other} (signatures similar to {share_text(min(abs(tie.correlation), 1.0))})."
     breaks = getattr(tie, "breaks", "")
     return f"{text} {breaks}".strip()
+
+
+def absorbed_list(absorbed: Sequence[AbsorbedLike], most: int = 3) -> str:
+    """The first parameters that had absorbed the effect, and the number of others."""
+    more = len(absorbed) - most
+    others = [f"and {plural(more, 'other')}"] if more > 0 else []
+    return "; ".join([absorbed_text(entry) for entry in absorbed[:most]] + others)
 
 
 def absorbed_text(absorbed: AbsorbedLike) -> str:

@@ -1,4 +1,4 @@
-"""Numbers and names as people read them."""
+"""Formatting of numbers and names for display."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """A value with `digits` significant digits, without needless zeros: 1000, 0.01234, 3.2e-07, –."""
+    """A value with `digits` significant digits: 1000, 0.01234, 3.200e-7; – if it is not finite."""
     if value is None or not math.isfinite(value):
         return "–"
     if value == 0:
@@ -21,12 +21,12 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """The unit, or nothing for a pure number."""
+    """The unit; empty for a dimensionless number."""
     return "" if unit == "-" else unit
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:
-    """A value and its ± as two texts, both rounded to the error's second digit.
+    """A value and its error as two texts, both rounded to the error's second significant digit.
 
     >>> with_error(1000.234, 0.82)
     ('1000.23', '0.82')
@@ -68,7 +68,7 @@ SYMBOLS = {
 
 
 def plain_name(name: str) -> str:
-    """A parameter's or effect's name for people: motor_inertia -> motor inertia."""
+    """Readable name of a parameter or effect: motor_inertia -> motor inertia."""
     effect, dot, parameter = name.partition(".")
     if parameter in effect.split("_"):  # as in coulomb_friction.coulomb
         dot = parameter = ""

@@ -1,4 +1,4 @@
-"""Which effects: what was added and what was considered, ranked, with the evidence."""
+"""Effects added and candidates ranked, with the evidence."""
 
 from __future__ import annotations
 
@@ -7,22 +7,14 @@ from flexviz.effects import EFFECTS
 from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Paragraph, ReportTable, Section, table
 from flexviz.report.content import ReportContent
 from flexviz.view import evidence_chart
-from flexviz.wording import (
-    absorbed_text,
-    effect_text_name,
-    finding_name,
-    plural,
-    share_text,
-    values_text,
-)
+from flexviz.wording import absorbed_list, effect_text_name, finding_name, share_text, values_text
 
-NAMED_PARAMETERS = 3  # parameters named at most
-MOVED = 3.0  # standard errors by which a parameter must have moved to be named
-MAX_CANDIDATES = 6  # listed per round
+MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
+MAX_CANDIDATES = 6  # listed per model
 
 
 def effects(content: ReportContent) -> Section | None:
-    """A part for each effect added or proposed, and the ranking; None without a diagnosis."""
+    """One part per added or proposed effect, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     parts = [_added(name, finding) for name, finding in content.added]
@@ -35,8 +27,8 @@ def effects(content: ReportContent) -> Section | None:
     if ranking is not None:
         blocks += [
             Paragraph(
-                "What was tried on each model, the best first. A candidate “explains” the share of the error "
-                "above the noise, on held-out data, that it takes away after refitting.",
+                "Candidates tried on each model, best first. A candidate “explains” the share of the "
+                "held-out error above the noise that it removes after refitting.",
                 quiet=True,
             ),
             ranking,
@@ -47,7 +39,8 @@ def effects(content: ReportContent) -> Section | None:
 def _added(name: str, finding: Finding | None) -> Section:
     if finding is None:
         return Section(
-            f"Added: {effect_text_name(name)}", (Paragraph("Chosen by hand, or found in a lost step."),)
+            f"Added: {effect_text_name(name)}",
+            (Paragraph("Added by hand, or by a diagnosis that is not in the session any more."),),
         )
     return _part(f"Added: {finding_name(finding)}", finding)
 
@@ -64,12 +57,11 @@ def _part(title: str, finding: Finding) -> Section:
     if effect is not None:
         words = f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
         blocks.append(Paragraph(words, quiet=True))
-    moved = [a for a in finding.absorbed if abs(a.deviations) >= MOVED]
+    moved = [a for a in finding.absorbed if abs(a.deviations) >= MIN_DEVIATIONS]
     if moved:
-        named = "; ".join(absorbed_text(entry) for entry in moved[:NAMED_PARAMETERS])
-        more = len(moved) - NAMED_PARAMETERS
-        also = f"; and {plural(more, 'other')}" if more > 0 else ""
-        blocks.append(Paragraph(f"Before it was added, other parameters had absorbed it: {named}{also}."))
+        blocks.append(
+            Paragraph(f"Before it was added, other parameters absorbed it: {absorbed_list(moved)}.")
+        )
     chart = evidence_chart(finding, height=FIGURE_HEIGHT)
     if chart.series:
         blocks.append(chart)
