@@ -153,7 +153,7 @@ def test_a_stopped_diagnosis_is_reported_with_its_exit_code(
 ) -> None:
     answering(monkeypatch, replace(DIAGNOSIS, stopped=True))
     assert main(["report", "small", "--out", "a.html"]) == 130
-    assert "stopped before its end" in (workplace / "a.html").read_text()
+    assert "stopped early" in (workplace / "a.html").read_text()
 
 
 def test_changed_data_are_not_diagnosed_silently(

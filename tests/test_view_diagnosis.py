@@ -64,7 +64,7 @@ def test_the_verdict_begins_as_agreed() -> None:
     assert verdict_text(replace(DIAGNOSIS, findings=())).startswith("Missing:")
     assert verdict_text(replace(DIAGNOSIS, verdict="nothing-missing")).startswith("Nothing is missing:")
     unknown = verdict_text(replace(DIAGNOSIS, verdict="unknown"))
-    assert unknown.startswith("Unknown:") and "joint2 along the velocity (31 %" in unknown
+    assert unknown.startswith("Unknown:") and "joint2, where 31 % follows the velocity" in unknown
     assert verdict_text(replace(DIAGNOSIS, verdict="unknown", where=())).startswith("Unknown:")
 
 

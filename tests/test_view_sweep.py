@@ -12,7 +12,7 @@ from flexviz.effects import EFFECTS
 from flexviz.identification import SweepResult
 from flexviz.view.effects import COMMON_EFFECTS, addable_effects, effects_note, more_effects, why_fixed
 from flexviz.view.fit_charts import (
-    LEAST_SPAN,
+    MIN_STIFFNESS_SPAN,
     SWEEP_COUNT,
     rounded,
     scaled,
@@ -84,7 +84,7 @@ def test_axes_have_round_limits_and_do_not_enlarge_what_stands_still() -> None:
     assert rounded(5.0, 15.0) == pytest.approx((4.0, 20.0))
     low, high, logarithmic = stiffness_limits(np.array([999.9, 1000.1]))
     assert not logarithmic
-    assert high - low == pytest.approx(LEAST_SPAN * 1000.0)
+    assert high - low == pytest.approx(MIN_STIFFNESS_SPAN * 1000.0)
     low, high, _ = stiffness_limits(np.array([900.0, 1100.0]))
     assert low < 900.0 and high > 1100.0
     assert stiffness_limits(np.array([900.0, 1000.0, 5e9])) == (

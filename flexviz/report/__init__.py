@@ -1,4 +1,4 @@
-"""Reports: what was found about a robot, in one file that needs nothing else."""
+"""Reports of a session as one self-contained file."""
 
 from flexviz.report.content import chosen_set, diagnosed_session, guarded
 from flexviz.report.writing import KINDS, session_report

@@ -1,4 +1,4 @@
-"""What a report consists of, however it is written: sections of paragraphs, tables and charts."""
+"""Format-independent report: sections of paragraphs, tables and charts."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Literal
 
 from flexviz.charts import Chart
 
-FIGURE_HEIGHT = 260  # [pixels] of a chart, legend not counted
+FIGURE_HEIGHT = 260  # [px] of a chart without its legend
 Tone = Literal["", "good", "missing", "unknown", "warn"]
 
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A few sentences; `quiet` ones explain."""
+    """A few sentences; `quiet` marks an explanation."""
 
     text: str
     quiet: bool = False
@@ -23,7 +23,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Callout:
-    """A sentence in a box: the verdict, a warning."""
+    """A sentence in a box: verdict or warning."""
 
     text: str
     tone: Tone
@@ -31,7 +31,7 @@ class Callout:
 
 @dataclass(frozen=True)
 class Tile:
-    """One number that a reader looks for first."""
+    """A key figure."""
 
     label: str
     value: str
@@ -47,7 +47,7 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Cell:
-    """One cell of a table; `shade` is 0 … 1 on the map of colours, or None for none."""
+    """A table cell; `shade` 0 … 1 sets its background, None leaves it white."""
 
     text: str
     shade: float | None = None
@@ -59,10 +59,8 @@ class ReportTable:
     """A table.
 
     Attributes:
-        head: titles of the columns.
-        rows: cells, as many in each row as there are columns.
-        numbers: indices of the columns that hold numbers.
-        caption: what it shows.
+        head: column titles.
+        numbers: indices of the numeric columns.
         dense: small print, for many columns.
     """
 
@@ -82,7 +80,7 @@ class Items:
 
 @dataclass(frozen=True)
 class Listing:
-    """Lines to be copied: a command, a program; `language` is "sh" or "python"."""
+    """Code to copy; `language` is "sh" or "python"."""
 
     text: str
     language: str
@@ -93,7 +91,7 @@ Block = Paragraph | Callout | Tiles | ReportTable | Chart | Items | Listing
 
 @dataclass(frozen=True)
 class Section:
-    """A part with a title; its own parts follow its blocks."""
+    """A titled section; its subsections follow its blocks."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -102,7 +100,7 @@ class Section:
 
 @dataclass(frozen=True)
 class ReportDocument:
-    """A whole report: title, subtitle, tags ("simulated data"), sections in reading order, footer."""
+    """A whole report; tags are short remarks such as "simulated data"."""
 
     title: str
     subtitle: str
@@ -124,7 +122,7 @@ def table(
 
 
 class ReportWriter(ABC):
-    """Walks a document; a subclass says how each kind of block is written."""
+    """Base of the output formats: one method per kind of block."""
 
     @abstractmethod
     def document(self, document: ReportDocument) -> str:
@@ -150,7 +148,7 @@ class ReportWriter(ABC):
     def listing(self, block: Listing) -> str: ...
 
     def walk(self, section: Section, level: int = 2) -> str:
-        """A section as text, with everything in it."""
+        """A section with its blocks and subsections as text."""
         blocks = [self._block(block) for block in section.blocks]
         parts = [self.walk(part, min(level + 1, 6)) for part in section.parts]
         return self.section(section.title, level, [*blocks, *parts])

@@ -1,4 +1,4 @@
-"""What a report is about: gathered from a session, and what has to be computed for it first."""
+"""Content of a report, gathered from a session."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisRound:
-    """One search for what is missing.
+    """One diagnosis of the session.
 
     Attributes:
-        model: the model that was diagnosed, with its errors.
-        diagnosis: its result; None if it is no longer kept.
-        added: texts of the effects that were added to get here.
+        model: the diagnosed model with its errors.
+        diagnosis: None if it is not kept any more.
+        added: texts of the effects added since the preceding diagnosis.
     """
 
     model: ModelStep
@@ -37,16 +37,13 @@ class DiagnosisRound:
 
 @dataclass(frozen=True, eq=False)
 class ReportContent:
-    """Everything a report is about.
+    """Everything that a report shows.
 
     Attributes:
-        measurements: the set.
-        session: its history, notes and recordings.
-        folder: where the session is saved; None for one that is not.
-        fingerprint: of the set as it is now.
-        rounds: the searches that led to the present model, in order.
-        diagnosis: of the present model, if any.
-        identification: of the present model; None if there is none or it is out of date.
+        folder: of the saved session; None if it is not saved.
+        fingerprint: of the set's present files.
+        rounds: the diagnoses that led to the present model, in order.
+        diagnosis, identification: of the present model; None if missing or out of date.
         changed: files of the set that have changed since the results were computed.
     """
 
@@ -71,12 +68,12 @@ class ReportContent:
 
     @property
     def steps(self) -> tuple[DiagnosisStep, ...]:
-        """The errors of each model on the way."""
+        """The errors of each model."""
         return tuple(one.model.step for one in self.rounds)
 
     @property
     def added(self) -> tuple[tuple[str, Finding | None], ...]:
-        """Text and finding of each added effect; None for one added by hand."""
+        """Text and finding of each added effect; the finding is None if it was added by hand."""
         out: list[tuple[str, Finding | None]] = []
         for before, after in zip(self.rounds, self.rounds[1:], strict=False):
             found = before.diagnosis.findings if before.diagnosis else ()
@@ -85,13 +82,13 @@ class ReportContent:
 
     @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
-        """Of the present model: the identification's, else the diagnosis'."""
+        """Parameters of the present model, from the identification if there is one, else the diagnosis."""
         source = self.identification or self.diagnosis
         return source.parameters if source is not None else ()
 
 
 def shown_time(when: str) -> str:
-    """A time of the history as a person reads it."""
+    """An ISO time as readable text."""
     return when.replace("T", " ").replace("+00:00", " UTC")
 
 
@@ -101,7 +98,7 @@ def gather(
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
 ) -> ReportContent:
-    """Gather what a session holds."""
+    """The report's content from a session."""
     analysis = session.analysis
     current = analysis.diagnosis_up_to_date or (bool(changed) and analysis.diagnosis is not None)
     fitted = analysis.up_to_date or bool(changed)
@@ -131,7 +128,7 @@ def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
 
 
 def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Session:
-    """A session in which a set was diagnosed: a state for every step, as in the app."""
+    """The session that diagnosing a set in the app would give, with one state per step."""
     session = Session.of(measurements)
     analysis, effects = session.analysis, ()
     for index, step in enumerate(diagnosis.steps):
@@ -139,7 +136,7 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
             effects = (*effects, step.added.text)
         later = diagnosis.steps[index + 1 :]
         found = diagnosis.findings if index == 0 else tuple(s.added for s in later[:1] if s.added is not None)
-        if later:  # what describes the final model belongs to the last state only
+        if later:  # these fields describe the final model
             answer = replace(
                 diagnosis, maps=(), where=(), free_curve=None, guard=None, parameters=(), notes=()
             )
@@ -156,11 +153,11 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
     return session
 
 
-# -- what a session does not hold yet ----------------------------------------------------------------------
+# -- checks computed for the report --------------------------------------------------------------------------
 
 
 def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
-    """The set with this state's roles and all effects of its model."""
+    """The set with the roles and effects of this state."""
     chosen = with_roles(measurements, dict(analysis.roles))
     return replace(chosen, effects=(*chosen.effects, *analysis.effects))
 
@@ -168,7 +165,7 @@ def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementS
 def guarded(
     measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
 ) -> BandwidthCheck:
-    """What moves with the observer's bandwidth, for the final model of a diagnosis."""
+    """Bandwidth check of the final model of a diagnosis."""
     from flexviz.diagnosis import check_bandwidth
     from flexviz.equation import layout_of
 

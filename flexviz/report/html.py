@@ -1,6 +1,6 @@
-"""A report as one HTML file: everything in it, nothing loaded from anywhere, no script.
+"""A report as one self-contained HTML file without scripts.
 
-Every text is escaped where it is put in; the page's own policy forbids the browser to load or run anything.
+All text is escaped on insertion; the content security policy forbids the browser to load or run anything.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from flexviz.report.style import CSS
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
-DARK_SHADE = 0.9  # from which white ink is read better
-SHORT_TABLE = 16  # rows that a page break does not cut
-MAX_WORD = 18  # characters of a word that a column is at least made for
-COLUMN_GAP = 2  # characters between columns
-PAPER, PAPER_DENSE = 84, 104  # characters across A4, in normal and in small print
-LABEL = 30  # characters at most before the colon of a callout's label
+DARK_SHADE = 0.9  # cells darker than this get white text
+SHORT_TABLE = 16  # rows up to which a table is kept on one page
+MAX_WORD = 18  # [characters] up to which a column is widened for a word
+COLUMN_GAP = 2  # [characters]
+PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in small print
+MAX_LABEL = 30  # [characters] of a callout's label
 
 
 class HtmlWriter(ReportWriter):
-    """Writes one page; figures are numbered in reading order."""
+    """HTML writer; figures are numbered in reading order."""
 
     def __init__(self) -> None:
         self._figures = 0
@@ -62,7 +62,7 @@ class HtmlWriter(ReportWriter):
 
     def callout(self, block: Callout) -> str:
         label, colon, rest = block.text.partition(":")
-        labelled = colon and len(label) < LABEL
+        labelled = colon and len(label) < MAX_LABEL
         shown = f"<b>{escape(label)}:</b>{escape(rest)}" if labelled else escape(block.text)
         role = ' role="note"' if block.tone == "warn" else ""
         return f'<p class="callout {escape(block.tone)}"{role}>{shown}</p>'
@@ -105,13 +105,13 @@ class HtmlWriter(ReportWriter):
 
 
 def column_widths(table: ReportTable) -> tuple[list[int], bool]:
-    """Least width of each column [characters], so that words stay whole where paper has room for them.
+    """Minimum width of each column [characters] such that words stay whole if the page is wide enough.
 
-    A number is never broken; of texts the longest words give way first. The second value: in small print.
+    Numbers are never broken; the widest text columns shrink first. The second value is True for small print.
     """
     widths = [_width(table, i) for i in range(len(table.head))]
-    dense = table.dense or sum(widths) > PAPER
-    room = PAPER_DENSE if dense else PAPER
+    dense = table.dense or sum(widths) > PAGE_WIDTH
+    room = PAGE_WIDTH_DENSE if dense else PAGE_WIDTH
     texts = [i for i in range(len(widths)) if i not in table.numbers]
     while sum(widths) > room and texts:
         widest = max(texts, key=lambda i: widths[i])
@@ -122,7 +122,7 @@ def column_widths(table: ReportTable) -> tuple[list[int], bool]:
 
 
 def _width(table: ReportTable, column: int) -> int:
-    """Characters that a column needs: its longest word, or its longest number, within reason."""
+    """Width of a column's longest word or number, at most `MAX_WORD`, with its gap [characters]."""
     words = table.head[column].split()
     for row in table.rows:
         words += [row[column].text] if column in table.numbers else row[column].text.split()
@@ -141,6 +141,6 @@ def _cell(cell: Cell, number: bool) -> str:
 
 
 def shaded(share: float) -> str:
-    """White for 0, the colour of measured data for 1: little ink where there is little to see."""
+    """Background from white (0) to the colour of measured data (1)."""
     red, green, blue = (round(255 + share * (value - 255)) for value in rgb(COLOURS.measured))
     return css((red, green, blue))

@@ -1,4 +1,4 @@
-"""A report as Markdown: the same texts and tables; a chart is told in words."""
+"""A report as Markdown; charts become their descriptions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~])")
 
 
 class MarkdownWriter(ReportWriter):
-    """Writes one text; nothing in a value becomes markup."""
+    """Markdown writer; values are escaped."""
 
     def document(self, document: ReportDocument) -> str:
         """The whole text."""
@@ -67,7 +67,7 @@ class MarkdownWriter(ReportWriter):
 
 
 def plain(text: str) -> str:
-    """A text on one line in which nothing is markup."""
+    """Text on one line with Markdown characters escaped."""
     return SPECIAL.sub(r"\\\1", " ".join(text.split()))
 
 

@@ -1,4 +1,4 @@
-"""A report as JSON, for programs: what the commands give, and everything needed to get it again."""
+"""A report as JSON: results, settings and data hashes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FORMAT = 1
 
 
 def numbers(content: ReportContent, when: str) -> str:
-    """The JSON text; what is not finite is null."""
+    """The JSON text; numbers that are not finite are null."""
     analysis, measurements = content.analysis, content.measurements
     # the steps of the present model alone; the whole staircase follows
     diagnosis = None if content.diagnosis is None else content.diagnosis.to_dict(steps=False)

@@ -1,4 +1,4 @@
-"""How the HTML report looks, on a screen and on paper."""
+"""Style sheet of the HTML report for screen and print."""
 
 from __future__ import annotations
 

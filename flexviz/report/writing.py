@@ -1,4 +1,4 @@
-"""From a session to a report's text."""
+"""Writing a session's report as HTML, Markdown or JSON."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ def session_report(
     folder: Path | None = None,
     changed: tuple[str, ...] = (),
 ) -> str:
-    """What a session holds, as text; nothing is computed that it does not hold.
+    """The report of a session's present state and history as text; no results are computed.
 
     Args:
-        session: its present state is reported, with the steps that led there.
-        measurements: its set.
-        kind: "html" (one file that needs nothing else), "md" or "json".
-        folder: where the session is saved, for the command that makes the same report again.
-        changed: files of the set that are not what the results were computed from (`OpenedSession.changed`).
+        session: the session to report.
+        measurements: its measurement set.
+        kind: "html" (self-contained), "md" or "json".
+        folder: of the saved session, for the command that repeats the report.
+        changed: files of the set that have changed since the results were computed (`OpenedSession.changed`).
 
     Raises:
-        InputError: for another kind, or where a file of the set cannot be read any more.
+        InputError: for an unknown kind, or a file of the set that cannot be read any more.
     """
     if kind not in KINDS:
         raise InputError(f'a report cannot be written as "{kind}"; {choose_from(kind, KINDS)}')
@@ -61,7 +61,8 @@ def session_report(
 
 
 def compose(content: ReportContent, when: str) -> ReportDocument:
-    """The report's parts, in reading order."""
+    """The report's sections in reading order."""
+
     measurements = content.measurements
     tags = ["simulated data"] if measurements.simulated else []
     seconds = sum(group.duration for group in measurements.groups)

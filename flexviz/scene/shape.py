@@ -1,7 +1,7 @@
 """The robot's shape: one simplified mesh per rigid body, for drawing only.
 
-Collision geometry is preferred to visual geometry; large meshes are decimated. Robots without any geometry and
-links whose mesh is missing are drawn as capsules between joint frames.
+Collision geometry is preferred to visual geometry; large meshes are decimated. Robots without any geometry
+and links whose mesh is missing are drawn as capsules between joint frames.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What the screen shows, computed: charts, tables and sentences of results as plain data.
-
-Nothing here knows a browser. The app renders it, report and recording print it, tests read it.
-"""
+"""Charts, tables and sentences of results as plain data, for app, report and recording; no browser code."""
 
 from flexviz.view.effects import (
     COMMON_EFFECTS,

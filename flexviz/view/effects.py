@@ -1,4 +1,4 @@
-"""Effects on the screen: which ones can be added, what they are, and the card that explains one."""
+"""Effects in the app: addable effects, hints and explanation cards."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexviz.resources import data_dir
 from flexviz.wording import bounds_text, enters_text, escape, parameter_text
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
-"""Always shown; the others are folded away."""
+"""Always listed; the others are in folded sections."""
 
 KINDS = {
     "motor": "Motor side",
@@ -24,7 +24,7 @@ KINDS = {
 
 
 def addable_effects() -> tuple[str, ...]:
-    """Names of the effects that can be added by name: all but episodes, whose instants must be found."""
+    """Names of the effects that can be added by name: all but episodes, whose times must be searched for."""
     return tuple(name for name, effect in EFFECTS.items() if effect.scope != "episode")
 
 
@@ -43,7 +43,7 @@ def effect_hint(effect: Effect) -> str:
 
 
 def why_fixed(effect: str, own: Iterable[str], payloads: bool) -> str:
-    """Why an effect can be neither added nor removed; empty where it can."""
+    """The reason why an effect can be neither added nor removed; empty if it can."""
     if effect in own:
         return "the measurement set names it, so it stays in"
     if EFFECTS[effect].scope == "payload" and not payloads:
@@ -70,14 +70,14 @@ def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
 
 # -- the explanation card ---------------------------------------------------------------------------------
 
-MAX_PICTURE = 60_000  # bytes of a picture
+MAX_PICTURE_BYTES = 60_000
 
 
 @cache
 def picture(name: str) -> str:
-    """The effect's picture as SVG, shipped with the documentation; empty where there is none."""
+    """The effect's SVG picture from the documentation; empty if there is none."""
     file = data_dir("docs/effects") / f"{name}.svg"
-    if name not in EFFECTS or not file.is_file() or file.stat().st_size > MAX_PICTURE:
+    if name not in EFFECTS or not file.is_file() or file.stat().st_size > MAX_PICTURE_BYTES:
         return ""
     text = file.read_text(encoding="utf-8")
     try:
@@ -111,6 +111,6 @@ def card_html(name: str) -> str:
 
 
 def lower(title: str) -> str:
-    """A title inside a sentence; people's names keep their capital."""
+    """A title inside a sentence; proper names keep their capital."""
     names = ("Coulomb", "Stribeck")
     return title if title.startswith(names) else title[:1].lower() + title[1:]

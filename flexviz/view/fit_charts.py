@@ -1,4 +1,4 @@
-"""Charts of fits: how one converges, error and stiffness over the bandwidth, error after each effect."""
+"""Charts of fits: convergence, bandwidth sweep, and error after each added effect."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 # -- convergence -----------------------------------------------------------------------------------------
 
 MAX_PARAMETERS = 14  # drawn
-CONVERGENCE_FLOOR = 1e-3  # least cost and step on a logarithmic axis
+CONVERGENCE_FLOOR = 1e-3  # smallest cost and step drawn on a logarithmic axis
 FIRST_DRAWN = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 
 
 def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
-    """Cost and step (logarithmic), and the parameters as a share of their present values."""
+    """Cost and step (logarithmic), and the parameters relative to their present values."""
     if not iterations:
         note = "Cost, step and parameters appear here, live, after Run (step 3, Identify)."
         return no_chart("cost", note), no_chart("step"), no_chart("parameters")
@@ -46,14 +46,14 @@ def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
     return (
         Chart(
             "cost",
-            "Cost (weights are renewed on the way)",
+            "Cost (weights change between iterations)",
             axis,
             log,
             (ChartSeries("cost", COLOURS.measured, x, cost),),
         ),
         Chart(
             "step",
-            "Step (relative; 0.001 and less at the bottom)",
+            "Step (relative; values below 0.001 are drawn at 0.001)",
             axis,
             log,
             (ChartSeries("step", COLOURS.model, x, step),),
@@ -63,7 +63,7 @@ def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
 
 
 def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartSeries, ...]:
-    """Each parameter divided by its present value; of many, stiffness and motor inertia first."""
+    """Each parameter divided by its present value; stiffness and motor inertia first."""
     names = iterations[-1].names
     rows = [iteration.values for iteration in iterations if tuple(iteration.names) == tuple(names)]
     values = np.array(rows, dtype=float).reshape(len(rows), len(names))
@@ -83,7 +83,7 @@ def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartS
 
 
 def rank(name: str) -> int:
-    """Rank of a parameter in the legend; it does not change while a fit runs."""
+    """Position of a parameter in the legend, constant during a fit."""
     parameter = name.partition(":")[0]
     if parameter in FIRST_DRAWN:
         return FIRST_DRAWN.index(parameter)
@@ -91,13 +91,13 @@ def rank(name: str) -> int:
 
 
 def short_parameter(name: str) -> str:
-    """ "stiffness:panda_joint1" as a legend shows it: K panda_joint1."""
+    """Legend label of "stiffness:panda_joint1": "K panda_joint1"."""
     parameter, _, joint = name.partition(":")
     return f"{SYMBOLS.get(parameter, parameter)} {joint}".strip()
 
 
 def positive(values: Sequence[float], floor: float = CONVERGENCE_FLOOR) -> Array:
-    """The values, none below `floor`, for a logarithmic axis."""
+    """The values clipped to at least `floor`, for a logarithmic axis."""
     return np.maximum(np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0), floor)
 
 
@@ -111,12 +111,12 @@ def progress_text(iterations: Sequence[Iteration]) -> str:
 
 # -- bandwidth sweep -------------------------------------------------------------------------------------
 
-SWEEP_COUNT = 11  # bandwidths tried
-SWEEP_FACTOR = 3.0  # the widest and the narrowest, relative to the present one
-SWEEP_HEIGHT = 170  # [pixels]
-LEAST_SPAN = 0.01  # of the stiffness's axis, relative: what moves less looks constant
-LINEAR_RATIO = 20.0  # largest over smallest value up to which an axis is linear
-PREFIXES = ((1e10, 1e-9, "G"), (1e7, 1e-6, "M"), (1e4, 1e-3, "k"))  # from, factor, prefix
+SWEEP_COUNT = 11  # bandwidths
+SWEEP_FACTOR = 3.0  # between the present bandwidth and the ends of the sweep
+SWEEP_HEIGHT = 170  # [px]
+MIN_STIFFNESS_SPAN = 0.01  # of the stiffness axis, relative: smaller changes look constant
+MAX_LINEAR_RATIO = 20.0  # of largest to smallest value on a linear axis
+PREFIXES = ((1e10, 1e-9, "G"), (1e7, 1e-6, "M"), (1e4, 1e-3, "k"))  # lower limit, factor, prefix
 
 
 def sweep_bandwidths(
@@ -128,12 +128,12 @@ def sweep_bandwidths(
 
 
 def judged(result: SweepResult) -> Array:
-    """(M, n) rms [Nm] to be minimised: of the validation groups, else of the fitted ones."""
+    """(M, n) rms of the validation groups, else of the fitted ones [Nm]."""
     return result.rms_fit if np.isnan(result.rms_validation).any() else result.rms_validation
 
 
 def sweep_charts(result: SweepResult, joint: int, name: str) -> tuple[Chart, ...]:
-    """Residual and stiffness of one joint against bandwidth, the residual's minimum marked in both."""
+    """Residual and stiffness of one joint against bandwidth, with the residual's minimum marked."""
     order = np.argsort(result.bandwidths)
     w = result.bandwidths[order]
     fit, colour = result.rms_fit[order, joint], COLOURS.series[3]
@@ -163,32 +163,32 @@ def sweep_charts(result: SweepResult, joint: int, name: str) -> tuple[Chart, ...
 
 
 def rounded(low: float, high: float) -> tuple[float, float]:
-    """Limits around low and high (both positive); the first is a power of 2, from which the axis counts."""
+    """Axis limits around low and high (both positive); the lower one is a power of 2."""
     digit = 10.0 ** math.floor(math.log10(high))
     first, last = 2.0 ** math.floor(math.log2(low)), digit * math.ceil(high / digit)
     return first, max(last, 2.0 * first)
 
 
 def stiffness_limits(values: Array) -> tuple[float, float, bool]:
-    """Limits of positive values, at least `LEAST_SPAN` of them apart, and whether the axis is logarithmic.
+    """Axis limits, at least `MIN_STIFFNESS_SPAN` apart, and whether the axis is logarithmic.
 
-    It is where the stiffness is identified at some bandwidths and at its bound at others.
+    A logarithmic axis is needed if the stiffness is at its bound for some of the bandwidths.
     """
     low, high = float(values.min()), float(values.max())
-    if low > 0 and high > LINEAR_RATIO * low:
+    if low > 0 and high > MAX_LINEAR_RATIO * low:
         return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high)), True
     middle = (low + high) / 2.0
-    half = max(0.55 * (high - low), 0.5 * LEAST_SPAN * abs(middle), 1e-9)
+    half = max(0.55 * (high - low), 0.5 * MIN_STIFFNESS_SPAN * abs(middle), 1e-9)
     return middle - half, middle + half, False
 
 
 def scaled(largest: float) -> tuple[float, str]:
-    """Factor and prefix that leave a number short enough for an axis."""
+    """Factor and SI prefix that keep axis labels short."""
     return next(((f, p) for limit, f, p in PREFIXES if largest >= limit), (1.0, ""))
 
 
 def sweep_html(result: SweepResult, joint: int, name: str) -> str:
-    """Where the minimum lies, for this joint and over all joints."""
+    """The bandwidth of least residual, for this joint and over all joints."""
     errors = judged(result)
     kind = "fit" if errors is result.rms_fit else "validation"
     least = int(np.argmin(errors[:, joint]))
@@ -212,13 +212,13 @@ NO_STEPS = (
 COMPARED_IN = "rms residual in the band that the diagnosis compares models in, the same for every model"
 HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
-ERROR_FLOOR = 1e-6  # [Nm] least value of a logarithmic axis
+ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
 
 
 def step_errors(steps: Sequence[Step], joint: int | None) -> dict[str, tuple[list[float], bool]]:
-    """Name -> (error [Nm] at each step, held out?) of every group; fit and validation if groups are unknown.
+    """Name -> (error at each step [Nm], held out?) of every group; fit and validation if groups are unknown.
 
-    `joint` None: root of the mean square over the joints.
+    `joint` None: rms over the joints.
     """
 
     def value(row: Sequence[float]) -> float:
@@ -253,7 +253,7 @@ def staircase_charts(model_steps: Sequence[ModelStep], joint: int, name: str) ->
 def staircase_chart(
     steps: Sequence[Step], joint: int | None = None, name: str = "", ticks: Sequence[str] = ()
 ) -> Chart:
-    """The error after each added effect of one joint, or over all (None); `ticks` name the steps."""
+    """The error after each added effect, of one joint or over all (None); `ticks` name the steps."""
     x = np.arange(float(len(steps)))
     errors = step_errors(steps, joint)
     bright = COLOURS.series[:6]
@@ -306,7 +306,7 @@ def staircase_html(model_steps: Sequence[ModelStep]) -> str:
     for count, stair in enumerate(model_steps):
         added = [effect_text_name(name) for name in stair.effects if name not in before]
         before |= set(stair.effects)
-        what = ", ".join(added) if added else "the model itself"
+        what = ", ".join(added) or "the model itself"
         held_out = stair.step.rms_validation
         rows.append(
             f"<tr><td>{count}. {'+ ' if added and count else ''}{escape(what)}</td>"

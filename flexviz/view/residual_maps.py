@@ -1,4 +1,4 @@
-"""Where the model fails: the diagnosis' maps of the residual as a table of all joints and charts of one."""
+"""Residual maps of a diagnosis: a table of all joints, and charts of one joint."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ MAP_COLUMNS = {
     "frequency": "freq.",
 }
 """Variable -> head of its column."""
-CHARTED = ("position", "velocity", "acceleration", "load")  # variables with a chart on the screen
-AGAINST = (*CHARTED, "position × direction", "time")  # those a report may choose from
+CHARTED = ("position", "velocity", "acceleration", "load")  # variables with a chart in the app
+LEADING_CANDIDATES = (*CHARTED, "position × direction", "time")  # for the report's chart
 FREE = "free"
-HEIGHT = 150  # [pixels] on the screen
-LOG_FLOOR = 1e-9  # [Nm/√Hz] least value of a logarithmic axis
-NOTABLE_SHARE = 0.05  # of a residual; less is not pointed at
-MANY_BINS = 40  # a line with more has no dots
+HEIGHT = 150  # [px] in the app
+SPECTRUM_FLOOR = 1e-9  # [Nm/√Hz] smallest value drawn on a logarithmic axis
+MIN_NOTABLE_SHARE = 0.05  # of a residual: smaller shares are not highlighted
+MAX_DOTS = 40  # a line with more bins has no dots
 CURVE_COLOURS = (COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque)
 
 
@@ -55,7 +55,7 @@ def map_of(maps: Sequence[ResidualMap], joint: str, variable: str) -> ResidualMa
 
 
 def map_html(maps: Sequence[ResidualMap], joints: Sequence[str], chosen: int = 0) -> str:
-    """Share of every joint's residual that each variable explains, in the colours of the scene."""
+    """Table of the share of every joint's residual that each variable explains."""
     if not maps:
         return ""
     head = "".join(f'<th title="{escape(name)}">{short}</th>' for name, short in MAP_COLUMNS.items())
@@ -87,20 +87,20 @@ def _cell(one: ResidualMap | None, joint: str, variable: str) -> str:
 
 def notable(one: ResidualMap) -> bool:
     """Whether a variable explains clearly more than chance."""
-    return one.explained > NORMAL_95 * one.explained_std and one.explained >= NOTABLE_SHARE
+    return one.explained > NORMAL_95 * one.explained_std and one.explained >= MIN_NOTABLE_SHARE
 
 
 def leading_map(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
-    """The map of a joint against the variable that explains most."""
-    of_joint = [m for m in maps if m.joint == joint and m.variable in AGAINST]
+    """The map of a joint against the variable that explains the largest share."""
+    of_joint = [m for m in maps if m.joint == joint and m.variable in LEADING_CANDIDATES]
     of_joint = [m for m in of_joint if np.count_nonzero(np.isfinite(m.mean).any(axis=0)) > 1]
     return max(of_joint, key=lambda m: m.explained, default=None)
 
 
 def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
-    """One joint's residual against every variable, with the ribbon that noise fills, and its spectrum.
+    """One joint's residual against every variable with the noise ribbon, and its spectrum.
 
-    Against the position one curve per direction of motion where the direction matters.
+    The chart against position has one curve per direction of motion if the direction matters.
     """
     charts = []
     for name in CHARTED:
@@ -113,7 +113,7 @@ def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
 
 
 def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
-    """The map of position and direction, where it explains clearly more than either."""
+    """The map of position and direction if it explains clearly more than position or velocity alone."""
     from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN  # heavy, and loaded wherever there are maps
 
     both = map_of(maps, joint, DIRECTED)
@@ -125,13 +125,13 @@ def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
 
 
 def map_chart(one: ResidualMap, key: str = "") -> Chart:
-    """The mean residual against one variable, with what noise alone would fill."""
+    """The mean residual against one variable, with the 95 % ribbon of noise."""
     key = key or one.variable
     known = np.isfinite(one.mean).any(axis=0) & np.isfinite(one.std).any(axis=0)
     if np.count_nonzero(known) < 2:
         return no_chart(key, f"The {key} of {one.joint} hardly changes.")
     mean, std, x = one.mean[:, known], one.std[:, known], np.nanmean(one.centres[:, known], axis=0)
-    points = len(x) <= MANY_BINS
+    points = len(x) <= MAX_DOTS
     styles = zip(one.curves, mean, CURVE_COLOURS, DASHES, strict=False)
     series = [
         ChartSeries(name or "mean residual", colour, x, y, 2.2, dash, points)
@@ -159,12 +159,12 @@ def map_chart(one: ResidualMap, key: str = "") -> Chart:
 
 
 def spectrum_chart(one: ResidualMap) -> Chart:
-    """The residual's spectrum over the noise floor's."""
+    """Spectra of residual and noise floor."""
     if one.mean.shape[1] < 2:
         return no_chart("spectrum")
     looks = ((COLOURS.residual, ()), (COLOURS.reference, DASHED))
     series = tuple(
-        ChartSeries(name, colour, x, np.maximum(np.nan_to_num(values), LOG_FLOOR), dash=dash)
+        ChartSeries(name, colour, x, np.maximum(np.nan_to_num(values), SPECTRUM_FLOOR), dash=dash)
         for name, (colour, dash), x, values in zip(one.curves, looks, one.centres, one.mean, strict=False)
     )
     share, middle = 100 * max(one.explained, 0.0), number(sum(one.range) / 2, 3)
@@ -174,18 +174,18 @@ def spectrum_chart(one: ResidualMap) -> Chart:
         ChartAxis("frequency", "Hz"),
         ChartAxis("residual", "Nm/√Hz", logarithmic=True),
         series,
-        description=f"Of the residual of {one.joint} above the noise floor, beyond the motion's own "
-        f"frequencies, the strongest band of one hertz, near {middle} Hz, holds {share:.0f} %"
+        description=f"Of the residual of {one.joint} above the noise floor and the frequencies of the motion, "
+        f"the strongest band of 1 Hz, near {middle} Hz, holds {share:.0f} %"
         + ("." if notable(one) else ": no more than chance."),
         height=HEIGHT,
     )
 
 
-# -- where no effect explains it -------------------------------------------------------------------------
+# -- residual that no effect explains --------------------------------------------------------------------
 
 
 def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
-    """The free curve for what no effect explains, with its 95 % interval."""
+    """The free curve fitted to a residual that no effect explains, with its 95 % interval."""
     if curve is None:
         return no_chart(FREE)
     values, halves, names = curve.value, NORMAL_95 * curve.std, curve.directions
@@ -208,7 +208,7 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
         ChartAxis("missing torque", "Nm"),
         tuple(series),
         tuple(ribbons),
-        description=f"A curve of free shape against the {curve.variable} of {curve.joint} would take "
+        description=f"A free curve against the {curve.variable} of {curve.joint} would explain "
         f"{100 * max(curve.explained, 0.0):.0f} % of its residual: {curve.note}. "
         f"Largest torque: {largest} Nm.",
         height=height,
@@ -216,12 +216,12 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
 
 
 def free_html(curve: FreeCurve | None) -> str:
-    """What the free curve explains, and that it is a stopgap."""
+    """The share that the free curve explains, marked as a stopgap."""
     if curve is None:
         return ""
     share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
     sides = " and the direction of motion" if len(curve.directions) > 1 else ""
     return (
         f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
-        f"of {escape(curve.joint)} would take {share} of its residual: {escape(curve.note)}.</div>"
+        f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.</div>"
     )

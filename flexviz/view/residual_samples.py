@@ -1,7 +1,4 @@
-"""Where in time the model fails: one joint's residual, and the instants at which a variable is in a range.
-
-What each variable explains is computed by the diagnosis; `residual_maps` shows it.
-"""
+"""One joint's residual over time, and the instants at which a variable is within a range."""
 
 from __future__ import annotations
 
@@ -23,30 +20,23 @@ Array = NDArray[np.float64]
 
 EMPTY = (
     "The residual against position, velocity, acceleration, load, time, group and frequency appears here, "
-    "with the noise floor, "
-    "after Run (step 3, Identify) or Find the missing effect (step 4, Diagnose)."
+    "with the noise floor, after Run (step 3, Identify) or Find the missing effect (step 4, Diagnose)."
 )
-UNITS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "acceleration": "rad/s²",
-    "load": "Nm",
-    "time": "s",
-}
+UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "load": "Nm", "time": "s"}
 VARIABLES = tuple(UNITS)
-SHOWN_GROUPS = 12
+MAX_GROUPS = 12  # listed
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualSamples:
-    """The residual of one joint with the variables it may depend on, over all groups of a result.
+    """The residual of one joint and the variables it may depend on, over all groups of a result.
 
     Attributes:
-        names: the groups.
-        group: (N,) index of the group each sample belongs to.
-        variables: name -> (N,): position [rad], velocity [rad/s], acceleration [rad/s²], load [Nm], time [s].
+        names: group names.
+        group: (N,) index into `names`.
+        variables: name -> (N,), in the units of `UNITS`.
         residual: (N,) [Nm].
-        floor: rms that measurement noise alone leaves [Nm]; NaN if unknown.
+        floor: rms expected from measurement noise alone [Nm]; NaN if unknown.
     """
 
     names: tuple[str, ...]
@@ -57,7 +47,7 @@ class ResidualSamples:
 
     @classmethod
     def of(cls, result: Identification | None, joint: int) -> ResidualSamples | None:
-        """The samples of one joint; None where the result has no residuals."""
+        """The samples of one joint; None if the result has no residuals."""
         if result is None:
             return None
         names: list[str] = []
@@ -85,7 +75,7 @@ class ResidualSamples:
         return cls(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
 
     def rows(self, group: str) -> NDArray[np.bool_]:
-        """(N,) which samples belong to a group."""
+        """Mask (N,) of the samples of a group."""
         return self.group == (self.names.index(group) if group in self.names else -1)
 
     def limits(self, variable: str) -> tuple[float, float] | None:
@@ -107,7 +97,7 @@ class ResidualSamples:
 
 
 def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart:
-    """One joint's residual over time in the shown group, with the ribbon that noise fills."""
+    """One joint's residual over time in the shown group, with the noise ribbon."""
     if found is None:
         return no_chart("time", EMPTY)
     rows = found.rows(shown)
@@ -129,8 +119,8 @@ def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart
 
 
 def left_out(group: str) -> str:
-    """Why there is no residual of a group."""
-    return f"The last Run left {group} out (Ignore in step Data): it has no residual."
+    """The reason for a group without residual."""
+    return f"{group} has no residual: the last Run ignored it (Ignore in step Data)."
 
 
 def stretches_of(time: Array, inside: NDArray[np.bool_]) -> tuple[tuple[float, float], ...]:
@@ -143,7 +133,7 @@ def stretches_of(time: Array, inside: NDArray[np.bool_]) -> tuple[tuple[float, f
 
 
 def range_html(variable: str, low: float, high: float, inside: NDArray[np.bool_]) -> str:
-    """What is highlighted."""
+    """A sentence on the highlighted range."""
     if not len(inside):
         return ""
     share = float(np.mean(inside))
@@ -159,7 +149,7 @@ def groups_html(found: ResidualSamples | None, name: str) -> str:
     if found is None:
         return ""
     cells = []
-    for index, group in enumerate(found.names[:SHOWN_GROUPS]):
+    for index, group in enumerate(found.names[:MAX_GROUPS]):
         part = found.residual[found.group == index]
         rms = number(float(np.sqrt(np.mean(part**2))), 3)
         cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')

@@ -1,4 +1,4 @@
-"""Step line, status line, the next thing to do, and the legend of the scene."""
+"""Step line, status line, suggested next step, and scene legend."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
-    """1 Data → 2 Observer → …: the current step, the completed ones, and what comes next."""
+    """1 Data → 2 Observer → …, with current and completed steps marked, and a hint below."""
     parts = []
     for number_, name in enumerate(steps, start=1):
         if name == current:
@@ -28,7 +28,7 @@ def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] =
 
 
 def error_text(result: Identification | None) -> str:
-    """The error in one number: of the validation groups if there are any, else of the fitted ones."""
+    """The total error of the validation groups, else of the fitted ones."""
     if result is None:
         return "no model yet"
     for name, values in (
@@ -47,7 +47,7 @@ def total_rms(per_joint: np.ndarray) -> float:
 
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:
-    """The status line: the step, what is running, and the error; `tone` is "", "busy" or "bad"."""
+    """The status line: step, message and error; `tone` is "", "busy" or "bad"."""
     extra = f" · {escape(message)}" if message else ""
     return f'<div class="fv fv-status {tone}">Step {escape(step)}{extra} · {escape(error)}</div>'
 
@@ -70,9 +70,9 @@ def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, i
 def legend_html(
     joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "", chosen: int = -1
 ) -> str:
-    """What the colours of the scene mean, with numbers; `note` says how the model was simulated.
+    """Legend of the scene's colours with each joint's rms; `note` tells how the model was simulated.
 
-    The `chosen` joint's number stands out.
+    The `chosen` joint is highlighted.
     """
     robots = (
         f'<div><span class="fv-box" style="background:{COLOURS.measured}"></span>measured: solid, blue trail '
@@ -81,7 +81,7 @@ def legend_html(
     if note:
         robots += f'<div class="fv-dim">{escape(note)}</div>'
     if rms is None:
-        waiting = "Links get the colour of their residual after Run."
+        waiting = "Links are coloured by their residual after Run."
         return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
     colours = joint_colours(rms, len(joints))
     cells = "".join(
@@ -98,17 +98,17 @@ def legend_html(
     )
 
 
-# -- what to do next --------------------------------------------------------------------------------------
+# -- suggested next step ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class NextStep:
-    """The next thing to do.
+    """Suggested next step.
 
     Attributes:
-        step: the step it is done in.
-        button: the button that does it; empty where there is none.
-        text: a sentence for the step line (HTML).
+        step: step of the app; may be empty.
+        button: button to press; may be empty.
+        text: sentence for the step line (HTML).
     """
 
     step: str
@@ -117,7 +117,7 @@ class NextStep:
 
 
 def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
-    """What a newcomer should do now."""
+    """The next step to suggest to a new user."""
     if running:
         return NextStep(current, "", "Working: <b>Stop</b> ends it early.")
     if not analysis.groups_with("fit"):

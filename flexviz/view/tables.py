@@ -1,4 +1,4 @@
-"""Tables as HTML: the measurement set, the identified parameters, and what the data can identify."""
+"""HTML tables: measurement set, identified parameters and their identifiability."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.p
 
 
 def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
-    """A summary of a measurement set; `missing` says which meshes its robot lacks."""
+    """Summary of a measurement set; `missing` are the reasons for meshes that are not drawn."""
     kind = '<span class="fv-tag">simulated data</span>' if measurements.simulated else ""
     rates = sorted({round(1.0 / segment.step) for g in measurements.groups for segment in g.segments})
     rate = "–" if not rates else f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g}–{rates[-1]:g}"
@@ -73,7 +73,7 @@ def parameters_html(
 
 
 def payloads_of(result: Identification) -> dict[int, str]:
-    """id of a parameter -> the payload it belongs to; effects and parameters come in the same order."""
+    """id() of a parameter -> its payload; effects and parameters are in the same order."""
     waiting: dict[str, list[str]] = {}
     for effect in getattr(getattr(result, "model", None), "effects", ()):
         for parameter in effect.parameters if effect.payload else ():
@@ -116,13 +116,13 @@ def _rows(
 
 
 def _order(parameters: Sequence[ParameterEstimate], joint: str | None) -> int:
-    """Rank of a joint by first appearance; parameters without a joint come last."""
+    """Position of a joint by first appearance; parameters without a joint come last."""
     joints = list(dict.fromkeys(p.joint for p in parameters))
     return len(joints) if joint is None else joints.index(joint)
 
 
 def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float]:
-    """(parameter, joint or payload) -> value from a truth.json; effects' parameters: effect.parameter."""
+    """(parameter, joint or payload) -> value from a truth.json; effect parameters as "effect.parameter"."""
     values: dict[tuple[str, str | None], float] = {}
     for entry in document.get("parameters", []):
         values[str(entry["name"]), entry.get("joint")] = float(entry["value"])
@@ -141,7 +141,7 @@ def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float
 
 
 def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
-    """The effects a simulated set was made with, on request."""
+    """The effects hidden in a simulated set."""
     if truth is None:
         return ""
     hidden = [(name, place, value) for (name, place), value in truth.items() if "." in name]
@@ -159,7 +159,7 @@ def _minutes(measurements: MeasurementSet) -> str:
     return f"{number(seconds, 3)} s" if seconds < 600 else f"{number(seconds / 60, 3)} min"
 
 
-# -- what the data can identify ---------------------------------------------------------------------------
+# -- identifiability ---------------------------------------------------------------------------------------
 
 MAX_NAMED = 8  # parameters in a sentence
 
@@ -170,16 +170,16 @@ def parameter_name(p: ParameterEstimate) -> str:
 
 
 def parameter_names(parameters: Sequence[ParameterEstimate]) -> str:
-    """Their names, the first MAX_NAMED of them."""
+    """The first `MAX_NAMED` names and the number of others."""
     names = [parameter_name(p) for p in parameters[:MAX_NAMED]]
     more = len(parameters) - MAX_NAMED
     return ", ".join(names) + (f" and {plural(more, 'other')}" if more > 0 else "")
 
 
 def check_html(result: Identification | None) -> str:
-    """How many parameters can be identified, and which cannot; inertial ones are counted only.
+    """Number of identifiable parameters, and the names of the others.
 
-    Single inertial parameters are seldom identifiable, their combinations are what counts.
+    Inertial parameters are counted as combinations, because single ones are seldom identifiable.
     """
     if result is None:
         return ""

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SIGNAL_HEIGHT, STATE_HEIGHT = 200, 150  # [pixels]
-MAX_FILTERED = 100_000  # samples of a recording that are filtered for a chart
+SIGNAL_HEIGHT, STATE_HEIGHT = 200, 150  # [px]
+MAX_FILTERED = 100_000  # samples filtered for a chart
 THETA_STATES = (
     ("theta", "θ", "rad"),
     ("theta1", "θ̇", "rad/s"),
@@ -49,30 +49,29 @@ EVIDENCE = "evidence"
 def torque(group: Group, joint: int) -> tuple[Array, Array]:
     """Time (N,) [s] and measured torque (N,) [Nm] of one joint over all segments."""
     time = np.concatenate([segment.time for segment in group.segments])
-    return time, np.concatenate([segment.tau[:, joint] for segment in group.segments])
+    return time, measured(group.segments, joint, "tau")
 
 
 def model_torque(
     group: Group, joint: int, result: Identification | None
 ) -> tuple[Array, Array, Array] | None:
-    """Time, model torque and residual (M,) [Nm] of one joint; None where the result has none for the group.
+    """Time [s], model torque and residual [Nm], (M,) each, of one joint; None without a residual of the group.
 
-    The model torque is what the model says the motor must give: measured (filtered) torque minus residual.
+    The model torque is the measured torque minus the residual.
     """
     series = None if result is None else result.residuals.get(group.name)
     if series is None or not len(series.time):
         return None
     time, residual = series.time, series.residual[:, joint]
-    measured_time, measured = torque(group, joint)
-    return time, np.interp(time, measured_time, measured) - residual, residual
+    return time, np.interp(time, *torque(group, joint)) - residual, residual
 
 
 def signals_charts(
     group: Group, joint: int, name: str, result: Identification | None, motion: RobotMotion | None
 ) -> tuple[Chart, ...]:
     """Torque, residual and motor-angle error of one joint."""
-    time, measured = torque(group, joint)
-    lines = [("measured", COLOURS.measured, measured)]
+    time, recorded = torque(group, joint)
+    lines = [("measured", COLOURS.measured, recorded)]
     model = model_torque(group, joint, result)
     if model is None:
         why = "Model torque and residual appear here after Run (step 3, Identify)."
@@ -83,7 +82,7 @@ def signals_charts(
         inside = (time >= model_time[0]) & (time <= model_time[-1])
         shown = time[inside]
         modelled = np.interp(shown, model_time, explained)
-        lines = [("measured", COLOURS.measured, measured[inside]), ("model", COLOURS.model, modelled)]
+        lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
         second = _signal("residual", f"Residual, {name}", model_time, COLOURS.residual, residual)
     first = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
     charts = (first, second, _error_chart(joint, name, motion))
@@ -106,12 +105,12 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None) -> Chart:
 
 @dataclass(frozen=True, eq=False)
 class ObserverNumbers:
-    """How an observer treats a signal.
+    """Properties of an observer.
 
     Attributes:
         lag: delay of slow motion [s].
-        noise_gain: (5,) from the noise of θ to the noise of each derivative [1, 1/s, … 1/s⁴].
-        note: what else to know, one sentence.
+        noise_gain: (5,) from noise of θ to noise of each derivative [1, 1/s, … 1/s⁴].
+        note: a remark on its phase.
     """
 
     lag: float
@@ -120,13 +119,13 @@ class ObserverNumbers:
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:
-    """The segment with one joint's columns only, so that no other is filtered."""
+    """The segment with the columns of one joint only, to filter no others."""
     columns = slice(joint, joint + 1)
     return replace(segment, theta=segment.theta[:, columns], tau=segment.tau[:, columns])
 
 
 def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: int) -> Observer:
-    """The observer as it treats one joint (with its own bandwidth where each joint has one)."""
+    """The observer of one joint, with the joint's bandwidth if there is one per joint."""
     own = bandwidth if bandwidth is None or np.ndim(bandwidth) == 0 else np.asarray(bandwidth)[joint]
     return make_observer(name, None if own is None else float(own))  # type: ignore[arg-type]
 
@@ -134,9 +133,9 @@ def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: in
 def states_charts(
     group: Group, joint: int, observer: Observer, torque_hold: float = 0.0, at: float = 0.0
 ) -> tuple[Chart, ...]:
-    """θ … its 4th derivative, τ and the disturbance of one joint, one chart each.
+    """One chart each for θ and its derivatives up to the 4th, τ and the disturbance of one joint.
 
-    Of a long recording only the stretch around `at` [s] is computed, so that the slider stays quick.
+    Only the part of a long recording around `at` [s] is computed, to keep the slider responsive.
     """
     segments, cut = stretch(group.segments, at)
     time, valid, columns = estimate(segments, joint, observer, torque_hold)
@@ -167,7 +166,7 @@ def states_charts(
 def estimate(
     segments: Sequence[Segment], joint: int, observer: Observer, torque_hold: float
 ) -> tuple[Array, NDArray[np.bool_], list[Array]]:
-    """Time, validity and θ … θ⁗, τ (and the disturbance, where there is one) of one joint, each (N,)."""
+    """Time, validity and θ … θ⁗, τ (and the disturbance, if estimated) of one joint, (N,) each."""
     parts: list[list[Array]] = []
     for segment in segments:
         states = observer.states(one_joint(segment, joint), torque_hold)
@@ -183,7 +182,7 @@ def measured(segments: Sequence[Segment], joint: int, name: str) -> Array:
 
 
 def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED) -> tuple[list[Segment], str]:
-    """The segments, or `longest` samples of a long recording around `at` [s] with a sentence saying so."""
+    """The segments, or `longest` samples around `at` [s] of a long recording and a note on that."""
     if sum(len(segment) for segment in segments) <= longest:
         return list(segments), ""
     index = max((i for i, segment in enumerate(segments) if segment.time[0] <= at), default=0)
@@ -195,7 +194,7 @@ def stretch(segments: Sequence[Segment], at: float, longest: int = MAX_FILTERED)
 
 
 def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
-    """Which instants x lie between the transients at both ends, and a sentence about the omitted ones."""
+    """Mask of the instants x between the transients at both ends, and a note on the omitted ones."""
     inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
     if np.count_nonzero(inside) < 2:
         return np.ones(len(x), bool), "At this bandwidth the whole recording is transient."
@@ -211,7 +210,7 @@ def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
 def observer_numbers(observer: Observer, step: float) -> ObserverNumbers:
     """Lag and noise gain at a sampling step [s]."""
     if observer.zero_phase:
-        note = "zero phase: runs forward and backward, delays nothing"
+        note = "zero phase: forward and backward filtering, no delay"
     elif observer.name == "eso":
         note = "causal: each derivative lags differently, which biases stiffness and motor inertia"
     else:
@@ -235,9 +234,9 @@ def numbers_html(numbers: ObserverNumbers) -> str:
 
 
 def evidence_chart(finding: Finding | None, group: str = "", height: int = 190) -> Chart:
-    """The residual without an effect and what the effect explains of it, in `group`.
+    """The residual before an effect was added and the part that the effect explains, in `group`.
 
-    Where the evidence does not hold that group: in the one where the effect explains most.
+    If the evidence does not contain `group`, the group in which the effect explains most is shown.
     """
     if finding is None:
         return no_chart(EVIDENCE)
@@ -270,7 +269,7 @@ def evidence_chart(finding: Finding | None, group: str = "", height: int = 190) 
         y=replace(chart.y, label=f"torque on {evidence.joint}"),
         series=(chart.series[0], replace(chart.series[1], dash=DASHED)),
         description=f"Group {chosen}: the residual of {evidence.joint} before the effect was added "
-        f"({before} Nm rms) and what the effect explains of it; {after} Nm rms remain.",
+        f"({before} Nm rms) and the part that the effect explains; {after} Nm rms remain.",
         playhead=False,
     )
 

@@ -166,8 +166,8 @@ def verdict_text(diagnosis: VerdictLike, added: Sequence[str] = ()) -> str:
     if place is None:
         return f"{beginning} no effect of the library explains the structured residual."
     return (
-        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}; "
-        f"{share_text(place.explained or 0.0)} of it follows {ALONG.get(place.variable, place.variable)}."
+        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}, "
+        f"where {share_text(place.explained or 0.0)} follows {ALONG.get(place.variable, place.variable)}."
     )
 
 

@@ -1,1 +1,1 @@
-"""The parts of a report, one file each: a function from what there is to tell to a section."""
+"""The sections of a report: one module each, with a function from ReportContent to Section."""

@@ -1,4 +1,4 @@
-"""The observer guard: what moves with the observer's bandwidth is not physics."""
+"""Bandwidth check: a result that changes with the observer's bandwidth is observer error, not physics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAX_PARAMETERS = 40  # listed
 
 
 def guard(content: ReportContent) -> Section | None:
-    """Tables of joints and parameters, or how to get them; None without a diagnosis."""
+    """Tables of joints and parameters, or the option that computes them; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     name = "What moves with the observer's bandwidth"
@@ -25,13 +25,13 @@ def guard(content: ReportContent) -> Section | None:
     blocks: list[Block] = [
         Paragraph(
             f"The same model was fitted with the observer ({found.observer}) at {len(found.bandwidths)} "
-            f"bandwidths from {low} to {high} rad/s. What changes with the observer is its error, not the "
-            "robot's physics.",
+            f"bandwidths from {low} to {high} rad/s. Changes with the bandwidth are observer error, not "
+            "physics of the robot.",
             quiet=True,
         )
     ]
     if not found.texts():
-        blocks.append(Paragraph("Nothing moves: residuals and parameters stay within their uncertainty."))
+        blocks.append(Paragraph("Nothing changes: residuals and parameters stay within their uncertainty."))
     blocks.append(_joints(found))
     if found.parameters:
         blocks.append(_parameters(found))
@@ -75,7 +75,9 @@ def _parameters(found: BandwidthCheck) -> ReportTable:
         )
     head = ("parameter", "joint", "in use", "least", "largest", "unit", "moves by (std. errors)", "verdict")
     more = len(order) - MAX_PARAMETERS
-    caption = "Parameters fitted at each bandwidth" + (f"; {more} more that hold" if more > 0 else "")
+    caption = "Parameters fitted at each bandwidth" + (
+        f"; {more} more that do not change" if more > 0 else ""
+    )
     return table(head, rows, (2, 3, 4, 6), caption, dense=True)
 
 

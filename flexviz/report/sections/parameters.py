@@ -1,4 +1,4 @@
-"""The model's parameters: values with their 95 % intervals, and whether the data determine them."""
+"""The model's parameters: values, 95 % intervals and identifiability."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from flexviz.report.content import ReportContent
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
 
-MAX_TIES = 3
+MAX_TIES = 3  # listed per parameter
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 def parameters(content: ReportContent) -> Section | None:
-    """Joints, effects, inertias; None before any result."""
+    """Tables of joint, effect and inertial parameters; None without any result."""
     found = content.parameters
     if not found:
         return None
@@ -30,16 +30,16 @@ def parameters(content: ReportContent) -> Section | None:
 
 
 def source(content: ReportContent) -> str:
-    """Where the numbers come from, and what the marks mean."""
+    """The source of the values, and the meaning of the marks."""
     found = content.identification
     if found is not None:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
         groups = f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
     else:
-        how, groups = "As the diagnosis fitted the model, in units of the measurement noise", ""
+        how, groups = "Fitted by the diagnosis, weighted by the measurement noise", ""
     return (
-        f"{how}{groups}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. Whether "
-        "the data determine a parameter: ● yes, ◐ weakly, ○ no; then what it is tied to."
+        f"{how}{groups}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
+        "determine a parameter ● well, ◐ weakly or ○ not at all; the last column lists correlated parameters."
     )
 
 
@@ -49,12 +49,12 @@ def interval(value: float, std: float | None) -> tuple[str, str]:
 
 
 def place_of(p: ParameterEstimate) -> str:
-    """The joint, payload or group that it belongs to."""
+    """The joint, payload or group that the parameter belongs to."""
     return ", ".join(part for part in (p.joint, p.payload, p.group) if part) or "all joints"
 
 
 def grade(p: ParameterEstimate | Combination) -> str:
-    """Mark and word."""
+    """Identifiability as mark and word."""
     return f"{MARKS.get(p.identifiable, '')} {p.identifiable}"
 
 
@@ -87,8 +87,8 @@ def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> lis
         good = sum(c.identifiable == "yes" for c in combinations)
         blocks.append(
             Paragraph(
-                f"Motion shows combinations of the links' inertial parameters, not each of them: {good} of "
-                f"{len(combinations)} are determined.",
+                f"Motion determines only combinations of the inertial parameters: {good} of "
+                f"{len(combinations)} are identifiable.",
                 quiet=True,
             )
         )
@@ -103,7 +103,7 @@ def _combinations(found: Sequence[Combination]) -> ReportTable:
         value, half = interval(c.value, c.std)
         rows.append([c.name, Cell(value, strong=True), half, unit_text(c.unit), grade(c)])
     head = ("combination", "value", "± 95 %", "unit", "determined")
-    return table(head, rows, (1, 2), "Combinations of inertial parameters that motion can show", dense=True)
+    return table(head, rows, (1, 2), "Identifiable combinations of inertial parameters", dense=True)
 
 
 def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> ReportTable:
@@ -117,6 +117,6 @@ def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> Repor
         rows.append(row)
     return table(
         ("link moved by", *INERTIAL_HEAD), rows, range(1, 11),
-        "Inertial parameters about the joint frame [kg, kg m, kg m²]; those without ● are values among many "
-        "that fit as well", dense=True,
+        "Inertial parameters in the joint frame [kg, kg m, kg m²]; values without ● are not unique",
+        dense=True,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Everything one needs to get the same again: data with hashes, settings, versions, the command."""
+"""Reproducing the results: data hashes, settings, versions and commands."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ def _settings(content: ReportContent) -> ReportTable:
     if content.identification is not None:
         found = content.identification
         bandwidth = analysis.bandwidth
-        shown = "its own" if bandwidth is None else _numbers(bandwidth) + " rad/s"
+        shown = "default" if bandwidth is None else _numbers(bandwidth) + " rad/s"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
-        rows.append(["observer of the diagnosis", "two zero-phase bands of its own"])
+        rows.append(["observer of the diagnosis", "two zero-phase bands, chosen by the diagnosis"])
         rows.append(["time of the diagnosis", f"{number(content.diagnosis.seconds, 3)} s"])
     rows.append(["flexviz", __version__])
     rows.append(["Python and libraries", f"Python {platform.python_version()}, {', '.join(versions)}"])
@@ -94,23 +94,23 @@ def _again(content: ReportContent) -> list[Block]:
     blocks: list[Block] = []
     path = shlex.quote(str(content.measurements.path))
     if content.folder is not None:
-        blocks.append(Paragraph("This report from the saved results, without computing anything again:"))
+        blocks.append(Paragraph("This report from the saved results, without recomputing them:"))
         folder = shlex.quote(str(content.folder))
         blocks.append(Listing(f"flexviz report {folder} --out report.html", "sh"))
-    if content.diagnosis is not None and _as_the_set_says(content):
+    if content.diagnosis is not None and _uses_defaults(content):
         flags = [f"--effects-from {shlex.quote(str(file))}" for file in loaded_files()]
         flags += ["--guard"] if content.diagnosis.guard is not None else []
         again = " ".join([f"flexviz report {path} --out report.html", *flags])
         blocks += [Paragraph("Everything from the data:"), Listing(again, "sh")]
     else:
         blocks += [Paragraph("Everything from the data, in Python:"), Listing(program(content), "python")]
-    blocks.append(Paragraph("Whether the data are the same:", quiet=True))
+    blocks.append(Paragraph("Check that the data are unchanged:", quiet=True))
     blocks.append(Listing(_check(content), "sh"))
     return blocks
 
 
-def _as_the_set_says(content: ReportContent) -> bool:
-    """Whether the groups are used as the set says, and every effect was found rather than chosen by hand."""
+def _uses_defaults(content: ReportContent) -> bool:
+    """Whether the groups have the set's roles and every effect was found, not added by hand."""
     analysis = content.analysis
     plain = Analysis.start(content.measurements).roles == analysis.roles
     found = [name for name, finding in content.added if finding is not None]
@@ -118,7 +118,7 @@ def _as_the_set_says(content: ReportContent) -> bool:
 
 
 def program(content: ReportContent) -> str:
-    """A Python program that computes the present model again."""
+    """A Python program that recomputes the present model."""
     analysis = content.analysis
     lines = [
         "from dataclasses import replace",
@@ -151,7 +151,7 @@ def program(content: ReportContent) -> str:
 
 
 def _check(content: ReportContent) -> str:
-    """Lines that `sha256sum --check` reads, for the files that lie in the set's folder."""
+    """A `sha256sum --check` command for the files in the set's folder."""
     files = [f for f in content.fingerprint.files if ":" not in f.name]
     rows = "\n".join(f"{f.sha256}  {f.name}" for f in files)
     return f"cd {shlex.quote(str(content.measurements.path))} && sha256sum --check <<'END'\n{rows}\nEND"
@@ -161,9 +161,7 @@ def _history(content: ReportContent) -> list[Block]:
     steps = content.session.steps
     blocks: list[Block] = []
     if len(steps) > 1:
-        rows = []
-        for step in steps:
-            rows.append([shown_time(step.when) or "–", step.label, step.version or "–"])
+        rows = [[shown_time(step.when) or "–", step.label, step.version or "–"] for step in steps]
         blocks.append(table(("when", "what", "flexviz"), rows))
     if content.session.notes:
         blocks.append(Paragraph("Notes:"))

@@ -1,4 +1,4 @@
-"""How the error fell: each group's error after every added effect, with the noise floor."""
+"""Error of each group after every added effect, with the noise floor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexviz.report.sections.summary import fall
 from flexviz.view import staircase_chart, total_rms
 from flexviz.wording import effect_text_name, number
 
-MAX_MODELS = 7  # columns of a table
+MAX_MODELS = 7  # columns per table
 
 
 def staircase(content: ReportContent) -> Section | None:
@@ -29,9 +29,8 @@ def staircase(content: ReportContent) -> Section | None:
     added = "".join(f"; {k} adds {name}" for k, name in enumerate(names) if k)
     blocks.append(
         Paragraph(
-            "The root mean square of the torque residual over all joints, in the band in which models are "
-            "compared, the same for every model. Held-out groups are never fitted. "
-            f"Model 0 is the set's own{_own(content)}{added}.",
+            "Rms of the torque residual over all joints, in one frequency band for all models. Held-out "
+            f"groups are never fitted. Model 0 is the model of the set{_own(content)}{added}.",
             quiet=True,
         )
     )
@@ -42,7 +41,7 @@ def staircase(content: ReportContent) -> Section | None:
 
 
 def name_of(content: ReportContent, index: int) -> str:
-    """The effects that a model adds to the one before it."""
+    """The effects that a model adds to the preceding one."""
     return ", ".join(effect_text_name(name) for name in content.rounds[index].added) or "nothing"
 
 
@@ -71,7 +70,7 @@ def _groups(steps: tuple[Step, ...]) -> ReportTable:
 
 
 def group_rows(steps: tuple[Step, ...]) -> list[tuple[str, str, list[float]]]:
-    """(group, what it is used for, error at each step [Nm]); NaN where a step does not have it."""
+    """(group, "fit" or "validate", error at each step [Nm]); NaN for steps without the group."""
     out = []
     for name, _, held_out in steps[-1].groups:
         values = []
@@ -96,7 +95,7 @@ def _joints(content: ReportContent, steps: tuple[Step, ...]) -> ReportTable:
 
 
 def columns(count: int) -> list[int]:
-    """Which models a table has room for: the first and the last ones."""
+    """The models shown in a table: the first and the last ones."""
     if count <= MAX_MODELS:
         return list(range(count))
     return [0, *range(count - MAX_MODELS + 1, count)]

@@ -1,4 +1,4 @@
-"""The answer first: the verdict in a sentence, and the numbers a reader looks for."""
+"""Verdict, warnings and key figures."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unkn
 
 
 def summary(content: ReportContent) -> Section:
-    """Verdict, warnings, numbers."""
+    """Verdict, warnings and key figures."""
     blocks: list[Block] = []
     diagnosis = content.diagnosis
     if diagnosis is not None:
         blocks.append(Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown")))
     else:
-        blocks.append(Callout("Not diagnosed yet: what the model lacks is unknown.", "unknown"))
+        blocks.append(Callout("Not diagnosed yet: the model may be incomplete.", "unknown"))
     blocks += [Callout(warning, "warn") for warning in warnings(content)]
     tiles = numbers(content)
     if tiles:
@@ -31,7 +31,7 @@ def summary(content: ReportContent) -> Section:
 
 
 def sentence(content: ReportContent) -> str:
-    """The verdict: what was missing and was added, and what the model with it lacks."""
+    """The verdict, with the added effects and the fall of the error."""
     if content.diagnosis is None:
         return "Not diagnosed."
     names = [effect_text_name(name) for name, _ in content.added]
@@ -50,7 +50,7 @@ def fall(steps: tuple[Step, ...]) -> str:
 
 
 def error_of(step: Step) -> float:
-    """Of the held-out groups where there are any, else of the fitted ones; all joints [Nm]."""
+    """Rms error of the held-out groups, else of the fitted ones, over all joints [Nm]."""
     return total_rms(np.asarray(step.rms if step.rms_validation is None else step.rms_validation))
 
 
@@ -65,7 +65,7 @@ def numbers(content: ReportContent) -> list[Tile]:
         tiles.append(Tile("Error", f"{' → '.join(shown)} Nm", note))
         if steps[-1].noise_floor:
             floor = number(total_rms(np.asarray(steps[-1].noise_floor)), 3)
-            tiles.append(Tile("Noise floor", f"{floor} Nm", "what measurement noise alone leaves"))
+            tiles.append(Tile("Noise floor", f"{floor} Nm", "expected from measurement noise alone"))
     elif content.identification is not None:
         found = content.identification.residual
         values = found.rms if found.rms_validation is None else found.rms_validation
@@ -83,20 +83,20 @@ def numbers(content: ReportContent) -> list[Tile]:
 
 
 def warnings(content: ReportContent) -> list[str]:
-    """What qualifies everything that follows."""
+    """Warnings about the validity of the results."""
     out = []
     analysis = content.analysis
     if content.changed:
         out.append(
-            f"The data have changed since: {', '.join(content.changed)}. Every result here belongs to the "
-            "older data."
+            f"The data have changed since: {', '.join(content.changed)}. All results here are of the older "
+            "data."
         )
     elif analysis.diagnosis is not None and content.diagnosis is None:
         out.append("Model or groups have changed since the last diagnosis, which is not shown.")
     if analysis.identification is not None and content.identification is None:
         out.append("The settings have changed since the last identification, which is not shown.")
     if content.diagnosis is not None and content.diagnosis.stopped:
-        out.append("The diagnosis was stopped before its end: these are the findings so far.")
+        out.append("The diagnosis was stopped early: these are the findings so far.")
     found = content.identification
     if found is not None and not found.converged:
         out.append(f"The identification did not converge: {found.message}")

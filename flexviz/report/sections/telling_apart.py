@@ -1,4 +1,4 @@
-"""What could not be told apart, and the experiment that would decide."""
+"""Effects that the data cannot distinguish, and experiments that would."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from flexviz.wording import (
     where_text,
 )
 
-MAX_PLACES = 4  # of unexplained residual
-MIN_SHARE = 0.05  # of a residual; less is not worth an experiment
+MAX_LOCATIONS = 4  # of unexplained residual
+MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
 FOLLOW = {
     "position": "slow motion of {joint} over its whole range, in both directions",
     "position × direction": "slow motion of {joint} over its whole range, in both directions",
@@ -26,13 +26,13 @@ FOLLOW = {
     "acceleration": "the same path of {joint} at clearly different accelerations",
     "load": "the same motion of {joint} with two payloads, or in poses of opposite gravity load",
     "time": "the same motion repeated for long, from a cold start; and once more after a pause",
-    "group": "every group once more, to see whether it comes again",
-    "frequency": "{joint} at rest, switched on, and fast motion of the other joints: what vibrates?",
+    "group": "every group once more, to see whether the residual recurs",
+    "frequency": "{joint} at rest with its drive on, and fast motion of the other joints, to find vibrations",
 }
 
 
 def telling_apart(content: ReportContent) -> Section | None:
-    """Ties, confirmations, and what to record next; None without a diagnosis."""
+    """Ties, confirmations and recommended experiments; None without a diagnosis."""
     if content.diagnosis is None:
         return None
     found = [finding for _, finding in content.added if finding is not None]
@@ -46,14 +46,14 @@ def telling_apart(content: ReportContent) -> Section | None:
                 finding_name(f),
                 effect_title(tie.effect) + where_text(tie.joint),
                 share_text(min(abs(tie.correlation), 1.0)),
-                tie.breaks or "no motion is known that would tell them apart",
+                tie.breaks or "no motion is known that distinguishes them",
             ]
             for f, tie in ties
         ]
-        head = ("found", "could as well be", "alike", "what would decide")
-        blocks.append(table(head, rows, (2,), "Effects that these data hardly tell apart"))
+        head = ("found", "hard to tell from", "similarity", "distinguished by")
+        blocks.append(table(head, rows, (2,), "Effects that these data hardly distinguish"))
     else:
-        blocks.append(Paragraph("No two effects looked alike in these data."))
+        blocks.append(Paragraph("No two effects are alike in these data."))
     blocks += _undetermined(content)
     steps = next_experiments(content, found)
     if steps:
@@ -73,7 +73,7 @@ def next_experiments(content: ReportContent, found: list[Finding]) -> list[str]:
     diagnosis = content.diagnosis
     if diagnosis is not None and diagnosis.verdict == "unknown":
         out += [_follow(place) for place in _places(diagnosis.where)]
-    names = [f.effect for f in found] or [effect_name(text_) for text_, _ in content.added]
+    names = [f.effect for f in found] or [text.partition(":")[0] for text, _ in content.added]
     for name in dict.fromkeys(names):
         effect = EFFECTS.get(name)
         if effect is not None:
@@ -81,36 +81,29 @@ def next_experiments(content: ReportContent, found: list[Finding]) -> list[str]:
     return list(dict.fromkeys(out))
 
 
-def effect_name(text_: str) -> str:
-    """The effect of "name:joint@group"."""
-    return text_.partition(":")[0]
-
-
 def _places(where: tuple[ResidualLocation, ...]) -> list[ResidualLocation]:
     """The leading variable of each joint with a structured residual."""
     first: dict[str, ResidualLocation] = {}
     for place in where:
-        if place.explained >= MIN_SHARE and place.variable in FOLLOW:
+        if place.explained >= MIN_EXPLAINED and place.variable in FOLLOW:
             best = first.get(place.joint)
             if best is None or place.explained > best.explained:
                 first[place.joint] = place
-    return list(first.values())[:MAX_PLACES]
+    return list(first.values())[:MAX_LOCATIONS]
 
 
 def _follow(place: ResidualLocation) -> str:
     motion = FOLLOW[place.variable].format(joint=place.joint)
     along = ALONG.get(place.variable, place.variable)
-    return f"To see what follows {along} of {place.joint}: {motion}."
+    return f"To find the residual's dependence on {along} of {place.joint}: {motion}."
 
 
 def _undetermined(content: ReportContent) -> list[Block]:
     weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
     if not weak:
         return []
-    words = (
-        f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
-    )
-    return [Paragraph(words)]
+    names = parameter_names(weak)
+    return [Paragraph(f"Parameters of joints and effects that these data do not determine well: {names}.")]
 
 
 def _lower(sentence: str) -> str:

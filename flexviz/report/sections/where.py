@@ -1,4 +1,4 @@
-"""Where the model fails: the map of all joints, and the residual where most of it lives."""
+"""Where the model fails: residual map of all joints, and the residual against its leading variable."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from flexviz.wording import number
 
 
 def where(content: ReportContent) -> Section | None:
-    """Map, curve, spectrum; None where they are not kept."""
+    """Residual map, curve and spectrum; None if they are not kept."""
     diagnosis = content.diagnosis
     if diagnosis is None or not diagnosis.maps:
         return None
     blocks: list[Block] = [
         Paragraph(
-            "How much of each joint's residual follows each variable, judged on stretches of time that had "
-            "no part in it, so that noise scores about 0. A joint that stands at its noise has nothing left "
-            "to explain, whatever the shares.",
+            "Share of each joint's residual that follows each variable, cross-validated over stretches of "
+            "time, so that noise scores about 0. In a joint whose residual is at its noise level nothing is "
+            "left to explain, whatever the shares.",
             quiet=True,
         ),
         _map(content, diagnosis.maps),
