@@ -166,7 +166,7 @@ def test_the_residual_over_time_lies_in_the_band_of_the_noise() -> None:
     assert ribbon.high == pytest.approx(0.196) and ribbon.low == pytest.approx(-0.196)
     assert np.abs(chart.series[0].y).max() == 2.0 and chart.x.limits == (0.0, 10.0) and chart.playhead
     assert ResidualSamples.of(None, 0) is None and "Run" in time_residual(None, "joint1", "g1").note
-    assert "left g9 out" in time_residual(found, "joint1", "g9").note
+    assert "g9 has no residual" in time_residual(found, "joint1", "g9").note
 
 
 def test_a_range_marks_its_instants() -> None:

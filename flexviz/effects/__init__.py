@@ -1,4 +1,4 @@
-"""Physical effects beside the base model: the library, user-defined ones, and which of them a model has."""
+"""Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect, LinearEffect

@@ -10,13 +10,13 @@ from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
-# A joint may be in its gap while its torque is below these shares of its largest value nearby, since the
-# observer lets a torque that has just fallen to zero ring, and of its rms.
+# A joint may be inside the gap while its torque is below RINGING_SHARE of its maximum within RINGING_TIME
+# (the observer rings after the torque falls to zero) plus FAINT_SHARE of its rms.
 RINGING_SHARE, RINGING_TIME, FAINT_SHARE = 0.06, 0.08, 0.01  # [], [s], []
-START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: where a search for a gap starts
-LOADED_BOTH_WAYS = 0.005  # of the samples a joint must be loaded the other way, or a gap is only an offset
-# share of the compliance that a start leaves beside a gap; verdicts and values of three sets of two joints
-# (backlash, hardening, ripple) are equal to 1e-9 for 0.1, 0.2 and 0.4
+START_SHARES = (0.1, 0.3, 0.7)  # of the rms deflection: initial gaps of a search
+MIN_REVERSED_SHARE = 0.005  # of the samples with reversed load; with fewer a gap is only an offset
+# Smallest share of the compliance that a start keeps beside a gap. Verdicts and values of three two-joint
+# sets (backlash, hardening, ripple) agree to 1e-9 for 0.1, 0.2 and 0.4.
 LEAST_COMPLIANCE = 0.2
 
 
@@ -26,7 +26,9 @@ class Backlash(LawEffect):
     name = "backlash"
     title = "Backlash"
     where = "joint"
-    explanation = "Play between the gear's teeth: when the load changes sign the motor moves a little alone."
+    explanation = (
+        "Play between gear teeth: when the load changes sign, the motor moves briefly without the link."
+    )
     equation = "τ_j = K · deadzone(δ, b)"
     signature = "A position step of 2b whenever the transmitted torque changes sign."
     confirm = "Slow motion through the pose of zero load."
@@ -46,9 +48,9 @@ class Backlash(LawEffect):
         return idle, np.full(len(idle), 2 * abs(float(values[0])))
 
     def only_an_offset(self, evidence: EffectEvidence) -> bool:
-        """True in a joint that is always loaded the same way: it never crosses the gap."""
+        """True for a joint whose load never changes sign: it never crosses the gap."""
         torque = evidence.torque
-        return min(float((torque > 0).mean()), float((torque < 0).mean())) < LOADED_BOTH_WAYS
+        return min(float((torque > 0).mean()), float((torque < 0).mean())) < MIN_REVERSED_SHARE
 
     def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
         """Several gaps b, each with b E|s| / E s² less compliance; the last ends at the rough one."""
@@ -66,17 +68,17 @@ class Backlash(LawEffect):
 
 
 def _load(motion: JointMotion) -> Array:
-    """The torque relative to the largest that may still be zero, shape (N,): within ±1 in the gap."""
+    """Torque relative to the threshold of an unloaded joint, shape (N,): within ±1 inside the gap."""
     reach = 2 * round(RINGING_TIME / motion.step) + 1
     around = maximum_filter1d(np.abs(motion.torque), reach)
     return motion.torque / np.maximum(RINGING_SHARE * around + FAINT_SHARE * motion.torque_scale, 1e-9)
 
 
 def _flank(time: Array, load: Array) -> Array:
-    """Which flank of the gap transmits the torque, −1 … 1, shape (N,).
+    """Position in the gap from flank to flank, −1 … 1, shape (N,).
 
-    Within the gap the torque is zero and the law undefined: from the instant at which the joint is unloaded
-    to that at which it is loaded again, it is assumed to cross the gap at constant speed.
+    Inside the gap the torque is zero and the law undefined: the joint is assumed to cross it at constant
+    speed between unloading and reloading.
     """
     loaded = np.abs(load) > 1
     if not loaded.any():

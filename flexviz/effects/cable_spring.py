@@ -9,7 +9,7 @@ from flexviz.effects.terms import Array, Context, EffectTarget, Guess, Parameter
 
 
 class CableSpring(Effect):
-    """Cables, hoses or a balancer that pull the joint towards a rest angle."""
+    """Spring torque of cables, hoses or a balancer towards a rest angle."""
 
     name = "cable_spring"
     title = "Cable spring"
@@ -24,7 +24,7 @@ class CableSpring(Effect):
     )
     parameters = (
         ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),
-        ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle without pull", "q₀"),
+        ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle of zero torque", "q₀"),
     )
     state = True
 

@@ -1,4 +1,4 @@
-"""A physical effect: its law, its texts, and everything other packages need to know about it."""
+"""Base class of the physical effects: law, texts and properties for estimation and simulation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flexviz.effects.terms import (
 
 @dataclass(frozen=True)
 class EffectEvidence:
-    """What a fit shows about an effect besides its parameters.
+    """Data of a fit by which an effect is judged, besides its parameters.
 
     Attributes:
         torque: shape (N,), transmission torque of the effect's joint [Nm].
@@ -40,7 +40,7 @@ class EffectEvidence:
 
 @dataclass(frozen=True)
 class JointScale:
-    """How hard a joint works in a motion: the yardstick of an effect's size.
+    """Magnitudes of a joint's motion, to which the size of an effect is compared.
 
     Attributes:
         torque, speed, deflection: rms [Nm], [rad/s], [rad].
@@ -62,7 +62,7 @@ class JointScale:
 
 @dataclass(frozen=True)
 class ElasticStart:
-    """Parameters of an effect to start from, and the joint's compliance [rad/Nm] that goes with them."""
+    """Initial parameters of an effect, and the matching compliance of the joint [rad/Nm]."""
 
     values: tuple[float, ...]
     compliance: float
@@ -76,33 +76,32 @@ class Effect(ABC):
     add theirs to the link side, r = s − Y Γ − f_lv q̇ − u.
 
     Attributes:
-        name: as commands and files call it, snake_case.
-        title: as people call it.
+        name: snake_case, for commands and files.
+        title: for display.
         where: "motor", "link", "joint", "sensing" or "load".
         explanation: one sentence that a technician understands.
-        equation: u, or what is changed, in the symbols of `parameters`.
-        signature: how it shows in a residual.
-        confirm: which data confirm it.
-        simulated: what the simulator does with it, if that is not u on its side.
-        reference: where it is described.
-        parameters: its parameters, in the order of `values` everywhere.
+        equation: u, or the changed quantity, in the symbols of `parameters`.
+        signature: its shape in a residual.
+        confirm: data that confirm it.
+        simulated: its simulation, if that is not u on its side.
+        reference: literature.
+        parameters: in the order of `values` everywhere.
         linear: u is linear in the parameters.
-        state: u depends on identified quantities (torque, link side, stiffness, f_mv) and is renewed as these
-            change.
+        state: u depends on identified quantities (torque, link side, stiffness, f_mv).
         scope: what it belongs to. The parameters of an episode are its size, start and end.
-        fewest_joints: number of joints a robot needs for it to exist.
+        fewest_joints: number of joints that a robot needs to have it.
         joint_optional: it belongs to the set, but may be restricted to one joint.
-        beside: an effect without which this one makes no sense on a joint.
+        beside: another effect that it requires on its joint.
         replaces: an effect that it refines and therefore replaces on its joint.
-        twins: effects that the same data usually cannot tell from it.
-        hidden_state: its state is seen by no encoder, so a good fit leaves larger traces of it.
-        damps_deflection: it low-passes the path from joint torque to deflection, for sensor noise too.
+        twins: effects that the same data usually cannot distinguish from it.
+        hidden_state: no encoder measures its state, so that even a good fit leaves a larger residual.
+        damps_deflection: it low-passes the path from joint torque to deflection, including sensor noise.
         flexible: it can imitate unknown position effects (ripples of free order).
-        relative: u is proportional to `motion.motor_viscous`, so that it moves with f_mv, too.
+        relative: u is proportional to `motion.motor_viscous`, so that it changes with f_mv.
         memory: u depends on the time before the record.
-        optimism: a refit is expected to gain at most this many times the effect's score.
-        common: always in sight where effects are listed.
-        example: parameters at which it is clearly there: for checks, and for simulated sets that name none.
+        optimism: largest expected ratio of the gain of a refit to the effect's score.
+        common: always listed, not in a folded section.
+        example: clearly visible parameters, for checks and for simulated sets that give none.
     """
 
     name: ClassVar[str]
@@ -139,7 +138,7 @@ class Effect(ABC):
 
     @property
     def entry(self) -> Entry:
-        """How it enters the equation."""
+        """How u enters the equation."""
         entries: dict[Where, Entry] = {"motor": "torque", "sensing": "torque", "joint": "deflection"}
         return entries.get(self.where, "residual")
 
@@ -148,12 +147,12 @@ class Effect(ABC):
         """u and ∂u/∂p at the parameters `values`, shape (P,)."""
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
-        """Small versions of it to score, over a grid of its nonlinear parameters; here its slopes at zero."""
+        """Linearised versions to score, over a grid of the nonlinear parameters; here the slopes at zero."""
         terms = self.terms(context, place, np.zeros(len(self.parameters)))
         return [Guess(terms.entry, terms.joints, terms.slopes, np.array)]
 
     def targets(self, joints: int, payloads: Iterable[str]) -> list[EffectTarget]:
-        """Everywhere it can sit in a robot of so many joints; an episode has to be searched for instead."""
+        """All its possible targets in a robot; none for episodes, which are searched for instead."""
         if joints < self.fewest_joints or self.scope == "episode":
             return []
         if self.scope == "payload":
@@ -163,11 +162,11 @@ class Effect(ABC):
     # -- judging a fit
 
     def possible(self, values: Array) -> bool:
-        """Whether the parameters, shape (P,), go together; each one's own bounds are in `parameters`."""
+        """Whether the parameters, shape (P,), are consistent; their bounds are in `parameters`."""
         return True
 
     def at_bound(self, values: Array) -> bool:
-        """Whether a parameter ended at a bound: a gain of −80 % is a search that ran away, not a finding."""
+        """Whether a parameter ended at a bound: a gain of −80 % is a diverged search, not a finding."""
         edges = [
             (value, edge)
             for value, p in zip(values, self.parameters, strict=True)
@@ -181,27 +180,27 @@ class Effect(ABC):
         return not self.at_bound(values)
 
     def only_an_offset(self, evidence: EffectEvidence) -> bool:
-        """Whether, in this motion, it does no more than shift the joint by a constant."""
+        """Whether it is indistinguishable from a constant joint offset in this motion."""
         return False
 
-    # -- its place in the search and in the noise model
+    # -- search and noise model
 
     @property
     def absorbed_by_stiffness(self) -> bool:
-        """Whether a fitted stiffness can take up part of it, so that its score comes out too low."""
+        """Whether a fitted stiffness can absorb part of it, so that its score is too low."""
         return self.where == "joint" and not self.flexible
 
     def elastic_starts(self, torque: Array, compliance: float, rough: float) -> list[ElasticStart]:
-        """Starts that give back what the fitted compliance has absorbed of it.
+        """Starts that undo the absorption of the effect by the fitted compliance.
 
         Args:
             torque: shape (N,), transmission torque of its joint [Nm].
-            compliance, rough: fitted, and the set's rough one [rad/Nm].
+            compliance, rough: fitted compliance, and the set's rough one [rad/Nm].
         """
         return []
 
     def time_constant(self, values: Array, compliance: float) -> float:
-        """Of the low-pass from joint torque to deflection [s], for an effect that damps the deflection."""
+        """Time constant of the low-pass from joint torque to deflection [s]; 0 without damping."""
         return 0.0
 
     # -- simulation
@@ -213,14 +212,14 @@ class Effect(ABC):
     def simulation(self, values: Array) -> Callable[[JointState], float] | None:
         """Its torque at one instant, for the simulator; None if it cannot be simulated.
 
-        Only user-defined effects are asked: the library's are written down once more in the simulator. Motor
-        and link effects: the torque against the motion, u itself; joint effects: what the joint carries
-        beside K (θ − q), [Nm] each. It has to be smooth over a millisecond.
+        Used for user-defined effects only; the simulator has independent implementations of the library's.
+        Motor and link effects: the opposing torque u; joint effects: the joint torque beyond K (θ − q), [Nm]
+        each. It has to be smooth over a millisecond.
         """
         return None
 
     def sizes(self) -> Array:
-        """The example, or else something between the bounds, shape (P,)."""
+        """The example, or else values within the bounds, shape (P,)."""
         if self.example:
             return np.array(self.example, dtype=float)
         middle = []

@@ -3,8 +3,8 @@
 Without damping it is local in time and has a closed form, x = h(τ_j). Damping is a low-pass filter with time
 constant D/K: with w = K x + k₃ x³ the law is w + D d/dt h(w) = τ_j, and h(w) = w/K̄ up to a small remainder.
 
-Hardening and damping do not simply add up: what they do together beyond the sum of what each does alone is
-given half to each, at the current values of both.
+The contributions of hardening and damping do not add up exactly: the difference between their joint
+contribution and the sum of both is divided equally, at the current values of both.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from flexviz.effects.terms import Array, JointMotion
 
-CONVERGED_CHANGE = 1e-7  # of the largest deflection: a change that ends the iteration
+CONVERGED_CHANGE = 1e-7  # of the largest deflection, at which the iteration ends
 MAX_ITERATIONS = 60
 
 
@@ -94,7 +94,7 @@ def spring_at(motion: JointMotion, cubic: float, damping: float) -> DampedSpring
 
 
 def gain(motion: JointMotion, spring: DampedSpring) -> Array:
-    """What q gains against the linear spring, shape (N,) [rad]."""
+    """Increase of q over that with the linear spring, shape (N,) [rad]."""
     return motion.torque / motion.stiffness - spring.deflection
 
 
@@ -104,10 +104,7 @@ def present(motion: JointMotion, effect: str) -> float:
 
 
 def share_of(effect: str, motion: JointMotion) -> Array | float:
-    """The part of the gain of hardening and damping together that belongs to `effect`, one of the two [rad].
-
-    It is the effect's own gain alone and half of what both do beyond the sum.
-    """
+    """The part of the joint gain of hardening and damping attributed to `effect`, one of the two [rad]."""
     if not present(motion, effect):
         return 0.0
     if effect not in motion.notes:

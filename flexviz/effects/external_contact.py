@@ -8,14 +8,14 @@ from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec, Terms
 
-SMALLEST_CONTACT = 3e-5  # of the joint's rms torque: a contact that small is the trace of something else
+SMALLEST_CONTACT = 3e-5  # of the joint's rms torque: smaller ones are artefacts of other errors
 
 
 class ExternalContact(LawEffect):
     """A push on the arm during part of one run.
 
-    Each edge is spread over one sample to either side, as smoothly as its slope needs: u is then as exact as
-    its integral, and ∂u/∂start and ∂u/∂end are its true derivatives.
+    Each edge is smoothed over one sample to either side, so that the integral of u is exact and ∂u/∂start and
+    ∂u/∂end exist.
     """
 
     name = "external_contact"
@@ -49,7 +49,7 @@ class ExternalContact(LawEffect):
         step = motion.step
 
         def edge(instant: float) -> tuple[Array, Array]:
-            """0 before `instant`, 1 after it, and how fast that falls when the instant moves on [1/s]."""
+            """Smoothed step at `instant`, and minus its derivative by `instant` [1/s]."""
             late = np.clip((motion.time - instant) / step, -1.0, 1.0)
             return 0.5 + late - 0.5 * late * np.abs(late), (1.0 - np.abs(late)) / step
 
@@ -58,7 +58,7 @@ class ExternalContact(LawEffect):
         return -torque * box, np.stack((-box, torque * begins, -torque * ends))
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
-        return []  # its interval is found in closed form
+        return []  # the interval is found in closed form
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
         rms = float((evidence.torque**2).mean()) ** 0.5

@@ -1,4 +1,4 @@
-"""What the friction effects share."""
+"""Reference and parameter shared by the friction effects."""
 
 from __future__ import annotations
 

@@ -11,13 +11,15 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 class JointDamping(LawEffect):
     """Damping of the transmission, parallel to its spring.
 
-    K x + D ẋ = s is solved for the deflection x; u = s/K − x is what q gains over the spring alone.
+    K x + D ẋ = s is solved for the deflection x; u = s/K − x.
     """
 
     name = "joint_damping"
     title = "Joint damping"
     where = "joint"
-    explanation = "The gear's elasticity is damped: part of its torque follows the speed of the deflection."
+    explanation = (
+        "The gear's elasticity is damped: part of its torque is proportional to the deflection rate."
+    )
     equation = "τ_j = K δ + D δ̇"
     signature = "A position error proportional to the transmitted torque's rate of change."
     confirm = "Fast motions that excite the joint's resonance."
@@ -31,9 +33,8 @@ class JointDamping(LawEffect):
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         spring = spring_at(motion, present(motion, "stiffness_hardening"), values[0])
-        return gain(motion, spring) - share_of("stiffness_hardening", motion), -spring.slope_by_damping()[
-            None
-        ]
+        u = gain(motion, spring) - share_of("stiffness_hardening", motion)
+        return u, -spring.slope_by_damping()[None]
 
     def time_constant(self, values: Array, compliance: float) -> float:
         return max(float(values[0]), 0.0) * compliance

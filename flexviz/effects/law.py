@@ -1,4 +1,4 @@
-"""Effects whose u is a law of their joint's own motion, evaluated wide-band and then filtered."""
+"""Effects whose u depends on the motion of their joint only, computed at full bandwidth, then filtered."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class LawEffect(Effect):
     """An effect given by a law of its joint's motion.
 
     Attributes:
-        memory: u depends on the time before the record (`unknown` says how).
-        smooth: u never jumps as a velocity or torque passes zero, so no sample is ambiguous.
-        grid: parameter → values at which a search tries it; u is linear in the other ones, from zero on.
+        memory: u depends on the time before the record (see `unknown`).
+        smooth: u is continuous where velocity or torque changes sign, so that no sample is ambiguous.
+        grid: nonlinear parameter → values that a search tries; u is linear in the others.
     """
 
     grid: ClassVar[Mapping[str, Sequence[float]]] = {}
@@ -31,13 +31,13 @@ class LawEffect(Effect):
         """u, shape (N,), and ∂u/∂p, shape (P, N)."""
 
     def unknown(self, motion: JointMotion, values: Array) -> Array:
-        """What the time before the record may add to u, one standard deviation each, shape (M, N)."""
+        """Standard deviations of u due to the unknown time before the record, shape (M, N)."""
         return np.zeros((0, len(motion.time)))
 
     def undecided(self, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array] | None:
-        """Samples at which the motion does not determine u, and by how much u may swing there, shape (N,).
+        """Samples at which the motion does not determine u, and the range of u there, shape (N,) each.
 
-        None: wherever the law jumps within the noise of its signals.
+        None: the samples at which the law jumps within the noise of its signals.
         """
         return None
 
@@ -64,7 +64,7 @@ class LawEffect(Effect):
         ]
 
     def guess(self, context: Context, place: EffectTarget, fixed: Mapping[int, float]) -> Guess:
-        """The slopes as columns, at zero but for the parameters that are held at a value (index → value)."""
+        """The slopes at zero as columns, with the parameters in `fixed` (index → value) held."""
         start = np.zeros(len(self.parameters))
         start[list(fixed)] = list(fixed.values())
         free = [k for k in range(len(start)) if k not in fixed]

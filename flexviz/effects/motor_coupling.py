@@ -9,7 +9,7 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class MotorCoupling(Effect):
-    """The neighbouring motor's acceleration felt in this joint."""
+    """Inertial torque from the neighbouring motor's acceleration."""
 
     name = "motor_coupling"
     title = "Motor coupling"
@@ -20,7 +20,7 @@ class MotorCoupling(Effect):
     equation = "u_i = B_ij θ̈_j"
     signature = "A residual proportional to the neighbouring motor's acceleration."
     confirm = "Move the neighbouring joint alone."
-    simulated = "B_ij θ̈_j opposes the motor i: its equation gets the neighbour's acceleration."
+    simulated = "B_ij θ̈_j opposes motor i."
     reference = "Murphy, Wen, Saridis: Simulation and analysis of flexibly jointed manipulators, CDC 1990"
     parameters = (ParameterSpec("inertia", "kg m²", explanation="coupled rotor inertia", symbol="B_ij"),)
     linear = True

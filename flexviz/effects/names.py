@@ -1,7 +1,4 @@
-"""The names of the library's effects, in the order in which they are listed.
-
-`flexviz/effects/<name>.py` defines the effect; the registry imports it by this name.
-"""
+"""The names of the library's effects in display order; `flexviz/effects/<name>.py` defines each."""
 
 from __future__ import annotations
 
@@ -29,7 +26,7 @@ EFFECT_NAMES: tuple[str, ...] = (
 )
 
 USER_NAMES: list[str] = []
-"""Names of the user-defined effects that are loaded, in that order."""
+"""Names of the loaded user-defined effects, in loading order."""
 
 
 def is_user_defined(name: str) -> bool:

@@ -7,7 +7,7 @@ from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, T
 
 
 class PayloadError(Effect):
-    """The payload is heavier or lighter than stated."""
+    """A common relative error of a payload's mass and inertia."""
 
     name = "payload_error"
     title = "Payload error"

@@ -8,7 +8,7 @@ from flexviz.effects.effect import JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
-INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, anywhere within ±1
+INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, uniform within ±1
 
 
 class PreslidingHysteresis(LawEffect):
@@ -17,8 +17,8 @@ class PreslidingHysteresis(LawEffect):
     With h = σz/f_c and ρ = σ/f_c the state obeys dh = (dθ − |dθ| h) ρ: between reversals h runs towards ±1 as
     exp(−ρ·path), so only the path matters, not the speed.
 
-    h at the start of a record is unknown, anything within ±1. The law starts from zero; another initial
-    value h₀ adds f_c h₀ exp(−ρ·path), and of that only the size is unknown.
+    h at the start of a record is unknown within ±1. The law starts from zero; another initial value h₀ adds
+    f_c h₀ exp(−ρ·path).
     """
 
     name = "presliding_hysteresis"
@@ -73,17 +73,17 @@ class PreslidingHysteresis(LawEffect):
 
 
 def dahl(position: Array, rate: float) -> tuple[Array, Array]:
-    """h and ∂h/∂ρ along a motion that starts from an unknown, taken as relaxed, state.
+    """h and ∂h/∂ρ along a motion that starts with h = 0.
 
-    Between reversals the law has a closed form in the path since the last one; only the values at reversals
-    follow from one another.
+    Between reversals the law has a closed form in the path since the last reversal; only the values at
+    reversals are computed recursively.
 
     Args:
         position: shape (N,) [rad].
         rate: ρ [1/rad].
 
     Returns:
-        two arrays of shape (N,).
+        Two arrays of shape (N,).
     """
     sign = np.sign(np.diff(position))
     first = np.flatnonzero(sign != 0)  # of each run in one direction; standstill belongs to the run before

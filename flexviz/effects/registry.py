@@ -1,4 +1,4 @@
-"""The effects there are: name → effect, those of the library first."""
+"""The registry of effects: name → effect, the library's first."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexviz.effects.names import EFFECT_NAMES
 
 
 def effect_classes(module: ModuleType) -> list[type[Effect]]:
-    """The effect classes that a module defines, without those that others in it derive from."""
+    """The effect classes that a module defines, without base classes of others in it."""
     classes = [
         c
         for c in vars(module).values()
@@ -23,7 +23,7 @@ def effect_classes(module: ModuleType) -> list[type[Effect]]:
 
 
 def library(names: Sequence[str]) -> dict[str, Effect]:
-    """The effects that `flexviz/effects/<name>.py` define, one in each."""
+    """The effects defined in `flexviz/effects/<name>.py`, one per file."""
     found: dict[str, Effect] = {}
     for name in names:
         (only,) = effect_classes(import_module(f"flexviz.effects.{name}"))

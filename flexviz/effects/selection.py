@@ -1,6 +1,6 @@
-"""The effects of a model and where they sit: from the text that names them, and back.
+"""The effects of a model and their text form.
 
-In text an effect is its name and where it sits: `coulomb_friction:joint1`, `payload_error:p2` (a payload),
+In text an effect is its name and its place: `coulomb_friction:joint1`, `payload_error:p2` (a payload),
 `base_tilt` (the whole set), `external_contact:joint1@g2` (a joint, during part of one group).
 """
 
@@ -22,9 +22,7 @@ class ChosenEffect:
 
     Attributes:
         effect: its name.
-        joint: index in the set's joint order; None where it belongs to no joint.
-        group: the only group it acts in (episodes).
-        payload: the payload it concerns.
+        joint, group, payload: as in `EffectTarget`.
     """
 
     effect: str
@@ -37,7 +35,7 @@ class ChosenEffect:
         return EffectTarget(self.joint, self.group, self.payload)
 
     def value(self, joints: Sequence[str], parameters: dict[str, float] | None = None) -> EffectValue:
-        """The same with the joint's name, and with parameters if given."""
+        """The effect with its joint's name, for a model."""
         joint = None if self.joint is None else joints[self.joint]
         return EffectValue(self.effect, joint, dict(parameters or {}), self.group, self.payload)
 
@@ -47,7 +45,7 @@ class ChosenEffect:
 
     @staticmethod
     def of(value: EffectValue, joints: Sequence[str]) -> ChosenEffect:
-        """The effect that a model's value belongs to.
+        """The chosen effect of a model's `EffectValue`.
 
         Raises:
             InputError: for a joint that does not exist.
@@ -70,13 +68,12 @@ def choose_effects(
     Duplicates count once; an effect that another one replaces on its joint is left out.
 
     Args:
-        wanted: what was asked for.
-        joints: names of the set's joints.
+        wanted: texts of effects.
+        joints, groups: names of the set's joints and groups.
         payloads: names of its payloads that are not empty.
-        groups: names of its groups.
 
     Raises:
-        InputError: for an unknown effect, joint, payload or group, or an episode nobody placed.
+        InputError: for an unknown effect, joint, payload or group, or an episode without a place.
     """
     chosen: dict[ChosenEffect, None] = {}
     for text in wanted:
@@ -99,7 +96,7 @@ def _places(
     payloads: Sequence[str],
     groups: Sequence[str],
 ) -> list[ChosenEffect]:
-    """Everywhere that one name refers to."""
+    """All effects that one text refers to."""
     name = effect.name
     if len(joints) < effect.fewest_joints:
         raise InputError(f'effect "{text}" needs a neighbouring joint, the set has one joint')

@@ -9,15 +9,15 @@ from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
 
 class StiffnessHardening(LawEffect):
-    """A gear that grows stiffer as it is wound up.
+    """A gear whose stiffness increases with the deflection.
 
-    K x + k₃ x³ = s is solved for the deflection x; u = s/K − x is what q gains over the linear spring.
+    K x + k₃ x³ = s is solved for the deflection x; u = s/K − x.
     """
 
     name = "stiffness_hardening"
     title = "Stiffness hardening"
     where = "joint"
-    explanation = "The gear grows stiffer as it is wound up, as harmonic drives do."
+    explanation = "The gear becomes stiffer with increasing deflection, as harmonic drives do."
     equation = "τ_j = K δ + k₃ δ³"
     signature = "A position error whose slope against load falls at high torque."
     confirm = "High loads in both directions."

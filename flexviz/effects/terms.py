@@ -1,4 +1,4 @@
-"""The vocabulary that effects and the identification equation share: motions, parameters, targets, terms."""
+"""Data types shared by effects and the identification equation: motions, parameters, targets, terms."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class ParameterSpec:
         name: as in the JSON contract.
         unit: SI unit.
         lower, upper: physical bounds.
-        explanation: what it is, in a few words.
+        explanation: a few words.
         symbol: as in the equation; defaults to the name.
-        lower_occurs: the lower bound is a legitimate value (one cycle per turn), not a search that ran away.
+        lower_occurs: the lower bound is a valid result (one cycle per turn), not a diverged search.
     """
 
     name: str
@@ -50,7 +50,7 @@ class ParameterSpec:
 
 @dataclass(frozen=True)
 class JointMotion:
-    """The wide-band motion of one joint during one stretch, as its effects see it; arrays have shape (N,).
+    """Full-bandwidth motion of one joint during one stretch; arrays have shape (N,).
 
     Attributes:
         time: the group's own time [s].
@@ -60,8 +60,8 @@ class JointMotion:
         stiffness: current K [Nm/rad].
         motor_viscous: current f_mv [Nm s/rad].
         torque_scale: rms of s over all stretches [Nm].
-        present: effect → its current parameters, for the joint's effects.
-        notes: cache of a law for its next call with this same motion.
+        present: the joint's effects → current parameters.
+        notes: cache of a law for further calls with the same motion.
     """
 
     time: Array
@@ -84,12 +84,12 @@ class JointMotion:
 
 @dataclass(frozen=True)
 class EffectTarget:
-    """Where an effect sits.
+    """The place of an effect.
 
     Attributes:
-        joint: index in the set's joint order; None for an effect that belongs to no joint.
-        group: name of the only group it acts in (episodes).
-        payload: name of the payload it concerns.
+        joint: index in the set's joint order; None for effects of a payload or the whole set.
+        group: the only group in which it acts (episodes).
+        payload: the payload that it changes.
     """
 
     joint: int | None = None
@@ -122,13 +122,13 @@ class Terms:
 
 @dataclass(frozen=True)
 class Guess:
-    """A small version of an effect, linear in its coefficients: a starting point for the search.
+    """A linearised effect: a starting point for the search.
 
     Attributes:
         entry, joints: as in `Terms`.
         columns: shape (C, D, N, m).
         to_values: coefficients (C,) → the effect's parameters (P,).
-        label: what is held fixed, for the log ("order 7").
+        label: the fixed parameters, for the log ("order 7").
     """
 
     entry: Entry
@@ -145,8 +145,8 @@ class JointState(NamedTuple):
         time: the group's own time [s].
         theta, theta_velocity: motor side [rad], [rad/s].
         q, q_velocity: link side [rad], [rad/s].
-        load: torque that the joint carries by the library's laws [Nm].
-        z: the states of a law that has some.
+        load: joint torque by the library's laws [Nm].
+        z: states of the law, if it has any.
     """
 
     time: float
@@ -159,14 +159,14 @@ class JointState(NamedTuple):
 
 
 class Context(Protocol):
-    """What the equation offers to an effect: motions, filters, and the observer's outputs."""
+    """The equation's interface for effects: motions, filters and observer outputs."""
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         """Wide-band motion of a joint, one per stretch."""
         ...
 
     def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
-        """The result of `make`, computed once for all models: for columns that no parameter changes."""
+        """The result of `make`, cached for all models: for columns independent of parameters."""
         ...
 
     def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:

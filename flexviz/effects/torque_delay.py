@@ -7,12 +7,12 @@ import numpy as np
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
-FINEST_DELAY = 0.02  # of the recording's step: time stamps are not known better
-FINEST_DELAY_BESIDE_TWIN = 0.1  # the same beside a damped joint: how torques are held looks like it
+FINEST_DELAY = 0.02  # of the recording's step: accuracy of time stamps
+FINEST_DELAY_BESIDE_TWIN = 0.1  # the same beside joint damping, which the torque's hold resembles
 
 
 class TorqueDelay(Effect):
-    """The torque acts a little later than it is recorded."""
+    """A delay from the recorded to the applied torque."""
 
     name = "torque_delay"
     title = "Torque delay"
@@ -39,7 +39,7 @@ class TorqueDelay(Effect):
         return Terms("torque", joints, now - late[:3], late[1:4][None])
 
     def credible(self, values: Array, evidence: EffectEvidence) -> bool:
-        """Whether it is longer than what time stamps, or the hold of a damped joint's torque, look like."""
+        """Whether the delay exceeds the accuracy of time stamps, and of the torque's hold beside damping."""
         beside_twin = any(twin in evidence.effects for twin in self.twins)
         finest = FINEST_DELAY_BESIDE_TWIN if beside_twin else FINEST_DELAY
         return super().credible(values, evidence) and abs(values[0]) > finest * evidence.record_step

@@ -5,11 +5,11 @@ from __future__ import annotations
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
-LARGEST_GAIN_ERROR = 0.4  # a drive whose torque is further off would have been noticed
+LARGEST_GAIN_ERROR = 0.4  # larger errors of a drive would have been noticed
 
 
 class TorqueGain(Effect):
-    """The applied torque differs from the recorded one by a factor."""
+    """A constant ratio of applied to recorded torque."""
 
     name = "torque_gain"
     title = "Torque gain error"

@@ -13,7 +13,7 @@ class TransmissionError(Ripple):
     name = "transmission_error"
     title = "Transmission error"
     where = "joint"
-    explanation = "The gear's teeth are not perfect: the link's position errs periodically with the angle."
+    explanation = "Gear teeth are imperfect: the link's position error is periodic in the motor angle."
     equation = "δ = θ + a sin(nθ + φ) − q"
     signature = "A sine against position in the position error; in torque it grows with the speed squared."
     confirm = "The same motion at different speeds."

@@ -1,4 +1,4 @@
-"""A synthetic motion in closed form that offers effects their context: for checks and pictures."""
+"""Closed-form synthetic motion as a context of effects, for checks and pictures."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class TrialSignal:
 
 @dataclass(frozen=True)
 class TrialMotion:
-    """An effect's context with closed-form signals: two joints, one group, no filter.
+    """A `Context` with closed-form signals: two joints, one group, no filter.
 
-    The arm of the payload and gravity torques is a pendulum that turns from the base's x towards its z.
+    Payload and gravity torques are those of a pendulum that turns from the base's x towards its z.
 
     Attributes:
         time: shape (N,) [s].

@@ -31,17 +31,17 @@ TRIAL = TrialMotion(
     stiffness=1500.0,
     motor_viscous=0.9,
 )
-TOLERANCE = 1e-3  # of the largest value: allowed difference from finite differences
-AGREEING_SHARE = 0.99  # of the samples: a kink in between is allowed
+SLOPE_TOLERANCE = 1e-3  # of the largest value: allowed difference from finite differences
+MIN_AGREEING_SHARE = 0.99  # of the samples: kinks are allowed
 
 
 @dataclass(frozen=True)
 class EffectFile:
-    """A user's effect file, with the line of everything in it.
+    """A user's effect file with the line numbers of its definitions.
 
     Attributes:
-        file: as the user named it.
-        lines: (class, name in it or "") → line.
+        file: as given by the user.
+        lines: (class, attribute or "") → line.
     """
 
     file: Path
@@ -73,7 +73,7 @@ class EffectFile:
         return EffectFile(file, lines)
 
     def error(self, message: str, kind: type, *names: str) -> InputError:
-        """An error about a class, at the line of the first of `names` that it defines."""
+        """An error about a class, with the line of the first of `names` that it defines."""
         owners = [(c.__name__, name) for name in (*names, "") for c in kind.__mro__]
         line = next((self.lines[place] for place in owners if place in self.lines), None)
         place = None if line is None else f"line {line}"
@@ -81,7 +81,7 @@ class EffectFile:
 
     @contextmanager
     def running(self, kind: type, method: str) -> Iterator[None]:
-        """Turn errors of the file's own code into one-line errors with its line."""
+        """Turn exceptions of the file's code into one-line errors with its line."""
         try:
             with np.errstate(all="ignore"):
                 yield
@@ -97,12 +97,10 @@ class EffectFile:
 
 
 def check(kind: type[Effect], file: EffectFile, taken: Mapping[str, Effect]) -> Effect:
-    """An instance of a user's effect class, if it passes all checks.
+    """An instance of a user's effect class that passes all checks; `taken` are the loaded effects.
 
-    Args:
-        kind: the class.
-        file: where it stands.
-        taken: the loaded effects.
+    Raises:
+        InputError: with the line of the first failed check.
     """
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:
@@ -125,11 +123,11 @@ class _Checks:
         self._effect, self._file = effect, file
 
     def fails(self, message: str, *names: str) -> InputError:
-        """The error at the line of the first of `names` that stands in the class."""
+        """An error with the line of the first of `names` in the class."""
         return self._file.error(message, type(self._effect), *names)
 
     def running(self, method: str) -> AbstractContextManager[None]:
-        """Errors of the effect's own code become errors at their line."""
+        """As `EffectFile.running`, for this effect."""
         return self._file.running(type(self._effect), method)
 
     def description(self, taken: Mapping[str, Effect]) -> None:
@@ -153,7 +151,7 @@ class _Checks:
                 meant = choose_from(str(value), [v for v in valid if v is not None])
                 raise self.fails(f'{attribute} "{value}": {meant}', attribute)
         if isinstance(effect, LawEffect) and effect.scope != "joint":
-            raise self.fails('a law of a joint\'s motion has scope "joint"', "scope")
+            raise self.fails(f'scope is "{effect.scope}", expected "joint" for a LawEffect', "scope")
 
     def parameters(self) -> None:
         effect, specs = self._effect, self._effect.parameters
@@ -213,7 +211,7 @@ class _Checks:
             with self.running("terms"):
                 found = self._effect.terms(TRIAL, TARGET, p)
             if not isinstance(found, Terms):
-                raise self.fails("terms gives no Terms", "terms")
+                raise self.fails("terms does not return Terms", "terms")
             wanted = (1 if found.entry == "residual" else 3, TRIAL.count(), len(found.joints))
             self.shapes("terms", value=(found.value, wanted), slopes=(found.slopes, (width, *wanted)))
             return found.value[0].ravel(), found.slopes[:, 0].reshape(width, -1)
@@ -279,6 +277,6 @@ class _Checks:
 def _difference(one: Array, other: Array, rounding: float = 0.0) -> float | None:
     """The largest difference, relative to the larger array; None if nearly all samples agree."""
     size = max(np.abs(one).max(), np.abs(other).max())
-    if np.mean(np.abs(one - other) <= TOLERANCE * size + rounding) >= AGREEING_SHARE:
+    if np.mean(np.abs(one - other) <= SLOPE_TOLERANCE * size + rounding) >= MIN_AGREEING_SHARE:
         return None
     return float(np.abs(one - other).max() / size)

@@ -1,7 +1,7 @@
-"""User-defined effects: a Python file with effect classes, run, checked and added to the library.
+"""User-defined effects: effect classes from a Python file, checked and added to the library.
 
-The file is a program and runs with all rights of whoever loads it: only load files that you trust. Nothing
-is ever loaded that was not named by the user; sessions and measurement sets only hold effects' names.
+The file is executed with the rights of the user: load only trusted files. Only files named by the user are
+loaded; sessions and measurement sets contain names of effects only.
 """
 
 from __future__ import annotations
@@ -24,15 +24,12 @@ _loaded: dict[Path, tuple[Effect, ...]] = {}
 
 
 def load_effects(path: str | Path) -> tuple[Effect, ...]:
-    """Run a Python file and add the effect classes in it to the library, in this process and its workers.
+    """Run a trusted Python file and add its effect classes to the library, in this process and its workers.
 
-    A file that is already loaded is not run again.
-
-    Args:
-        path: the file. It is trusted: its code is run.
+    A loaded file is not run again.
 
     Raises:
-        InputError: with file and line: what is wrong with it or with one of its effects.
+        InputError: the file or one of its effects is invalid; with file and line.
     """
     file = Path(path)
     key = file.resolve()
@@ -62,7 +59,8 @@ def load_effects(path: str | Path) -> tuple[Effect, ...]:
 
 
 def loaded_files() -> tuple[Path, ...]:
-    """The files that effects were loaded from, in that order."""
+    """The loaded effect files, in loading order."""
+
     return tuple(_loaded)
 
 

@@ -174,8 +174,8 @@ def spectrum_chart(one: ResidualMap) -> Chart:
         ChartAxis("frequency", "Hz"),
         ChartAxis("residual", "Nm/√Hz", logarithmic=True),
         series,
-        description=f"Of the residual of {one.joint} above the noise floor and the frequencies of the motion, "
-        f"the strongest band of 1 Hz, near {middle} Hz, holds {share:.0f} %"
+        description=f"Of the residual of {one.joint} above the noise floor and the motion's frequencies, the "
+        f"strongest band of 1 Hz, near {middle} Hz, holds {share:.0f} %"
         + ("." if notable(one) else ": no more than chance."),
         height=HEIGHT,
     )

@@ -55,7 +55,8 @@ def torque(group: Group, joint: int) -> tuple[Array, Array]:
 def model_torque(
     group: Group, joint: int, result: Identification | None
 ) -> tuple[Array, Array, Array] | None:
-    """Time [s], model torque and residual [Nm], (M,) each, of one joint; None without a residual of the group.
+    """Time [s], model torque and residual [Nm] of one joint, (M,) each; None without a residual.
+
 
     The model torque is the measured torque minus the residual.
     """
