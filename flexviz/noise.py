@@ -7,9 +7,8 @@ from flexviz.measurements import Segment
 
 Array = NDArray[np.float64]
 
-_DIFFERENCE_GAIN = np.sqrt(
-    70.0
-)  # Σ C(4, k)²: white noise of unit variance has fourth differences of variance 70
+# Σ C(4, k)² = 70 is the variance of fourth differences of white noise of unit variance
+_DIFFERENCE_GAIN = np.sqrt(70.0)
 
 
 def white_noise(y: Array) -> Array:

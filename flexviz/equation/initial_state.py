@@ -1,7 +1,7 @@
-"""Initial state of friction with memory: a few unknown numbers per stretch.
+"""Unknown initial state of friction with memory.
 
-The initial state is unknown, but how it fades is not: r contains known columns C of unknown size h. Per
-stretch, h is the least-squares fit, which is subtracted from r and from its Jacobian: r − C (CᵀC + λ)⁻¹ Cᵀ r.
+The decay of the initial state is known: r contains known columns C of unknown size h. Per stretch, the
+least-squares fit of h is subtracted from r and from its Jacobian: r − C (CᵀC + λ)⁻¹ Cᵀ r.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from flexviz.equation.signals import Signals
 
 Array = NDArray[np.float64]
 
-NEGLIGIBLE = 0.01  # of a column's largest value
+RIDGE = 0.01  # relative to the largest value of a column
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class InitialStates:
     Attributes:
         rows: the stretch's samples.
         columns: shape (N_block · n, M), ∂r.
-        solve: shape (M, N_block · n), r ↦ the sizes that fit best.
+        solve: shape (M, N_block · n), linear map from r to the least-squares sizes.
     """
 
     rows: slice
@@ -37,7 +37,7 @@ class InitialStates:
     solve: Array
 
     def remove_from(self, r: Array) -> None:
-        """Subtract what the columns explain from residuals (N, n) or Jacobians (N, n, P), in place."""
+        """Project the columns out of residuals (N, n) or Jacobians (N, n, P), in place."""
         part = r[self.rows]
         flat = part.reshape(len(self.columns), -1)
         r[self.rows] = (flat - self.columns @ (self.solve @ flat)).reshape(part.shape)
@@ -52,10 +52,10 @@ def initial_states(
     """The columns of every stretch that has an unknown initial state.
 
     Args:
-        context: what the laws see.
-        signals: the equation's.
-        effects: the model's, each with its parameters.
-        chain: how changes of s and q move r.
+        context: signals offered to the effects.
+        signals: signals of the equation.
+        effects: effects of the model with their parameters.
+        chain: sensitivity of r to s and q.
     """
     found: dict[int, list[Array]] = {}
     for effect, values in effects:
@@ -72,6 +72,6 @@ def initial_states(
     out = []
     for index, parts in found.items():
         c = np.stack(parts, axis=1)
-        solve = np.linalg.inv(c.T @ c + NEGLIGIBLE**2 * np.eye(c.shape[1])) @ c.T
+        solve = np.linalg.inv(c.T @ c + RIDGE**2 * np.eye(c.shape[1])) @ c.T
         out.append(InitialStates(signals.blocks[index].rows, c, solve))
     return out

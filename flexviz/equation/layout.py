@@ -1,7 +1,7 @@
 """Layout of the solver's parameter vector.
 
-The solver works with the compliance c = 1/K: q = θ − c s is linear in it, a rigid joint is c = 0, and the
-residual is nearly linear, so that a start value ten times off is one good step away.
+The solver uses the compliance c = 1/K: q = θ − c s is linear in c, a rigid joint is c = 0, and the residual
+is nearly linear in c, so that a start value wrong by a factor of ten is corrected in about one step.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Layout:
         return 14 * self.n
 
     def joint_name(self, effect: ChosenEffect) -> str | None:
-        """The joint an effect belongs to, by name."""
+        """Name of an effect's joint; None for effects without a joint."""
         return None if effect.joint is None else self.joints[effect.joint]
 
     def labels(self) -> list[str]:
@@ -90,7 +90,7 @@ class Layout:
         return self.effect_start + sum(len(EFFECTS[e.effect].parameters) for e in self.effects)
 
     def names(self) -> list[tuple[str, str | None, str]]:
-        """(name, joint, unit) of every entry as the JSON contract calls it; c stands for the stiffness."""
+        """(name, joint, unit) of every entry, as in the JSON contract; c is listed as the stiffness."""
         rows: list[tuple[str, str | None, str]] = [
             (INERTIAL_NAMES[k], j, INERTIAL_UNITS[k]) for j in self.joints for k in range(10)
         ]
@@ -137,7 +137,7 @@ class Layout:
 
 
 def layout_of(measurements: MeasurementSet, effects: Iterable[str] = ()) -> Layout:
-    """The layout of a set's model with these effects beside its own.
+    """Layout of a set's model with additional effects.
 
     Raises:
         InputError: an effect, joint, payload or group that does not exist.

@@ -1,4 +1,4 @@
-"""The link side's rigid-body terms at many samples: one pass of Pinocchio calls."""
+"""Rigid-body terms of the link side at many samples, by Pinocchio."""
 
 from __future__ import annotations
 

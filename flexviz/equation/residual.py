@@ -4,7 +4,7 @@
     q = θ − c s + u_deflection, and its derivatives      c = 1/K [rad/Nm]
     r = s − [Y(q, q̇, q̈)(Γ + Γ_payload) + f_lv q̇ + u_residual]  →  0
 
-A parameter that moves s by δs (and its derivatives) or q by δq moves r by
+A change of s by δs (and its derivatives) or of q by δq changes r by
 δs − [∂(YΓ)/∂q δq + (∂(YΓ)/∂q̇ + f_lv) δq̇ + M δq̈].
 """
 
@@ -28,9 +28,9 @@ from flexviz.robot import Robot
 Array = NDArray[np.float64]
 PlacedTerms = list[tuple[slice, Terms]]  # every effect's terms with its place in the vector
 
-STATE_ITERATIONS = 6  # s depends on what the effects make of s
-STATE_TOLERANCE = 1e-5  # largest change of s, relative to its largest value, that ends them
-MOVED = 1e-3  # relative change of a parameter after which effects are evaluated anew
+MAX_STATE_ITERATIONS = 6  # fixed-point iterations: s depends on effects that depend on s
+STATE_TOLERANCE = 1e-5  # change of s, relative to its largest value, that ends the iteration
+STATE_CHANGE = 1e-3  # relative change of a parameter after which effects are evaluated again
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,9 @@ class Equation:
     """r(x) for given signals and effects.
 
     Args:
-        robot: whose rigid-body dynamics count.
+        robot: rigid-body model.
         signals: observer outputs.
-        layout: of the vector x.
+        layout: layout of x.
         shared: cache kept by the caller for all equations of the same signals.
     """
 
@@ -73,16 +73,16 @@ class Equation:
 
     @property
     def has_state(self) -> bool:
-        """Whether some effect's law depends on identified quantities."""
+        """Whether an effect depends on identified quantities."""
         return any(EFFECTS[e.effect].state for e in self.layout.effects)
 
     def at(self, x: Array, after: OperatingPoint | None = None) -> OperatingPoint:
-        """The equation for effects that see the parameters x, shape (P,).
+        """Operating point of the effects at the parameters x.
 
         Args:
-            x: the parameters.
-            after: an earlier point on the same path. It is returned itself where nothing that effects see has
-                changed since, and is otherwise where the search for s starts.
+            x: shape (P,).
+            after: an earlier point of the same fit. It is returned if nothing relevant to the effects has
+                changed; otherwise the iteration for s starts from it.
         """
         if after is not None and not (self.has_state and after.left_behind(x)):
             return after
@@ -95,7 +95,7 @@ class Equation:
         if not self.has_state:
             return point
         before = point.context.s
-        for _ in range(STATE_ITERATIONS):
+        for _ in range(MAX_STATE_ITERATIONS):
             s, q = point.motor_side(x)
             point = point.seeing(x, q, s[0])
             change = np.inf if before is None else np.max(np.abs(s[0] - before))
@@ -105,28 +105,27 @@ class Equation:
         return point
 
     def evaluate(self, x: Array) -> Evaluation:
-        """Residual and Jacobian at x (shape (P,)), which effects see, too."""
+        """Residual and Jacobian at x, shape (P,), which is also the operating point of the effects."""
         return self.at(x).evaluate(x)
 
     def _without_effects(self, x: Array) -> Array:
-        """q without any effect, shape (3, N, n): a first link side for laws that need one."""
+        """q without any effect, shape (3, N, n), as an initial link side for the effects."""
         lay, sig = self.layout, self.signals
         s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5] - x[lay.motor_viscous] * sig.theta[1:4]
         return sig.theta[:3] - x[lay.compliance] * s
 
 
 class OperatingPoint:
-    """The equation for effects that see fixed parameters; made by `Equation.at`.
+    """The equation with the effects evaluated at fixed parameters; created by `Equation.at`.
 
-    What an effect's law sees of the identified quantities (s, q, K in its `JointMotion`) is that of `x`, also
-    where the residual is evaluated beside it; the Jacobian is exact for that. What friction with memory
-    remembers of the time before a record, which r is freed of, is fixed by the first evaluation
-    (`initial_state`).
+    The identified quantities offered to an effect (s, q, K in its `JointMotion`) are those of `x`, even if
+    the residual is evaluated at other parameters; the Jacobian is exact in this sense. The columns of unknown
+    initial states of friction with memory (`initial_state`) are fixed by the first evaluation.
 
     Attributes:
-        equation: whose residual.
-        x: shape (P,), the parameters that effects see.
-        context: what they see.
+        equation: the equation.
+        x: shape (P,), parameters offered to the effects.
+        context: signals offered to the effects.
     """
 
     def __init__(
@@ -139,13 +138,13 @@ class OperatingPoint:
         self._initial: list[InitialStates] | None = None
 
     def left_behind(self, x: Array) -> bool:
-        """Whether x is no longer what the effects see."""
+        """Whether x differs noticeably from the parameters offered to the effects."""
         seen = slice(self.layout.compliance.start, self.layout.size)
         scale = np.abs(self.x[seen]) + np.abs(x[seen]) + 1e-9
-        return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) >= MOVED)
+        return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) >= STATE_CHANGE)
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> OperatingPoint:
-        """The point at which effects see x, q (3, N, n) and s (N, n)."""
+        """The operating point with x, q (3, N, n) and s (N, n) offered to the effects."""
         kept = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
         return OperatingPoint(self.equation, x, self.context.seeing(x, q, s), kept)
 
@@ -167,7 +166,7 @@ class OperatingPoint:
         return out
 
     def _rescaled(self, term: Terms, x: Array) -> Terms:
-        """A law that is relative to viscous friction, with that of x."""
+        """Terms of an effect that is relative to viscous friction, rescaled to the friction of x."""
         (joint,) = term.joints
         seen = viscous_scale(self.layout, self.x, joint)[0]
         ratio = viscous_scale(self.layout, x, joint)[0] / seen
@@ -194,7 +193,7 @@ class OperatingPoint:
         return self.equation.link.evaluate(self._bodies(x), *q)
 
     def residual(self, x: Array) -> Array:
-        """r alone at x, shape (N, n) [Nm]: a third of the work where no friction has a memory."""
+        """Residual alone at x, shape (N, n) [Nm]; three times faster if no friction has memory."""
         if any(EFFECTS[e.effect].memory for e in self.layout.effects):
             return self.evaluate(x).residual
         terms = self.terms(x)
@@ -256,7 +255,7 @@ class OperatingPoint:
 
 
 def _without(terms: PlacedTerms, residual: Array) -> Array:
-    """The residual less what effects subtract from it directly."""
+    """The residual less the terms of effects that enter it directly."""
     for _, term in terms:
         if term.entry == "residual":
             residual[:, list(term.joints)] -= term.value[0]

@@ -1,9 +1,9 @@
-"""Unknown course of friction at reversals, as nuisance pulses in the residual.
+"""Unknown friction torque at reversals as nuisance pulses in the residual.
 
-While a velocity or torque passes zero, noise and the finest details of a reversal decide how friction changes
-its side: for some milliseconds its torque is unknown. Each such stretch is described by pulses of unknown
-size; fitted along with everything else, they cost a few samples at each reversal instead of spoiling the
-whole fit. The initial state of a law with memory is unknown in the same way (`LawEffect.unknown`).
+For some milliseconds around a zero crossing of velocity or torque, the friction torque depends on noise and
+on details of the reversal and is unknown. Each such interval is described by pulses of unknown size, which
+cost a few samples per reversal instead of biasing the fit. The initial state of a law with memory is treated
+likewise (`LawEffect.unknown`).
 """
 
 from __future__ import annotations
@@ -19,15 +19,12 @@ from flexviz.equation.residual import OperatingPoint
 
 Array = NDArray[np.float64]
 
-SPACING = 0.01  # [s] between pulses
-MAX_PULSES = 12  # in one stretch: what friction does at a long rest changes slowly
-SHARE = 0.15  # of the change of u that is unknown on average between two pulses
-SETTLED = 0.99  # u has reached this share of its full size on either side
-SOURCES = {
-    "velocity": 0.02,
-    "link_velocity": 0.02,
-    "torque": 0.02,
-}  # [rad/s], [rad/s], share of the torque's rms
+PULSE_SPACING = 0.01  # [s]
+MAX_PULSES = 12  # per interval: friction changes slowly during a long rest
+UNKNOWN_SHARE = 0.15  # of the change of u that is unknown on average between two pulses
+SETTLED_SHARE = 0.99  # of the full size of u on either side of a jump
+# half-width of a jump in each signal: [rad/s], [rad/s], share of the rms torque
+JUMP_WIDTHS = {"velocity": 0.02, "link_velocity": 0.02, "torque": 0.02}
 
 
 @dataclass(frozen=True)
@@ -79,33 +76,35 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     edges = np.flatnonzero(np.diff(np.r_[0, region.astype(int), 0]))
     times, sizes = [], []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
-        first, last = motion.time[a] - SPACING / 2, motion.time[min(b, len(size)) - 1] + SPACING / 2
-        count = min(max(2, int(np.ceil((last - first) / SPACING)) + 1), MAX_PULSES)
+        first = motion.time[a] - PULSE_SPACING / 2
+        last = motion.time[min(b, len(size)) - 1] + PULSE_SPACING / 2
+        count = min(max(2, int(np.ceil((last - first) / PULSE_SPACING)) + 1), MAX_PULSES)
         grid = np.linspace(first, last, count)
         inside = (grid > motion.time[0]) & (grid < motion.time[-1])
         times.append(grid[inside])
-        sizes.append(np.full(inside.sum(), SHARE * size[a:b].max() * (grid[1] - grid[0])))
+        sizes.append(np.full(inside.sum(), UNKNOWN_SHARE * size[a:b].max() * (grid[1] - grid[0])))
     instants, order = np.unique(np.round(np.concatenate(times) / step) * step, return_index=True)
     return instants, np.concatenate(sizes)[order]
 
 
 def _jumps(law: LawEffect, motion: JointMotion, values: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Where a law is between the two sides of a jump, and how high that is, shape (N,) each."""
+    """Samples at which a law is between both sides of a jump, and the height of the jump, shape (N,)."""
     u = law.law(motion, values)[0]
     full = np.abs(u).max()
     region = np.zeros(len(u), bool)
     size = np.zeros(len(u))
     if full <= 0:
         return region, size
-    for name, small in SOURCES.items():
+    for name, small in JUMP_WIDTHS.items():
         scale = motion.torque_scale if name == "torque" else 1.0
         signal = getattr(motion, name)
         up = law.law(replace(motion, **{name: signal + small * scale}), values)[0]
         down = law.law(replace(motion, **{name: signal - small * scale}), values)[0]
         swing = np.abs(up - down)
         steep = swing > 0.5 * full  # the law jumps within a small change of this signal
-        # of those, the instants at which u is not on either side yet
-        between = np.minimum(np.abs(u - up), np.abs(u - down)) > (1 - SETTLED) * np.maximum(swing, 1e-12)
+        # of those, the instants at which u has settled on neither side
+        distance = np.minimum(np.abs(u - up), np.abs(u - down))
+        between = distance > (1 - SETTLED_SHARE) * np.maximum(swing, 1e-12)
         region |= steep & between
         size = np.maximum(size, np.where(steep, swing, 0.0))
     return region, size

@@ -14,7 +14,7 @@ from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
 
-LEAST_SAMPLES = 10  # of a segment without its transients
+MIN_SAMPLES = 10  # of a segment without its transients
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Signals:
         )
 
     def kept(self, block: Block) -> slice:
-        """Which of a stretch's decimated samples are in the signals."""
+        """Decimated samples of a stretch that are contained in the signals."""
         time = block.segment.time[:: block.stride]
         first = int(np.searchsorted(time, self.time[block.rows.start] - 1e-9))
         return slice(first, first + block.rows.stop - block.rows.start)
@@ -97,18 +97,18 @@ def build_signals(
     exact_step: bool = False,
     drop: tuple[float, float] | None = None,
 ) -> Signals:
-    """Run the observer over all groups and stack what it gives.
+    """Run the observer over all groups and stack its outputs.
 
     Args:
         measurements: the set the groups belong to.
         groups: at least one.
         observer: made by `make_observer`.
         sample_step: longest step of the equation's samples [s].
-        exact_step: take `sample_step` as it is; else finer where the observer's bandwidth asks for it.
-        drop: seconds to drop at the start and end of each segment; the observer's own transients where None.
+        exact_step: never refine `sample_step`; otherwise refine it as the observer's bandwidth requires.
+        drop: seconds to drop at the start and end of each segment; default: the observer's transients.
 
     Raises:
-        InputError: when nothing is left after the transients.
+        InputError: if no samples are left after the transients.
     """
     start, end = observer.settling() if drop is None else drop
     delay = measurements.torque_hold / 2
@@ -121,7 +121,7 @@ def build_signals(
             time = segment.time[::stride]
             keep = (time >= time[0] + start - 1e-9) & (time <= segment.time[-1] - end + 1e-9)
             count = np.count_nonzero(keep)
-            if count < LEAST_SAMPLES:
+            if count < MIN_SAMPLES:
                 continue
             theta = observer.derivatives(segment.theta, segment.step, 5, position=True, stride=stride)
             tau = observer.derivatives(segment.tau, segment.step, 3, delay=delay, stride=stride)

@@ -1,8 +1,7 @@
 """Residual against observer bandwidth.
 
-The paper chooses the bandwidth with the least torque error. That certifies nothing about the parameters of a
-causal observer, whose states lag differently; so the sweep also gives the parameters at every bandwidth, to
-see what moves.
+The paper chooses the bandwidth with the least torque error. This says little about the parameters of a causal
+observer, whose states lag differently; the sweep therefore also reports the parameters at every bandwidth.
 """
 
 from __future__ import annotations
@@ -23,14 +22,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SweepResult:
-    """One plain fit a bandwidth.
+    """Plain fits at several bandwidths.
 
     Attributes:
         observer: name of the observer.
         bandwidths: shape (M,) [rad/s].
         rms_fit: shape (M, n) [Nm].
         rms_validation: shape (M, n) [Nm]; NaN without validation groups.
-        stiffness, motor_inertia: shape (M, n), what was identified at each bandwidth [Nm/rad], [kg m²].
+        stiffness, motor_inertia: shape (M, n), estimates at each bandwidth [Nm/rad], [kg m²].
         best: the bandwidth of least held-out error (of least error where nothing is held out), each joint
             counted in units of its own least error [rad/s].
     """

@@ -1,8 +1,8 @@
-"""Where the search for effects that are nonlinear in their parameters starts.
+"""Start values of effects that are nonlinear in their parameters.
 
-A fit without them is scored with small versions of each over a grid (orders of a ripple, widths of a Stribeck
-peak); the best one of each effect is where its parameters begin. From nothing, most of them would end in a
-local minimum. An episode's interval is found in closed form.
+At a fit without them, small versions of each effect are scored over a grid (orders of a ripple, widths of a
+Stribeck peak), and the best one gives the start values. Started at zero, most would end in a local minimum.
+The interval of an episode is found in closed form.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def needs_search(layout: Layout) -> bool:
 
 
 def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
-    """A start for every parameter of `equation`, shape (P,): a fit without them, then the best guesses."""
+    """Start values of all parameters, shape (P,): a fit without nonlinear effects, then the best guesses."""
     layout = equation.layout
     simple = Layout(layout.joints, tuple(e for e in layout.effects if EFFECTS[e.effect].linear))
     inner = Equation(measurements.robot, equation.signals, simple)
@@ -33,7 +33,7 @@ def searched_start(measurements: MeasurementSet, equation: Equation) -> Array:
         inner, start.prior, start.bounds, start.x, after=start.point, reweightings=2, max_iterations=25
     )
     x, evaluation = solution.x, solution.evaluation
-    # a new equation: the laws see x in bands that suit it, not the start
+    # a new equation, whose wide-band signals suit x rather than the start
     point = Equation(measurements.robot, equation.signals, simple).at(x)
     weights = solution.weights[:, :, None]
     instruments = (evaluation.jacobian * weights).reshape(-1, simple.size)

@@ -92,7 +92,7 @@ def _layout(measurements: MeasurementSet, fitted: Sequence[Group], effects: Sequ
 
 @dataclass(frozen=True, eq=False)
 class _Outcome:
-    """Where the fits ended.
+    """Final state of the fits.
 
     Attributes:
         x: shape (P,).
@@ -159,7 +159,7 @@ def _result(
     message, limit = outcome.message, IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
     lagging = not outcome.refined and not plain.observer.zero_phase
     if lagging and np.any(np.array(summary.rms) > limit):
-        # what a lagging observer does to the equation is not in any interval
+        # the intervals do not include the error of a lagging observer
         estimates = tuple(
             replace(p, identifiable="weak") if p.identifiable == "yes" else p for p in estimates
         )

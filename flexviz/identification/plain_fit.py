@@ -1,4 +1,4 @@
-"""Weighted least squares in one band; which band, the data say where the user does not."""
+"""Weighted least squares in one band, given or chosen by the residual."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
 
-BAND_HERTZ = (4.0, 5.0, 6.0, 7.0, 8.5, 10.0)  # bands to choose from, rising
-STIFFNESS_FACTORS = (0.1, 10.0)  # further starts when the first fails
+BAND_HERTZ = (4.0, 5.0, 6.0, 7.0, 8.5, 10.0)  # bands to choose from, ascending
+STIFFNESS_FACTORS = (0.1, 10.0)  # further starts if the first fails
 
 
 @dataclass
 class StepReporter:
-    """Numbers the solver's steps, keeps them, and stops the solver when asked to.
+    """Records and reports the solver's steps, and stops the solver on request.
 
     Attributes:
         layout: of the solver's vector.
@@ -115,7 +115,7 @@ def plain_fit(
     report: StepReporter,
     max_iterations: int,
 ) -> PlainFit:
-    """The fit with an observer; the zero-phase Butterworth's bandwidth is chosen by the residual."""
+    """Fit with an observer; by default, the bandwidth of the zero-phase Butterworth of least residual."""
     if observer != ButterworthZeroPhase.name or bandwidth is not None:
         return _attempt(
             measurements, groups, make_observer(observer, bandwidth), None, report, max_iterations
@@ -149,7 +149,7 @@ def _attempt(
     report: StepReporter,
     max_iterations: int,
 ) -> PlainFit:
-    """From the start values or from `near`; where that fails, from other stiffnesses."""
+    """Fit from the start values or from `near`; if that fails, from other stiffnesses."""
     layout = report.layout
     equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
     start = start_values(measurements, equation)

@@ -23,7 +23,7 @@ class ParameterEstimate:
         name, joint, unit: as in the JSON contract; joint is None where it belongs to none.
         value: in SI units.
         std: standard error.
-        start: where the solver began.
+        start: start value.
         identifiable: "yes", "weak" or "no".
         tied_to: parameters ("izz:joint1") that the data cannot move independently of this one.
         at_bound: held at a physical bound.
@@ -45,7 +45,7 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class Combination:
-    """A base parameter: the smallest inertial combination that motion can show.
+    """A base parameter: an identifiable combination of inertial parameters.
 
     Attributes:
         name: "izz:joint1 + 1 mass:joint2".
@@ -71,7 +71,7 @@ class ResidualSummary:
         joints: their names.
         rms: over the samples of the fitted groups.
         rms_validation: over the validation groups; None without any.
-        noise_floor: what the measurement noise alone would leave.
+        noise_floor: rms due to measurement noise alone.
     """
 
     joints: tuple[str, ...]
@@ -117,7 +117,7 @@ class Identification:
         covariance: shape (P, P), of the entries that `parameter_names` lists.
         parameter_names: "izz:joint1".
         residuals: group name → residual over time.
-        message: how it went, one sentence.
+        message: one sentence on the outcome.
     """
 
     set_name: str
@@ -144,7 +144,7 @@ class Identification:
         """A parameter by name and joint (or payload, or group): `result["stiffness", "joint1"]`.
 
         Raises:
-            ParameterNotFound: a FlexvizError and KeyError that suggests what was meant.
+            ParameterNotFound: unknown name or joint, with suggestions (a FlexvizError and KeyError).
         """
         return find_parameter(self.parameters, key)
 
@@ -167,7 +167,7 @@ class Identification:
         return self.document().to_dict()
 
     def document(self) -> ResultDocument:
-        """The result as it is written to files."""
+        """The result as a document for files."""
         bandwidth = self.bandwidth
         if not isinstance(bandwidth, float):
             bandwidth = [float(b) for b in np.atleast_1d(bandwidth)]

@@ -27,7 +27,7 @@ def grade(kind: str, std: float, scale: float, prior_share: float) -> Grade:
 
 
 def natural_scale(prior: Prior) -> Array:
-    """How far an inertial parameter may lie from CAD: the prior's own spread there, shape (10n,)."""
+    """Prior standard deviation of the inertial parameters around CAD, shape (10n,)."""
     x = np.zeros(prior.layout.size)
     x[prior.layout.inertial] = prior.cad.ravel()
     hessian = prior.gradient_and_hessian(x)[1]
@@ -91,7 +91,7 @@ def parameter_estimates(
 
 
 def _friction_sums(layout: Layout, x: Array, start: Array, covariance: Covariance) -> list[ParameterEstimate]:
-    """Viscous friction of both sides of each joint, which the data tell better than its parts."""
+    """Sum of the viscous friction on both sides of each joint, better determined than its parts."""
     out = []
     for j, joint in enumerate(layout.joints):
         pair = [layout.link_viscous.start + j, layout.motor_viscous.start + j]

@@ -1,4 +1,4 @@
-"""Thresholds of what an identification reports, in one place with their reasons."""
+"""Decision thresholds of the identification report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Grades = Mapping[str, tuple[float, float]]
 
 @dataclass(frozen=True)
 class IdentificationThresholds:
-    """What decides between "yes", "weak" and "no".
+    """Thresholds between the grades "yes", "weak" and "no".
 
     `python -m benchmarks.thresholds` shows what the two floors decide, on a simulated two-joint arm. Without
     `effect_floor`, a torque offset known to be zero within 1e-4 Nm is graded "no"; with 0.002 to 0.06 it is

@@ -114,11 +114,11 @@ class Observer(ABC):
         """Time [s] after the start and before the end of a segment within which the states are transients."""
 
     def disturbance(self, theta: Array, step: float) -> Array | None:
-        """The disturbance state, shape (N, n) [rad/s⁵]; None where the observer has none."""
+        """The disturbance state, shape (N, n) [rad/s⁵]; None if the observer has none."""
         return None
 
     def states(self, segment: Segment, torque_hold: float = 0.0) -> ObserverStates:
-        """All states at the segment's own rate, for looking at."""
+        """All states at the sampling rate of the segment, for display."""
         return ObserverStates(
             time=segment.time,
             theta=self.derivatives(segment.theta, segment.step, THETA_DERIVATIVES, position=True),

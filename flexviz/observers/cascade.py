@@ -6,9 +6,8 @@ Z = w/(s+w), so the observers only differ in the coefficients with which they co
 Between samples y is taken as a straight line (first-order hold), for which the chain's solution over a step h
 is known in closed form: with x = wh, the transition from z_m to z_i is e^(−x) x^(i−m)/(i−m)!, the response to
 a constant is the regularised incomplete gamma function P(i, x), to a ramp P(i, x) − (i/x) P(i+1, x). All
-terms are positive, so nothing cancels and the recursion is stable for every w and h. (The direct form with
-six repeated
-poles is not: at w h = 0.005 its coefficients lose all digits.)
+terms are positive, so that nothing cancels and the recursion is stable for every w and h. (The direct form
+with six repeated poles is not: at w h = 0.005 its coefficients lose all digits.)
 """
 
 from math import factorial

@@ -109,7 +109,7 @@ class CausalEso(_PoleObserver):
 
 
 class EqualDelayEso(_PoleObserver):
-    """F = (w/(s+w))⁶ on θ and τ alike, derivatives sᵏF: everything is equally late, F droops 3(ω/w)²."""
+    """F = (w/(s+w))⁶ on both θ and τ, derivatives sᵏF: equal delay of all signals, droop 3(ω/w)²."""
 
     name = "eso-equal-delay"
     title = "Extended-state observer with equal delay"

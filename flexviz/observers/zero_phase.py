@@ -1,8 +1,8 @@
 """Zero-phase observers: a real, even gain G(ω) applied in the frequency domain, derivatives by (iω)^k.
 
-The segment is continued at both ends by reflection: positions odd, so that neither value nor slope jumps;
-torques even, because a controller's torque may start with a spike, about which an odd reflection would turn
-everything. What the reflection gets wrong stays within the filter's memory, which `settling` drops.
+The segment is extended at both ends by reflection: odd for positions, so that value and slope are continuous;
+even for torques, because an initial spike of the torque would offset an odd reflection. Errors of the
+extension stay within the filter's memory, which `settling` drops.
 """
 
 from abc import abstractmethod
@@ -88,8 +88,8 @@ class ZeroPhaseObserver(Observer):
         delay: float = 0.0,
         stride: int = 1,
     ) -> Array:
-        # Samples are picked from a finer grid that still holds everything the gain lets through: cutting a
-        # spectrum that ω⁴ has lifted would ring over the whole segment.
+        # samples are taken from a grid fine enough for the pass band: truncating a spectrum that is amplified
+        # by ω⁴ would cause ringing over the whole segment
         inner, band = 1, self.cutoff()
         if band is not None:
             wide = (
