@@ -1,4 +1,4 @@
-"""Forward simulation of flexible-joint robots: both sides, controller, sensors and every effect."""
+"""Forward simulation of flexible-joint robots with controller, sensors and effects."""
 
 from flexviz.simulation.building import check_effect, make_plant, simulated_effects
 from flexviz.simulation.control import PDController

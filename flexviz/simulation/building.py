@@ -1,4 +1,4 @@
-"""From a robot and a FlexibleModel to a plant: inertias, payload, gravity and every effect in its place."""
+"""Building a plant from a robot and a FlexibleModel: inertias, payload, gravity and effects."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def make_plant(
 ) -> tuple[Plant, TorquePath]:
     """The plant of `robot` with the parameters and effects of `model`, in Pinocchio's joint order.
 
-    An effect that names a group or a payload acts only when `group` or `payload_name` is the same.
+    An effect with a group or a payload acts only if it is `group` or `payload_name`.
     """
     if model.joints != robot.joints:
         raise InputError(f"the model's joints {model.joints} are not the robot's {robot.joints}")
@@ -69,7 +69,7 @@ def make_plant(
 
 
 def is_simulated(name: str) -> bool:
-    """Whether the simulator has a law for the effect, its own or that of a user-defined effect."""
+    """Whether the effect can be simulated, by the library's or a user-defined law."""
     return name in LAWS or (name in EFFECTS and EFFECTS[name].simulation(EFFECTS[name].sizes()) is not None)
 
 

@@ -1,4 +1,4 @@
-"""The simulated robot's controller: PD on the motor side with its own cycle, optionally a torque filter."""
+"""Sampled PD controller on the motor side with an optional torque filter."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from flexviz.simulation.plant import Array
 
 @dataclass(frozen=True, eq=False)
 class PDController:
-    """τ = k_p (θ_d − θ) + k_d (θ̇_d − θ̇), computed once a cycle and held over it.
+    """τ = k_p (θ_d − θ) + k_d (θ̇_d − θ̇), computed once per cycle and held.
 
     Attributes:
         kp: (n,) [Nm/rad].
         kd: (n,) [Nm s/rad].
         cycle: [s].
-        torque_filter: bandwidth [rad/s] of a 6th-order ESO that the torque passes before the motor, or None.
-            The smoothed torque is the one that is applied and recorded.
+        torque_filter: bandwidth of a 6th-order ESO that filters applied and recorded torque [rad/s], or None.
     """
 
     kp: Array

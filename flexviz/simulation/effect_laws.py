@@ -1,4 +1,4 @@
-"""How each effect of the library enters a plant: the simulator's one list of effects."""
+"""The simulator's implementation of each library effect."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ STANDARD_GRAVITY = 9.81  # [m/s²]
 
 @dataclass
 class Assembly:
-    """A plant under construction, for the laws to enter themselves into; Pinocchio's joint order.
+    """A plant under construction, to which effects are added; Pinocchio's joint order.
 
     Attributes:
-        robot: whose plant it is.
-        plant: without a model yet.
+        plant: still without a model.
         bodies: the payload.
-        gravity: shape (3,), in the base's frame [m/s²].
-        gain_error, delay: shape (n,), of the torque's path to the motor [-], [s].
+        gravity: shape (3,), in the base frame [m/s²].
+        gain_error, delay: shape (n,), of the torque path [-], [s].
     """
 
     robot: Robot
@@ -39,9 +38,9 @@ class Assembly:
 
 
 def neighbour(robot: Robot, i: int) -> int:
-    """The joint (index in the set's order) whose motor couples into the one with Pinocchio's index i.
+    """The joint (index in the set's order) whose motor couples into the joint with Pinocchio's index i.
 
-    It is the next joint of the set, or the one before for the last.
+    It is the next joint of the set; for the last joint, the preceding one.
     """
     own = int(np.flatnonzero(robot.order == i)[0])
     if robot.n < 2:
@@ -66,11 +65,11 @@ Enter = Callable[[Assembly, Sequence[int], Parameters], None]
 
 @dataclass(frozen=True)
 class EffectLaw:
-    """The simulator's side of an effect.
+    """Implementation of an effect.
 
     Attributes:
-        enter: puts the law into a plant, on the given joints.
-        positive, not_negative: parameters without which it has no meaning at other values.
+        enter: adds the law to a plant, on the given joints.
+        positive, not_negative: parameters that must be > 0, or ≥ 0.
     """
 
     enter: Enter
@@ -79,21 +78,21 @@ class EffectLaw:
 
 
 def motor(law: Callable[..., MotorLaw], positive: tuple[str, ...] = ()) -> EffectLaw:
-    """A motor law on each of the joints."""
+    """A motor law on each joint."""
     return EffectLaw(
         lambda made, joints, p: made.plant.motor_laws.extend((i, law(**p)) for i in joints), positive
     )
 
 
 def link(law: Callable[..., LinkLaw]) -> EffectLaw:
-    """A link law on each of the joints."""
+    """A link law on each joint."""
     return EffectLaw(lambda made, joints, p: made.plant.link_laws.extend((i, law(**p)) for i in joints))
 
 
 def elastic(
     change: Callable[[ElasticJoint, Parameters], ElasticJoint], not_negative: tuple[str, ...] = ()
 ) -> EffectLaw:
-    """A change of the elastic law of each of the joints."""
+    """A change of the elastic law of each joint."""
 
     def enter(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
         for i in joints:
@@ -162,4 +161,4 @@ LAWS: dict[str, EffectLaw] = {
     "external_contact": EffectLaw(_external_contact),
     "motor_coupling": EffectLaw(_motor_coupling),
 }
-"""Effect → how its law enters a plant on the given joints. The library's one list in the simulator."""
+"""Library effect → its implementation in the simulator."""

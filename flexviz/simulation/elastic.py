@@ -1,7 +1,7 @@
-"""The elastic joint's law with every joint effect on.
+"""The elastic joint's law with all joint effects.
 
     x   = deadzone(θ + a sin(nθ + φ) − q, b)          elastic deflection
-    τ_j = K x + k₃ x³ + D ẋ                            torque it carries
+    τ_j = K x + k₃ x³ + D ẋ                            joint torque
 
 The motor equation keeps τ_j: the reaction of the transmission error on the motor is neglected.
 """
@@ -39,7 +39,7 @@ class ElasticJoint:
             speed += amplitude * order * cos(order * theta + phase) * theta_velocity
         b = self.half_width
         if -b < x < b:
-            return 0.0  # inside the gap nothing is carried
+            return 0.0  # inside the gap
         if b:
             x -= b if x > 0 else -b
         return self.stiffness * x + self.cubic * x * x * x + self.damping * (speed - q_velocity)

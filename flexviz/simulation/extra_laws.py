@@ -1,4 +1,4 @@
-"""Laws on a joint beside the library's: of user-defined effects, and for studies of what no library has."""
+"""Laws beyond the library's: user-defined effects, and laws for studies of unknown effects."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from flexviz.effects import Effect, JointState
 
 
 class Pull(NamedTuple):
-    """What a law does to its joint.
+    """Torques of a law on its joint.
 
     Attributes:
-        motor, link: torques that oppose the motor and the link [Nm].
-        joint: torque that the joint carries beside the library's [Nm].
-        rates: time derivatives of the law's own states.
+        motor, link: torques opposing the motor and the link [Nm].
+        joint: additional joint torque [Nm].
+        rates: time derivatives of the law's states.
     """
 
     motor: float = 0.0
@@ -27,10 +27,10 @@ class Pull(NamedTuple):
 
 
 class ExtraLaw(ABC):
-    """A law on one joint. It has to be smooth over an integration step; its own states start at zero.
+    """A law on one joint, smooth over an integration step.
 
     Attributes:
-        states: number of its own states.
+        states: number of its states, which start at zero.
     """
 
     states: ClassVar[int] = 0

@@ -1,4 +1,4 @@
-"""A plan for a robot known only by its URDF: everything else is proportional to its inertia."""
+"""A plan for a robot known by its URDF only, with parameters proportional to its inertia."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from flexviz.simulation.resimulating import inertia_along, position_gains, propo
 from flexviz.simulation.sensors import Sensors
 
 DURATION = 12.0  # [s] of each group
-LARGEST_REACH = 1.0  # [rad] or [m] that a joint moves at most to either side of its middle
-WIDEST_RANGE = 20.0  # limits farther apart than this are none
+LARGEST_REACH = 1.0  # [rad] or [m] of a joint to either side of its middle
+WIDEST_RANGE = 20.0  # [rad] or [m]; wider joint limits count as none
 CYCLE = 0.00025  # [s] of the controller
 THETA_NOISE = 2e-5  # [rad] standard deviation of the encoders' noise
 PAYLOAD_SHARES = (0.05, 0.1)  # of the arm's mass
@@ -30,11 +30,12 @@ SEEDS = (31, 32, 33, 34)  # of the trajectories
 def plan_from_urdf(urdf: str | Path) -> Plan:
     """Four groups with three payloads on smooth random motions within the URDF's limits.
 
-    Stiffness, motor inertia, friction and controller are plausible for the robot's size, proportional to its
-    inertia, but those of no real robot. The URDF and the meshes in its folder become files of the set.
+    Stiffness, motor inertia, friction and controller are plausible values proportional to the inertia, not
+    those of a real robot. The URDF and the meshes in its folder become files of the set.
+
 
     Raises:
-        InputError: the URDF cannot be used, has no inertia, or a joint has no room to move.
+        InputError: the URDF cannot be read or has no inertia, or the limits of a joint are too narrow.
     """
     path = Path(urdf)
     robot = Robot.load(path)
@@ -62,7 +63,7 @@ def plan_from_urdf(urdf: str | Path) -> Plan:
         sensors=Sensors(np.full(robot.n, THETA_NOISE), 0.02 * torque),
         initial_stiffness=rough(stiffness, 0.3, rng),
         initial_motor_inertia=rough(motor_inertia, 0.3, rng),
-        note="in proportion to the URDF's inertia; no real robot has these values",
+        note="proportional to the URDF's inertia; not the values of a real robot",
         single=True,
         files={path.name: path.read_text(encoding="utf-8"), **meshes(robot, path)},
     )
@@ -77,7 +78,7 @@ def room(robot: Robot) -> tuple[Array, Array]:
     for joint, far in zip(robot.joints, reach, strict=True):
         if far < 0.05:
             raise InputError(
-                f'joint "{joint}" has no room to move, expected limits that are apart',
+                f'joint "{joint}" can move less than 0.05 rad to either side, expected wider limits',
                 file=robot.urdf_path,
             )
     return middle, reach

@@ -23,7 +23,7 @@ _NAMES = ("group", "payload")  # keys whose value is a name
 
 @dataclass(frozen=True, eq=False)
 class MotionScale:
-    """How much each joint works in a plan: rms torque [Nm], speed [rad/s], deflection [rad], each (n,)."""
+    """Rms torque [Nm], speed [rad/s] and deflection [rad] of each joint in a plan, (n,) each."""
 
     torque: Array
     speed: Array
@@ -42,7 +42,7 @@ def inject(plan: Plan, wanted: Sequence[str]) -> Plan:
 
 
 def parse(text: str, plan: Plan) -> list[EffectValue]:
-    """The effects that one option stands for; without a joint, one on every joint."""
+    """The effects of one option; one on every joint if it names none."""
     name, *rest = (part.strip() for part in text.split(":"))
     if not is_simulated(name):
         if name in EFFECTS:
@@ -104,7 +104,7 @@ def default_parameters(name: str, joint: str | None, plan: Plan, size: MotionSca
             duration=plan.groups[0].duration,
         )
     )
-    if not is_user_defined(name):  # whose example is taken as written
+    if not is_user_defined(name):  # examples of user-defined effects are not rounded
         values = tuple(float(f"{value:.3g}") for value in values)
     return dict(zip(effect.units, values, strict=True))
 

@@ -5,7 +5,7 @@
     joint   τ_j = K (θ − q)   or ElasticJoint
 
 The integrator is the classical Runge–Kutta method of order 4 with the motor torque held over a call. Arrays
-are allocated once and the laws are bound to local names: this is the innermost loop of every simulation.
+are allocated once and functions bound to local names, because this is the innermost loop of every simulation.
 """
 
 from __future__ import annotations

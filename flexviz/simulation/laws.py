@@ -1,6 +1,6 @@
-"""The effects' laws as the simulator knows them: one small function each, in the units of the joint side.
+"""The effects' laws in the simulator, one function each, in joint-side units.
 
-They are written down here once more, on purpose: the simulated truth and the estimator share no code.
+They deliberately duplicate the laws in `flexviz.effects`: simulated truth and estimator share no code.
 
 A *motor* law gives a torque that opposes the motor:   f(t, θ, θ̇, τ_j) [Nm]
 A *link* law gives a torque that opposes the link:     f(t, q, q̇) [Nm]

@@ -1,4 +1,4 @@
-"""The closed loop: controller cycle by controller cycle, with the plant integrated in between."""
+"""The closed loop: sampled controller and integrated plant."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from flexviz.simulation.integrator import stepper
 from flexviz.simulation.plant import Array, Plant
 from flexviz.simulation.sensors import Feedback
 
-PROGRESS_CYCLES = 1024  # cycles between two looks at progress and should_stop
-LARGEST_TORQUE = 1e12  # [Nm] a torque beyond is a simulation that has diverged
+PROGRESS_CYCLES = 1024  # between calls of progress and should_stop
+LARGEST_TORQUE = 1e12  # [Nm] beyond which the simulation counts as diverged
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class Loop:
     Attributes:
         target: (cycles, n) k_p θ_d + k_d θ̇_d + feedforward [Nm].
         cycle: [s].
-        smooth: filter that the torque passes before it is applied and recorded, or None.
-        feedback: what the controller sees instead of the true motion, or None.
+        smooth: filter of the applied and recorded torque, or None.
+        feedback: measured motion for the controller; None: the true motion.
         step: largest integration step [s]; None: from the fastest motion.
     """
 
@@ -52,7 +52,7 @@ class Loop:
     ) -> tuple[Array, Array]:
         """States (cycles, 4n + …) at the start of every cycle, and the torques (cycles, n) of the cycles.
 
-        `x` is the state to start from, `before` (n,) the torque that acted before [Nm].
+        `x` is the initial state, `before` (n,) the torque before t = 0 [Nm].
         """
         n, cycle, kp, kd = self.plant.n, self.cycle, self.kp, self.kd
         cycles = len(self.target) if cycles is None else min(cycles, len(self.target))

@@ -1,8 +1,7 @@
-"""Simulate an identified model along a recorded group, to see its own motion beside the measured one.
+"""Simulation of an identified model along a recorded group.
 
-Closed loop, where the set gives the controller's gains and the reference: the same controller drives the
-model. Otherwise the recorded torque drives it, with a weak PD on (measured − simulated) θ that keeps it from
-drifting away; the note says which.
+Closed loop if the set has controller gains and reference: the same controller drives the model. Otherwise the
+recorded torque drives it, with a weak PD on (measured − simulated) θ against drift. The note tells which.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ from flexviz.simulation.references import Sampled
 from flexviz.simulation.resimulating import smooth
 from flexviz.simulation.run import Run, to_run
 
-LONGEST_CYCLE = 0.001  # [s] in which the torque is held
-FASTEST_VIBRATION = 2000.0  # [rad/s] stiffer joints are softened to this for the replay
+LONGEST_CYCLE = 0.001  # [s] of a held torque
+FASTEST_VIBRATION = 2000.0  # [rad/s] to which stiffer joints are softened
 PD_BAND = 2.0 * np.pi * 2.0  # [rad/s] of the stabilising PD
-START_TIME = 0.3  # [s] in which the first motion is a polynomial
-TRIAL_TIME = 0.1  # [s] compared to choose between starting at rest and starting in motion
+START_TIME = 0.3  # [s] of the polynomial fitted to the initial motion
+TRIAL_TIME = 0.1  # [s] simulated to choose the initial state
 
 
 def replay(
@@ -131,7 +130,7 @@ def _cycles_per_sample(step: float, torque_hold: float) -> int:
 def _start(
     robot: Robot, plant: Plant, loop: Loop, segment: Segment, aim: Array, per_sample: int
 ) -> tuple[Array, Array]:
-    """The state to start from: at rest, or moving as measured or as aimed at: what fits the start best."""
+    """The initial state that fits the start best: at rest, or moving as measured or as the reference."""
     n = robot.n
     count = min(len(segment), max(8, round(START_TIME / segment.step)))
     own = segment.time[:count] - segment.time[0]
@@ -166,7 +165,7 @@ def _weak_gains(robot: Robot, plant: Plant, group: Group) -> tuple[Array, Array]
 def _resolvable(
     robot: Robot, model: FlexibleModel, group: Group, kd: Array | None, cycle: float
 ) -> tuple[FlexibleModel, list[str]]:
-    """The model with no more stiffness and no less motor inertia than can be simulated; what changed."""
+    """The model with stiffness and motor inertia limited to the range that can be simulated, and notes."""
     plant, _ = make_plant(robot, model, group.bodies)
     data = plant.model.createData()
     q = robot.to_pin(group.segments[0].theta[0])

@@ -48,18 +48,18 @@ def four_groups(
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A whole measurement set before it is simulated.
+    """A measurement set before its simulation.
 
     Attributes:
-        robot: the robot as the set will give it (CAD inertias).
-        source: the robot as written in the set.
+        robot: with the CAD inertias that the set contains.
+        source: the robot's name or file in the set.
         model: the true parameters and effects.
-        initial_stiffness, initial_motor_inertia: (n,) rough values that the set gives.
+        initial_stiffness, initial_motor_inertia: (n,) rough values for the set.
         single: write the signals as float32.
         extra: also write link positions and joint torques.
-        note: where the true values come from, for truth.json.
+        note: origin of the true values, for truth.json.
         files: further files of the set: name -> text, or the path of a file to copy.
-        laws: (joint, law) beside the library's; truth.json does not mention them.
+        laws: (joint, law) beyond the library's; not in truth.json.
     """
 
     name: str
@@ -88,7 +88,7 @@ class Plan:
         progress: ProgressCallback | None = None,
         should_stop: StopCallback | None = None,
     ) -> Run:
-        """Simulate one group without sensors' noise, unless the controller feels it (then `seed` matters)."""
+        """Simulate one group without sensor noise, unless it is fed back (then `seed` matters)."""
         sensors = self.sensors if self.sensors.feedback else None
         return simulate_run(
             self.robot,

@@ -1,7 +1,7 @@
-"""The simulated flexible-joint robot: its parameters, its laws, and the torque in its joints.
+"""The simulated flexible-joint robot: parameters, laws and joint torque.
 
-Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z], z the states of the presliding
-and of the extra laws.
+Arrays are in Pinocchio's joint order. The state is x = [q, θ, q̇, θ̇, z] with the states z of presliding and
+extra laws.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class Plant:
         motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
         motor_laws, link_laws: (joint index, law).
         presliding: (joint index, Dahl).
-        elastic: joint index -> law, for joints that are not a plain spring.
+        elastic: joint index -> law, for joints other than linear springs.
         contacts: (joint index, torque [Nm], start [s], end [s]).
-        extra: (joint index, law) beside the library's.
+        extra: (joint index, law) beyond the library's.
     """
 
     model: Any

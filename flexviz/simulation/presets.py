@@ -1,4 +1,4 @@
-"""Ready plans: the paper's groups A–F, a demonstration with the planar arm and one with a Panda."""
+"""Preset plans: the paper's groups A–F, and demonstrations with a planar arm and a Panda."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAPER_GROUPS: dict[str, tuple[str, ...]] = {
     "e": ("t1p2", "t2p2", "t3p2"),
     "f": ("t1p1",),
 }
-# One more run beside the paper's, never used for fitting: a pair that no fit group has.
+# One additional validation run with a pair that no fitted group has.
 PAPER_VALIDATION = {"a": "t3p2", "b": "t3p2", "c": "t3p2", "d": "t3p2", "e": "t1p3", "f": "t3p2"}
 PAPER_TRAJECTORIES = {"t1": (1.0, 0.5 * np.pi), "t2": (0.7, 0.3 * np.pi), "t3": (0.85, 0.4 * np.pi)}
 
@@ -176,7 +176,7 @@ def perturbed(inertial: Array, share: float, rng: np.random.Generator) -> Array:
 
 
 def rough(values: Array, share: float, rng: np.random.Generator) -> Array:
-    """Values that are up to `share` away, with three digits."""
+    """Values with random errors of up to `share`, to three digits."""
     guess = values * (1.0 + share * rng.uniform(-1.0, 1.0, len(values)))
     return np.array([float(f"{x:.3g}") for x in guess])
 

@@ -1,4 +1,4 @@
-"""How fine the integration must be: the fastest motion the plant can make."""
+"""Integration step from the plant's fastest motion."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from flexviz._pinocchio import pin
 from flexviz.simulation.plant import Array, Plant
 
-LARGEST_PHASE = 0.3  # [rad] largest phase of the fastest vibration in one step
-LARGEST_DECAY = 1.8  # [-] largest step times the fastest decay rate
+LARGEST_PHASE = 0.3  # [rad] of the fastest vibration per step
+LARGEST_DECAY = 1.8  # [-] step times the fastest decay rate
 
 
 @dataclass(frozen=True)

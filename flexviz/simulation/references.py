@@ -28,7 +28,7 @@ class Sinusoid(Reference):
     Attributes:
         amplitude: k1 [rad].
         frequency: k2 [rad/s].
-        n: number of joints, which all move alike.
+        n: number of joints; all have the same motion.
     """
 
     amplitude: float

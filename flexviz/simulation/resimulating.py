@@ -1,4 +1,4 @@
-"""A plan that repeats a measurement set in simulation: its robot, payloads and trajectories."""
+"""A plan that repeats a measurement set in simulation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexviz.simulation.plant import Array
 from flexviz.simulation.references import Sampled
 from flexviz.simulation.sensors import Sensors
 
-REFERENCE_BAND = 10.0  # [Hz] of the motor motion that becomes the reference where a set has none
+REFERENCE_BAND = 10.0  # [Hz] of the motor motion used as reference if a set has none
 LONGEST_CYCLE = 0.001  # [s] of the simulated controller
 
 

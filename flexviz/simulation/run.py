@@ -35,7 +35,7 @@ class Run:
         tau_joint: (N, n) torque in the joints, exact [Nm].
         theta_ref: (N, n) reference [rad].
         torque_hold: how long each torque is held [s].
-        note: how it was simulated, for the reader.
+        note: remarks on the simulation.
     """
 
     time: Array
@@ -78,10 +78,12 @@ def simulate_run(
 ) -> Run:
     """Simulate `robot` with the parameters of `model` following `reference` for `duration` [s].
 
-    `step` is the largest integration step [s] (None: chosen from the fastest motion), `record_step` the
-    recording's step [s] (None: every controller cycle). `start` "rest": in static equilibrium at θ_d(0);
-    "moving": on the reference, with its velocity. `laws` are (joint, law) beside the library's. `progress`
-    gets the share done; when `should_stop` says so the simulation ends with Cancelled.
+    `step` is the largest integration step [s] (None: from the fastest motion), `record_step` the recording's
+    step [s] (None: every controller cycle). `start` "rest": in static equilibrium at θ_d(0); "moving": on the
+    reference, with its velocity. `laws` are (joint, law) beyond the library's.
+
+    Raises:
+        Cancelled: `should_stop` returned True.
     """
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; valid: {", ".join(STARTS)}')

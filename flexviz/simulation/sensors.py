@@ -1,4 +1,4 @@
-"""Sensors: quantised and noisy positions, noisy torques."""
+"""Sensor models: noise and quantisation."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from flexviz.simulation.plant import Array
 
 @dataclass(frozen=True)
 class Sensors:
-    """Noise and resolution, one number or one per joint.
+    """Noise and resolution, one number for all joints or one per joint.
 
     Attributes:
         theta_noise: standard deviation of the motor position's noise [rad].
         torque_noise: standard deviation of the torque's noise [Nm].
         resolution: smallest step of the motor encoder at the joint side [rad]; 0: none.
-        feedback: False: noise and resolution are in the record only; True: the controller sees them too.
+        feedback: noise and resolution also affect the controller, not only the record.
         velocity_filter: with `feedback`, bandwidth of the low-pass on the differenced position [rad/s].
     """
 
@@ -53,7 +53,7 @@ class Sensors:
 
 
 class Feedback:
-    """The position and its filtered difference as the controller sees them."""
+    """Measured position and filtered velocity for the controller."""
 
     def __init__(
         self,

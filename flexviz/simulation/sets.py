@@ -1,4 +1,4 @@
-"""Simulate a whole measurement set and write it, with its truth beside it."""
+"""Simulation of a whole measurement set, written with its truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from flexviz.simulation.truth import FILE_NAME, truth
 
 @dataclass(frozen=True)
 class SimulatedSet:
-    """What was simulated and where it lies."""
+    """A simulated measurement set on disk."""
 
     folder: Path
     plan: Plan
@@ -59,9 +59,12 @@ def simulate_preset(
     overwrite: bool = False,
     table_format: str = "parquet",
 ) -> SimulatedSet:
-    """Simulate a preset, a robot's URDF, or a set again, and write all of it to `out`, or nothing.
+    """Simulate a preset, a URDF or a measurement set, and write it to `out` completely or not at all.
 
-    Equal arguments give equal numbers. When `should_stop` says so, it ends with Cancelled.
+    Equal arguments give equal numbers.
+
+    Raises:
+        Cancelled: `should_stop` returned True.
     """
     check_free(Path(out).absolute(), overwrite)  # before the work, not after it
     plan = make_plan(preset_or_set, effects, start)
@@ -87,9 +90,9 @@ def move(
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> dict[str, Run]:
-    """Group name -> its motion without the record's noise; `seed` is for noise that the controller feels.
+    """Group name -> its motion without measurement noise; `seed` is for noise that is fed back.
 
-    Many seeds of one plan cost one `move` and a `record` each.
+    For many noise seeds of one plan, call `move` once and `record` per seed.
     """
     runs: dict[str, Run] = {}
     total = sum(group.duration for group in plan.groups)

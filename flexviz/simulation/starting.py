@@ -1,4 +1,4 @@
-"""States to start from: at rest in static equilibrium, or moving without exciting the elastic joints."""
+"""Initial states: static equilibrium, or motion that does not excite the elastic joints."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def at_rest(plant: Plant, theta_ref: Array, kp: Array) -> tuple[Array, Array]:
 def moving(plant: Plant, motion: Callable[[Array], Array], width: float = 0.2, degree: int = 8) -> Array:
     """The state at t = 0 with the motors on θ = `motion`(t) (M, n) and the links following without ringing.
 
-    The link's motion is the slow one: from q = θ, torque by inverse dynamics, q = θ + error − opening(τ_j), a
-    few times over, with derivatives of the Chebyshev polynomial of `degree` on −width … width [s]. More
-    would not converge: each adds two derivatives. The jump of a backlash's gap is added at the end.
+    The link follows the slow motion: starting with q = θ, torque by inverse dynamics and q = θ + error −
+    opening(τ_j) are iterated three times, with derivatives of the Chebyshev polynomial of `degree` on
+    −width … width [s]. More iterations diverge, as each adds two derivatives. The backlash gap is added last.
     """
     n = plant.n
     data = plant.model.createData()

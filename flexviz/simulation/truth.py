@@ -16,7 +16,7 @@ INERTIAL_UNITS = {
 
 
 def truth(plan: Plan, seed: int) -> dict[str, Any]:
-    """What `simulate` writes beside a set."""
+    """The content of `truth.json`."""
     return {
         "format": 1,
         "simulated": True,
@@ -31,7 +31,7 @@ def truth(plan: Plan, seed: int) -> dict[str, Any]:
 
 
 def parameters(model: FlexibleModel) -> list[dict[str, Any]]:
-    """Every parameter of the model, without payload."""
+    """All parameters of the model, without payload."""
     columns = {
         "stiffness": (model.stiffness, "Nm/rad"),
         "motor_inertia": (model.motor_inertia, "kg m²"),
@@ -48,7 +48,8 @@ def parameters(model: FlexibleModel) -> list[dict[str, Any]]:
 
 
 def effects(model: FlexibleModel) -> list[dict[str, Any]]:
-    """Every effect with its parameters."""
+    """All effects with their parameters."""
+
     return [
         {
             "effect": effect.effect,
