@@ -166,7 +166,7 @@ def test_only_flexviz_recordings_can_be_compared(
         stream.save(tmp_path / "other.rrd")
         stream.log("x", rr.Scalars(1.0))
     code, out, _ = review(capfd, tmp_path / "other.rrd", "--check")
-    assert code == 0 and "no recording of flexviz" in out
+    assert code == 0 and "not a flexviz recording" in out
     code, _, err = review(capfd, files[0], tmp_path / "other.rrd", "--check")
     assert code == 2 and "other.rrd: only recordings of flexviz can be compared" in err
 
