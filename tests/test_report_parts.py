@@ -225,7 +225,7 @@ def test_sessions_are_compared(
     capsys.readouterr()
     assert main(["compare", "one", "three"]) == 0
     out = capsys.readouterr().out
-    assert "three: has no result for its present settings" in out and "different" not in out
+    assert "three: has no result for its current settings." in out and "different" not in out
     identified = session.undo().undo()
     save_session(identified, measurements, workplace / "three")
     assert main(["compare", "one", "three", "--json", "c.json"]) == 0
