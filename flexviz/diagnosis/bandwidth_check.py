@@ -99,10 +99,9 @@ def check_bandwidth(
         if observer is None and FlatZeroPhase.ratio * band.bandwidth <= bands[in_use].bandwidth:
             band = without_own_error(band, bands[in_use], begin.x)
         fits.append(fit(band, prior, bounds, begin, used, True))
-    share = COMPARED_SHARE_FLAT if observer is None else COMPARED_SHARE
-    top = share * min(b.bandwidth for b in bands)
-    low = FlatZeroPhase(top / FlatZeroPhase.ratio)
-    residuals = _compare_residuals(bands, in_use, fits, common, low, check)
+    top = min(b.bandwidth for b in bands) * (COMPARED_SHARE_FLAT if observer is None else COMPARED_SHARE)
+    slow = FlatZeroPhase(top / FlatZeroPhase.ratio)
+    residuals = _compare_residuals(bands, in_use, fits, common, slow, check)
     return BandwidthCheck(
         observer="two bands" if observer is None else observer.name,
         bandwidths=np.array([b.bandwidth for b in bands]),
