@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -59,8 +60,14 @@ def send(app: Application, handle: Any, value: Any = True) -> None:
         value = True
     handle._impl.value = value
     for callback in handle._impl.update_cb:
-        asyncio.run(callback(SimpleNamespace(client_id=BROWSER, target=handle)))
+        finish(callback(SimpleNamespace(client_id=BROWSER, target=handle)))
     act(app)
+
+
+def finish(call: Any) -> None:
+    """Run a callback to its end, in a thread: this one may have an event loop of its own, as Playwright's."""
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, call).result()
 
 
 def upload(app: Application, name: str, content: bytes) -> None:
@@ -75,8 +82,7 @@ def command(app: Application, label: str) -> None:
     (handle,) = [handle for handle in handles if handle.label == label]
     event: Any = SimpleNamespace(client_id=BROWSER)
     for callback in handle._impl.trigger_cb:
-        call: Any = callback(event)
-        asyncio.run(call)
+        finish(callback(event))
     act(app)
 
 

@@ -78,7 +78,7 @@ def test_a_missing_effect_moves_what_had_absorbed_it(demo):
     assert ("stiffness", "joint2") in {(p.name, p.joint) for p in found.untrusted}
     moved = next(p for p in found.untrusted if (p.name, p.joint) == ("stiffness", "joint2"))
     assert np.ptp(moved.values) > NORMAL_95 * moved.std[found.in_use]
-    assert any(text.startswith("stiffness (joint2) moves") for text in found.texts())
+    assert any(text.startswith("stiffness (joint2) changes with the bandwidth") for text in found.texts())
 
 
 def test_every_bandwidth_sees_the_same_seconds(demo, complete):

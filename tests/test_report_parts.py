@@ -230,7 +230,7 @@ def test_sessions_are_compared(
     save_session(identified, measurements, workplace / "three")
     assert main(["compare", "one", "three", "--json", "c.json"]) == 0
     out = capsys.readouterr().out
-    assert "different bands" in out and "different kinds of fit" in out
+    assert "different frequency bands" in out and "different kinds of fit" in out
     found = identified.analysis.identification
     document = json.loads((workplace / "c.json").read_text())["sessions"][1]
     assert found is not None and document["rms"] == list(found.residual.rms)

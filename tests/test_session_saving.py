@@ -214,7 +214,10 @@ def test_a_session_of_format_2_opens_and_is_saved_as_todays(tmp_path: Path) -> N
     assert session.redoes == "width" and not opened.changed and session.notes[0].text == "a note"
     result, diagnosis = session.analysis.identification, session.analysis.diagnosis
     assert result is not None and diagnosis is not None
-    assert diagnosis.to_dict() == DIAGNOSIS.to_dict()  # free curve, guard and typed notes included
+    found, expected = diagnosis.to_dict(), DIAGNOSIS.to_dict()  # free curve, guard and typed notes included
+    assert found["free_curve"].pop("note").startswith("a stopgap")  # saved in the words of that time
+    expected["free_curve"].pop("note")
+    assert found == expected
     assert session.analysis.model_steps[0].step.groups == DIAGNOSIS.steps[0].groups
     save_session(session, opened.measurements, folder)
     assert json.loads((folder / SESSION_FILE).read_text())["format"] == 3
