@@ -139,7 +139,7 @@ def test_every_command_has_a_key_of_its_own_and_does_something(app: Application)
         ("Choose the next group", lambda: app.store.group.name == "g2"),
         ("Change the layout of the robots", lambda: app.store.view.layout == "Overlaid"),
         ("Use the sweep's best bandwidth", lambda: "nothing has been swept yet" in status(app)),
-        ("Add the best finding and refit", lambda: "nothing is found" in status(app)),
+        ("Add the best finding and refit", lambda: "there are no findings" in status(app)),
         ("Send a report", lambda: "no results yet" in status(app)),
     ):
         command(app, label)
