@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel, ConfigDict
 
-from flexviz.cli import main, output, progress
+from flexviz.cli import main, terminal
 from flexviz.cli.options import parse_bandwidth
 from flexviz.errors import InputError
 from flexviz.progress import Iteration, Progress
@@ -245,9 +245,9 @@ def test_interrupt_in_the_middle_of_a_line(monkeypatch: pytest.MonkeyPatch) -> N
             self.writing = False
             return super().write(text)
 
-    with progress.interruptible() as should_stop:
+    with terminal.interruptible() as should_stop:
         monkeypatch.setattr(sys, "stderr", Busy())
-        progress.note("line")
+        terminal.note("line")
         assert should_stop()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
@@ -300,10 +300,10 @@ def test_parse_bandwidth(text: str | None, value: object) -> None:
 
 def test_json_is_whole_or_absent(tmp_path: Path) -> None:
     file = tmp_path / "a.json"
-    output.write_json(file, {"x": [1.0, math.nan, math.inf], "y": (1, None)})
+    terminal.write_json(file, {"x": [1.0, math.nan, math.inf], "y": (1, None)})
     assert json.loads(file.read_text()) == {"x": [1.0, None, None], "y": [1, None]}
     with pytest.raises(TypeError):
-        output.write_json(file, {"x": object()})
+        terminal.write_json(file, {"x": object()})
     assert json.loads(file.read_text())["y"] == [1, None]
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
     umask = os.umask(0)
@@ -312,9 +312,9 @@ def test_json_is_whole_or_absent(tmp_path: Path) -> None:
 
 
 def test_output_file_is_checked_before_the_work(tmp_path: Path) -> None:
-    output.check_output_file(tmp_path / "new.json")
+    terminal.check_output_file(tmp_path / "new.json")
     with pytest.raises(InputError, match="does not exist"):
-        output.check_output_file(tmp_path / "no" / "new.json")
+        terminal.check_output_file(tmp_path / "no" / "new.json")
 
 
 @pytest.mark.parametrize(
@@ -332,7 +332,7 @@ def test_intervals_of_tables(value: float, std: float | None, shown: tuple[str, 
 
 
 def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.Reporter("work") as report:
+    with terminal.Reporter("work") as report:
         for count in range(100):
             report(Progress(f"reading {count // 50}", count / 100))
         report(Progress("solving", iteration=Iteration(3, "", 1.5, 0.1, np.zeros(1), ("a",))))

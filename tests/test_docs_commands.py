@@ -96,7 +96,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         served.append(source)
 
     monkeypatch.setattr("flexviz.app.serve", serve)
-    monkeypatch.setattr("flexviz.cli.review.show", lambda files, *options: [file.stat() for file in files])
+    monkeypatch.setattr("flexviz.cli.viewing.show", lambda files, *options: [file.stat() for file in files])
     monkeypatch.setattr("flexviz.recording.writing.RecordingFile.simulate", lambda *arguments: None)
     yield tmp_path
     forget_effects()

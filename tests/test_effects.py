@@ -385,7 +385,7 @@ def test_command_lists_all(capsys: pytest.CaptureFixture[str]) -> None:
 def test_command_in_a_narrow_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("flexviz.cli.output.PIPE_WIDTH", 80)
+    monkeypatch.setattr("flexviz.cli.terminal.PIPE_WIDTH", 80)
     assert main(["effects"]) == 0
     out = capsys.readouterr().out
     assert "…" not in out and max(len(line) for line in out.splitlines()) <= 80

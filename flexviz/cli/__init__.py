@@ -1,4 +1,4 @@
-"""The command line: one file per command, no computation here.
+"""The command line: options, messages and exit codes, no computation here.
 
 Exit codes: 0 done, 1 ran but did not converge, 2 bad input or usage, 130 interrupted. Results go to
 standard output, progress and messages to standard error. Commands import what they need when they run, so
@@ -8,26 +8,20 @@ that `flexviz --help` is quick.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 
 import typer
 
 from flexviz import __version__
-from flexviz.cli import (
-    compare,
-    diagnose,
-    effects,
-    export,
-    identify,
-    import_,
-    record,
-    report,
-    review,
-    serve,
-    session,
-    simulate,
-)
+from flexviz.cli.analysis import diagnose, identify, record, report
+from flexviz.cli.effects import effects
+from flexviz.cli.export import export
+from flexviz.cli.import_ import import_
+from flexviz.cli.options import with_shared_options
+from flexviz.cli.sessions import compare, session
+from flexviz.cli.simulate import simulate
+from flexviz.cli.viewing import review, serve
 from flexviz.errors import FlexvizError, one_line
 
 EXIT_BAD_INPUT = 2
@@ -38,18 +32,23 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command("identify")(identify.identify)
-app.command("diagnose")(diagnose.diagnose)
-app.command("simulate")(simulate.simulate)
-app.command("serve")(serve.serve)
-app.command("record")(record.record)
-app.command("review")(review.review)
-app.command("import")(import_.import_)
-app.command("export")(export.export)
-app.command("effects")(effects.effects)
-app.command("report")(report.report)
-app.command("compare")(compare.compare)
-app.command("session")(session.session)
+# in the order of the help
+COMMANDS: dict[str, Callable[..., int]] = {
+    "identify": with_shared_options(identify),
+    "diagnose": with_shared_options(diagnose),
+    "simulate": with_shared_options(simulate),
+    "serve": with_shared_options(serve),
+    "record": with_shared_options(record),
+    "review": review,
+    "import": import_,
+    "export": with_shared_options(export),
+    "effects": with_shared_options(effects),
+    "report": with_shared_options(report),
+    "compare": with_shared_options(compare),
+    "session": with_shared_options(session),
+}
+for _name, _command in COMMANDS.items():
+    app.command(_name)(_command)
 
 
 @app.callback(invoke_without_command=True)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexviz.cli.options import EffectsFromOption, load_effect_files
+from flexviz.cli import terminal
+from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,15 +31,11 @@ def effects(
             "--json", metavar="FILE", help="Also write them as JSON; - writes only JSON, to standard output."
         ),
     ] = None,
-    effects_from: EffectsFromOption = None,
 ) -> int:
     """List the physical effects, or show one with its equation, bounds and signature."""
-    from flexviz.cli import output
     from flexviz.effects import EFFECTS
-    from flexviz.errors import InputError, choose_from
     from flexviz.wording import effect_json
 
-    load_effect_files(effects_from)
     if name is not None and name not in EFFECTS:
         raise InputError(f'effect "{name}" does not exist; {choose_from(name, EFFECTS, len(EFFECTS))}')
     shown = list(EFFECTS.values()) if name is None else [EFFECTS[name]]
@@ -47,9 +44,9 @@ def effects(
         if json_file == STDOUT:
             print_json(data)
             return 0
-        output.check_output_file(json_file, ".json")
-        output.write_json(json_file, data)
-    console = output.results()
+        terminal.check_output_file(json_file, ".json")
+        terminal.write_json(json_file, data)
+    console = terminal.results()
     if name is None:
         list_all(console, shown)
     else:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flexviz.cli import terminal
 from flexviz.cli.options import (
-    EffectsFromOption,
     IdentificationOptions,
-    load_effect_files,
+    SourceArgument,
     run_identification,
-    with_identification_options,
 )
 from flexviz.errors import Cancelled, InputError
 
@@ -21,11 +20,8 @@ if TYPE_CHECKING:
     from flexviz.exporting import Exported, IdentifiedRobot
 
 
-@with_identification_options
 def export(
-    source: Annotated[
-        Path, typer.Argument(metavar="SET|SESSION", help="Folder with measurements.toml, or a saved session.")
-    ],
+    source: SourceArgument,
     out: Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder to write to.")],
     options: IdentificationOptions,
     to: Annotated[
@@ -44,19 +40,15 @@ def export(
     payload: Annotated[
         str | None, typer.Option(metavar="NAME", help="The robot carries this payload of the set.")
     ] = None,
-    effects_from: EffectsFromOption = None,
 ) -> int:
     """Write the identified robot as URDF, MJCF, parameter files, and C and Python code for feed-forward.
 
     Writes the result in FILE, or the current result of a session. A set without FILE is identified first,
     using the identification options.
     """
-    from flexviz.cli import output
-    from flexviz.cli.progress import note
     from flexviz.exporting import check_folder, check_formats, write
     from flexviz.session import is_session
 
-    load_effect_files(effects_from)
     formats = check_formats(to or [])
     check_folder(out)
     if options != IdentificationOptions():
@@ -69,8 +61,8 @@ def export(
     identified = identified or _from_session(source, payload)
     identified = identified or _identified(source, options, payload)
     for text in identified.remarks:
-        note(f"note: {text}")
-    output.print_lines(summary(write(identified, out, formats)))
+        terminal.note(f"note: {text}")
+    terminal.print_lines(summary(write(identified, out, formats)))
     return 0 if identified.document.converged else 1
 
 
@@ -86,7 +78,6 @@ def summary(done: Exported) -> list[str]:
 
 
 def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot:
-    from flexviz.cli.progress import note
     from flexviz.exporting import identified_robot
     from flexviz.results import read_result
     from flexviz.session import open_session
@@ -94,7 +85,7 @@ def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot
     document = read_result(file)
     measurements = open_session(source).measurements
     if document.set != measurements.name:
-        note(f'note: {file} is a result of the set "{document.set}", used for {measurements.name}')
+        terminal.note(f'note: {file} is a result of the set "{document.set}", used for {measurements.name}')
     return identified_robot(measurements, document, payload=payload, file=file)
 
 
@@ -133,11 +124,13 @@ def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
 
 
 def _identified(path: Path, options: IdentificationOptions, payload: str | None) -> IdentifiedRobot:
-    from flexviz.cli.progress import Reporter, interruptible
     from flexviz.exporting import check_payload, identified_robot
     from flexviz.measurements import read_set
 
-    with Reporter(f"reading {path}") as report, interruptible("nothing is written") as should_stop:
+    with (
+        terminal.Reporter(f"reading {path}") as report,
+        terminal.interruptible("nothing is written") as should_stop,
+    ):
         if payload is not None:  # refuse before the work
             check_payload(read_set(path), payload)
         measurements, found = run_identification(path, options, report, should_stop)

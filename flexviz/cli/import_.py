@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexviz.cli import terminal
+from flexviz.cli.options import FormatOption, JsonOption
 from flexviz.errors import InputError
 from flexviz.files import write_whole
 from flexviz.statistics import NORMAL_95
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from flexviz.cli.progress import Reporter
-    from flexviz.importing import Imported, Mapping, Questions
+    from flexviz.importing import Imported, Inspection, Person
 
 INCOMPLETE = 1  # a mapping was written, but something in it must still be filled in
 REFUSED = 2  # nothing was written because the data contradict the mapping
-
-
-@dataclass(frozen=True)
-class ImportRun:
-    """Output options of an import, and how to report and stop it."""
-
-    out: Path | None
-    table_format: str
-    yes: bool
-    json_file: Path | None
-    report: Reporter
-    should_stop: Callable[[], bool]
 
 
 def import_(
@@ -54,15 +40,11 @@ def import_(
         Path | None,
         typer.Option(metavar="FILE", help="With logs: write the mapping drafted from them to this file."),
     ] = None,
-    table_format: Annotated[
-        str, typer.Option("--format", metavar="parquet|csv", help="Kind of the set's tables.")
-    ] = "parquet",
+    table_format: FormatOption = "parquet",
     yes: Annotated[
         bool, typer.Option("--yes", help="Ask nothing, and write the set even if something looks wrong.")
     ] = False,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the report as JSON.")
-    ] = None,
+    json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.
 
@@ -72,43 +54,43 @@ def import_(
 
     flexviz import arm.toml --out arm-set
     """
-    from flexviz.cli import output
-    from flexviz.cli.progress import Reporter, interruptible
+    from flexviz.importing import import_logs, inspect_logs, read_mapping
 
-    output.check_output_file(json_file, ".json")
+    terminal.check_output_file(json_file, ".json")
     if out is not None:
-        output.check_new_folder(out, table_format)
+        terminal.check_new_folder(out, table_format)
+    check_source(source, robot, mapping)
     asking = not yes and sys.stdin.isatty() and sys.stderr.isatty()  # before the live line takes stderr
-    with Reporter("importing") as report, interruptible("nothing is written") as should_stop:
-        run = ImportRun(out, table_format, yes, json_file, report, should_stop)
-        if len(source) == 1 and source[0].suffix == ".toml":
-            refuse_with_mapping(robot, mapping)
-            from flexviz.importing import read_mapping
+    with (
+        terminal.Reporter("importing") as report,
+        terminal.interruptible("nothing is written") as should_stop,
+    ):
+        if robot is None:
+            file, content = source[0], read_mapping(source[0])
+        else:
+            asked = person(report) if asking else None
+            found = inspect_logs(source, robot, questions=asked, progress=report, should_stop=should_stop)
+            show_draft(found, mapping, checked_only=out is None)
+            if found.draft.missing or out is None:
+                return INCOMPLETE if found.draft.missing else 0
+            file, content = Path("mapping"), found.draft.mapping()
+        run: dict[str, Any] = {"progress": report, "should_stop": should_stop}
+        done = import_logs(file, out, mapping=content, table_format=table_format, accept=yes, **run)
+    if json_file is not None:
+        terminal.write_json(json_file, done.to_json())
+    terminal.print_lines(summary(done, out))
+    return REFUSED if done.wrong and not yes else 0
 
-            return import_logs(read_mapping(source[0]), source[0], run)
-        return from_logs(source, robot, mapping, person(report) if asking else None, run)
 
-
-def refuse_with_mapping(robot: str | None, mapping: Path | None) -> None:
-    """InputError for options that apply only to logs."""
-    if robot is not None:
-        raise InputError("--robot applies to logs, but the mapping file names the robot")
-    if mapping is not None:
-        raise InputError("--mapping applies to logs, but a mapping file was given")
-
-
-def from_logs(
-    logs: list[Path],
-    robot: str | None,
-    mapping: Path | None,
-    questions: Questions | None,
-    run: ImportRun,
-) -> int:
-    """Inspect logs; write the mapping if requested, and the set if nothing is missing."""
-    from flexviz.cli import output
-    from flexviz.importing import inspect_logs
-
-    for path in logs:
+def check_source(source: list[Path], robot: str | None, mapping: Path | None) -> None:
+    """InputError unless there is a mapping alone, or there are logs with their robot."""
+    if len(source) == 1 and source[0].suffix == ".toml":
+        if robot is not None:
+            raise InputError("--robot applies to logs, but the mapping file names the robot")
+        if mapping is not None:
+            raise InputError("--mapping applies to logs, but a mapping file was given")
+        return
+    for path in source:
         if path.suffix == ".toml":
             raise InputError(
                 "a mapping file cannot be combined with logs, expected flexviz import MAPPING --out DIR",
@@ -118,70 +100,36 @@ def from_logs(
         raise InputError(
             "--robot is missing, expected with logs: a URDF, example-robot-data:NAME or robots:NAME"
         )
-    check_new_file(mapping)
-    inspection = inspect_logs(
-        logs, robot, questions=questions, progress=run.report, should_stop=run.should_stop
-    )
-    text = inspection.draft.text(mapping)
-    if mapping is not None:
-        write_whole(mapping, text.encode())
-    output.print_lines([*inspection.draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
-    if inspection.draft.missing:
-        if mapping is None:
-            print(text, end="")
-        where = f" in {mapping}" if mapping else "; --mapping FILE writes what is known to a file"
-        output.print_lines([f"to be filled in{where}: {line}" for line in inspection.draft.missing])
-        return INCOMPLETE
-    if run.out is None:
-        if mapping is None:
-            print(text, end="")
-        else:
-            output.print_lines([f"{mapping}: read and correct it, then flexviz import {mapping} --out SET"])
-        return 0
-    return import_logs(inspection.draft.mapping(), Path("mapping"), run)
+    terminal.check_output_file(mapping)
+    if mapping is not None and mapping.exists():  # it may have been corrected
+        raise InputError("exists already, expected a new name", file=mapping)
+    if mapping is not None and mapping.suffix != ".toml":
+        raise InputError("not a name for a mapping, expected *.toml", file=mapping)
 
 
-def import_logs(mapping: Mapping, file: Path, run: ImportRun) -> int:
-    """Import the logs of a mapping and print the report."""
-    from flexviz.cli import output
-    from flexviz.importing import import_mapping
-
-    done = import_mapping(
-        mapping,
-        file,
-        run.out,
-        run.table_format,
-        run.yes,
-        progress=run.report,
-        should_stop=run.should_stop,
-    )
-    if run.json_file is not None:
-        output.write_json(run.json_file, done.to_json())
-    output.print_lines(summary(done, run.out))
-    return REFUSED if done.wrong and not run.yes else 0
+def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) -> None:
+    """Write the drafted mapping if requested; print what was seen, and the mapping where it is the result."""
+    draft, text = inspection.draft, inspection.draft.text(file)
+    if file is not None:
+        write_whole(file, text.encode())
+    terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
+    if file is None and (draft.missing or checked_only):
+        print(text, end="")
+    where = f" in {file}" if file else "; --mapping FILE writes what is known to a file"
+    terminal.print_lines([f"to be filled in{where}: {line}" for line in draft.missing])
+    if file is not None and checked_only and not draft.missing:
+        terminal.print_lines([f"{file}: read and correct it, then flexviz import {file} --out SET"])
 
 
-def person(report: Reporter) -> Questions:
+def person(report: terminal.Reporter) -> Person:
     """The user at the terminal; the live line is hidden while they answer."""
-    from flexviz.cli.progress import note
     from flexviz.importing import Person
 
     def ask(question: str, default: str) -> str:
         with report.paused():
             return str(typer.prompt(question, default=default, err=True, show_default=bool(default)))
 
-    return Person(ask, note)
-
-
-def check_new_file(file: Path | None) -> None:
-    """Refuse an unusable mapping file before the work; an existing one may have been corrected."""
-    from flexviz.cli import output
-
-    output.check_output_file(file)
-    if file is not None and file.exists():
-        raise InputError("exists already, expected a new name", file=file)
-    if file is not None and file.suffix != ".toml":
-        raise InputError("not a name for a mapping, expected *.toml", file=file)
+    return Person(ask, terminal.note)
 
 
 def summary(done: Imported, out: Path | None) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -15,14 +15,21 @@ import typer
 from flexviz.errors import InputError, choose_from
 
 if TYPE_CHECKING:
-    from flexviz.cli.progress import Reporter
+    from flexviz.cli.terminal import Reporter
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
 
 SetArgument = Annotated[Path, typer.Argument(metavar="SET", help="Folder with measurements.toml.")]
+SourceArgument = Annotated[
+    Path, typer.Argument(metavar="SET|SESSION", help="Folder with measurements.toml or session.json.")
+]
 JsonOption = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write the result as JSON.")
 ]
+FormatOption = Annotated[
+    str, typer.Option("--format", metavar="parquet|csv", help="Kind of the set's tables.")
+]
+BrowserOption = Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")]
 EffectsFromOption = Annotated[
     list[Path] | None,
     typer.Option(
@@ -32,15 +39,6 @@ EffectsFromOption = Annotated[
         "Repeat for more.",
     ),
 ]
-
-
-def load_effect_files(files: Sequence[Path] | None) -> None:
-    """Add user-defined effects to the library."""
-    if files:
-        from flexviz.effects import load_effects
-
-        for file in files:
-            load_effects(file)
 
 
 @dataclass(frozen=True)
@@ -86,24 +84,33 @@ class IdentificationOptions:
         }
 
 
-def with_identification_options(command: Callable[..., int]) -> Callable[..., int]:
-    """Replace the parameter `options` of a command by the fields of `IdentificationOptions`."""
+def with_shared_options(command: Callable[..., int]) -> Callable[..., int]:
+    """The command with `--effects-from`, and its parameter `options` as `IdentificationOptions`' fields."""
     hints = get_type_hints(IdentificationOptions, include_extras=True)
+    options = {field.name: field.default for field in fields(IdentificationOptions)}
     signature = inspect.signature(command, eval_str=True)
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-    options = [
-        inspect.Parameter(field.name, kind, default=field.default, annotation=hints[field.name])
-        for field in fields(IdentificationOptions)
-    ]
     parameters: list[inspect.Parameter] = []
     for parameter in signature.parameters.values():
-        parameters += options if parameter.name == "options" else [parameter]
+        if parameter.name != "options":
+            parameters.append(parameter)
+            continue
+        for name, default in options.items():
+            parameters.append(inspect.Parameter(name, kind, default=default, annotation=hints[name]))
+    parameters.append(inspect.Parameter("effects_from", kind, default=None, annotation=EffectsFromOption))
 
     @functools.wraps(command)
-    def run(**values: Any) -> int:
-        chosen = {name: values.pop(name) for name in hints}
-        given = {name: value for name, value in chosen.items() if value != []}
-        return command(**values, options=IdentificationOptions(**given))
+    def run(*, effects_from: list[Path] | None, **values: Any) -> int:
+        if effects_from:
+            from flexviz.effects import load_effects
+
+            for file in effects_from:
+                load_effects(file)
+        if "options" in signature.parameters:
+            given = {name: values.pop(name) for name in options}
+            chosen = {name: value for name, value in given.items() if value != []}
+            values["options"] = IdentificationOptions(**chosen)
+        return command(**values)
 
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -116,10 +123,20 @@ def read_selected(path: Path, options: IdentificationOptions) -> MeasurementSet:
     from flexviz.measurements import read_set
     from flexviz.observers import make_observer
 
-    arguments = options.arguments()
-    make_observer(options.observer, arguments["bandwidth"])  # refuse a wrong name before reading long files
+    bandwidth = parse_bandwidth(options.bandwidth)
+    make_observer(options.observer, bandwidth)  # refuse a wrong name before reading long files
     measurements = read_set(path)
-    check_options(measurements, options.group or [], arguments["bandwidth"])
+    where, joints = measurements.name, measurements.joints
+    groups = {g.name: g for g in measurements.groups}
+    for name in options.group or []:
+        if name not in groups:
+            raise InputError(f"--group {name}: no such group in {where}; {choose_from(name, groups)}")
+        if groups[name].validation:
+            raise InputError(f"--group {name}: is kept for validation in {where} and is never fitted")
+    if isinstance(bandwidth, list) and len(bandwidth) != len(joints):
+        raise InputError(
+            f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
+        )
     return with_plausibility_warnings(measurements)
 
 
@@ -132,24 +149,6 @@ def run_identification(
     measurements = read_selected(path, options)
     arguments = options.arguments()
     return measurements, identify(measurements, progress=report, should_stop=should_stop, **arguments)
-
-
-def check_options(
-    measurements: MeasurementSet, names: Sequence[str], bandwidth: float | list[float] | None
-) -> None:
-    """InputError for groups or a number of bandwidths that the set does not have."""
-    where = measurements.name
-    groups = {g.name: g for g in measurements.groups}
-    for name in names:
-        if name not in groups:
-            raise InputError(f"--group {name}: no such group in {where}; {choose_from(name, groups)}")
-        if groups[name].validation:
-            raise InputError(f"--group {name}: is kept for validation in {where} and is never fitted")
-    joints = measurements.joints
-    if isinstance(bandwidth, list) and len(bandwidth) != len(joints):
-        raise InputError(
-            f"--bandwidth has {len(bandwidth)} numbers; {where} has {len(joints)} joints: {', '.join(joints)}"
-        )
 
 
 def exit_code(result: Identification) -> int:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexviz.cli.options import EffectsFromOption, load_effect_files
+from flexviz.cli import terminal
+from flexviz.cli.options import FormatOption
 
 if TYPE_CHECKING:
     from flexviz.simulation import SimulatedSet
@@ -31,21 +32,14 @@ def simulate(
     ] = None,
     start: Annotated[str, typer.Option(metavar="rest|moving", help="How the motion starts.")] = "rest",
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the measurement noise.")] = 0,
-    table_format: Annotated[
-        str, typer.Option("--format", metavar="parquet|csv", help="Kind of tables.")
-    ] = "parquet",
-    effects_from: EffectsFromOption = None,
+    table_format: FormatOption = "parquet",
 ) -> int:
     """Simulate a flexible-joint robot; write its measurement set and truth.json."""
-    from flexviz.cli import output
-    from flexviz.cli.progress import Reporter, interruptible
-
-    load_effect_files(effects_from)
-    with Reporter(f"simulating {preset}") as report:
+    with terminal.Reporter(f"simulating {preset}") as report:
         from flexviz.simulation import simulate_preset
 
-        output.check_new_folder(out, table_format)
-        with interruptible("nothing is written") as should_stop:
+        terminal.check_new_folder(out, table_format)
+        with terminal.interruptible("nothing is written") as should_stop:
             done = simulate_preset(
                 preset,
                 out,
@@ -56,7 +50,7 @@ def simulate(
                 should_stop=should_stop,
                 table_format=table_format,
             )
-    output.print_lines(summary(done))
+    terminal.print_lines(summary(done))
     return 0
 
 

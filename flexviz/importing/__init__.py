@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexviz.importing.importing import Imported, import_logs, import_mapping
+from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
 from flexviz.importing.issues import Issue
 from flexviz.importing.mapping import Mapping, read_mapping
@@ -17,7 +17,6 @@ __all__ = [
     "Person",
     "Questions",
     "import_logs",
-    "import_mapping",
     "inspect_logs",
     "issues_of_set",
     "read_mapping",

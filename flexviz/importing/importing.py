@@ -106,6 +106,7 @@ def import_logs(
     file: str | Path,
     out: str | Path | None,
     *,
+    mapping: Mapping | None = None,
     table_format: str = "parquet",
     accept: bool = False,
     progress: ProgressCallback = ignore,
@@ -114,26 +115,15 @@ def import_logs(
     """Import the logs that the mapping `file` names into the folder `out`.
 
     Args:
-        file: the mapping.
+        file: the mapping; its paths are relative to its folder.
         out: a new or empty folder; None: only check.
+        mapping: the content of `file`, where it was read already.
         table_format: "parquet" or "csv".
         accept: write the set although something looks wrong; data that cannot be a set are still refused.
         progress, should_stop: see flexviz.progress.
     """
     file = Path(file)
-    return import_mapping(read_mapping(file), file, out, table_format, accept, progress, should_stop)
-
-
-def import_mapping(
-    mapping: Mapping,
-    file: Path,
-    out: str | Path | None,
-    table_format: str = "parquet",
-    accept: bool = False,
-    progress: ProgressCallback = ignore,
-    should_stop: StopCallback = never,
-) -> Imported:
-    """As `import_logs`, for a mapping that was read; its paths are relative to the folder of `file`."""
+    mapping = mapping or read_mapping(file)
     target = None if out is None else Path(out).absolute()
     if target is not None:
         check_free(target)

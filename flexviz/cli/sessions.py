@@ -1,21 +1,83 @@
-"""`flexviz compare SESSION SESSION …`: parameters, errors and effects side by side."""
+"""`flexviz session SESSION` and `flexviz compare SESSION SESSION …`: show and compare saved sessions."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flexviz.cli.options import EffectsFromOption, load_effect_files
+from flexviz.cli import terminal
+from flexviz.cli.options import JsonOption
+from flexviz.errors import InputError
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from flexviz.session import ParameterRow, SessionComparison, SessionSummary
+    from flexviz.session import OpenedSession, ParameterRow, SessionComparison, SessionSummary
 
 MARKED_DEVIATION = 3.0  # standard errors from which a difference is marked
+
+
+def session(
+    path: Annotated[Path, typer.Argument(metavar="SESSION", help="Folder with session.json.")],
+    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Add this note.")] = None,
+    measurement_set: Annotated[
+        Path | None,
+        typer.Option(
+            "--set", metavar="DIR", help="New location of its measurement set, saved in the session."
+        ),
+    ] = None,
+) -> int:
+    """Show the content of a saved session, and whether its data have changed."""
+    from flexviz.session import open_session, relocate, save_session
+
+    check_session(path)
+    opened = open_session(path) if measurement_set is None else relocate(path, measurement_set)
+    if note is not None:
+        opened = replace(opened, session=opened.session.with_note(note))
+    if note is not None or measurement_set is not None:
+        save_session(opened.session, opened.measurements, opened.folder)
+    terminal.print_lines(lines(opened))
+    return 0
+
+
+def check_session(path: Path) -> None:
+    """InputError unless `path` is a session's folder."""
+    from flexviz.session import is_session
+
+    if not is_session(path):
+        raise InputError("not a session, expected a folder with session.json", file=path)
+
+
+def lines(opened: OpenedSession) -> list[str]:
+    """Set, steps, notes, recordings."""
+    from flexviz.view import error_text
+
+    kept, analysis = opened.session, opened.session.analysis
+    identified = "not identified" if analysis.diagnosis is None else "parameters from the diagnosis"
+    if analysis.identification is not None:
+        identified = error_text(analysis.identification)
+    out = [
+        f"session {opened.folder}" + (f", saved {opened.saved}" if opened.saved else ""),
+        f"measurement set {opened.measurements.path}: "
+        + (f"{', '.join(opened.changed)} changed since" if opened.changed else "unchanged"),
+        f"fitted: {', '.join(analysis.groups_with('fit')) or 'none'}; "
+        f"held out: {', '.join(analysis.groups_with('validate')) or 'none'}",
+        f"effects added: {', '.join(analysis.effects) or 'none'}",
+        identified,
+    ]
+    if analysis.diagnosis is not None:
+        fresh = "" if analysis.diagnosis_up_to_date else " (for previous settings or data)"
+        out.append(f"verdict: {analysis.diagnosis.verdict}{fresh}")
+    out += [f"{number:3d}. {step.when}  {step.label}".rstrip() for number, step in enumerate(kept.steps, 1)]
+    if kept.future:
+        out.append(f"     {len(kept.future)} undone, can be redone")
+    out += [f"note, {note.when}: {note.text}" for note in kept.notes]
+    out += [f"recording {file}" + ("" if file.is_file() else " (missing)") for file in kept.recordings]
+    return out
 
 
 def compare(
@@ -26,29 +88,21 @@ def compare(
         bool,
         typer.Option("--all", help="Also show single inertial parameters, which are seldom identifiable."),
     ] = False,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the comparison as JSON.")
-    ] = None,
-    effects_from: EffectsFromOption = None,
+    json_file: JsonOption = None,
 ) -> int:
     """Compare the final results of saved sessions."""
-    from flexviz.cli import output
-    from flexviz.errors import InputError
     from flexviz.session import compare as compare_sessions
-    from flexviz.session import is_session, open_session
+    from flexviz.session import open_session
 
-    load_effect_files(effects_from)
-    output.check_output_file(json_file, ".json")
+    terminal.check_output_file(json_file, ".json")
     for path in sessions:
-        if not is_session(path):
-            raise InputError("not a session, expected a folder with session.json", file=path)
+        check_session(path)
     found = compare_sessions([open_session(path) for path in sessions])
-    if json_file is not None:
-        output.write_json(json_file, found.to_json())
-    console = output.results()
+    terminal.write_json(json_file, found.to_json())
+    console = terminal.results()
     for table in (facts(found), errors(found), parameters(found, all_parameters)):
         console.print(table)
-    output.print_lines(notes(found))
+    terminal.print_lines(notes(found))
     return 0
 
 

@@ -1,8 +1,7 @@
-"""`flexviz review FILE.rrd|SESSION [OTHER]`: check a recording, say what is in it, open it."""
+"""`flexviz serve` and `flexviz review`: the app in the browser, and recordings in Rerun's viewer."""
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import threading
 import webbrowser
@@ -11,16 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flexviz.cli import terminal
+from flexviz.cli.options import BrowserOption
 from flexviz.errors import InputError
 
 if TYPE_CHECKING:
     from flexviz.recording import Recording
 
-SOURCE = "A recording (*.rrd), or a session's folder."
-
 
 def review(
-    source: Annotated[Path, typer.Argument(metavar="FILE.rrd|SESSION", help=SOURCE)],
+    source: Annotated[
+        Path, typer.Argument(metavar="FILE.rrd|SESSION", help="A recording (*.rrd), or a session's folder.")
+    ],
     other: Annotated[
         Path | None, typer.Argument(metavar="[OTHER]", help="A second one to show side by side.")
     ] = None,
@@ -42,15 +43,12 @@ def review(
     port: Annotated[
         int | None, typer.Option(metavar="P", help="Port of the page; default: 9090 or a free one.")
     ] = None,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
-    ] = True,
+    browser: BrowserOption = True,
 ) -> int:
     """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
-    from flexviz.cli import output
     from flexviz.recording import ending_tidily
 
-    output.check_output_file(out, ".rrd")
+    terminal.check_output_file(out, ".rrd")
     with tempfile.TemporaryDirectory(prefix="flexviz-review-") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
         if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
@@ -94,11 +92,10 @@ def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
 
 def from_session(source: Path, out: Path) -> Path:
     """Record a session."""
-    from flexviz.cli.progress import Reporter
     from flexviz.recording import record_session
     from flexviz.session import open_session
 
-    with Reporter(f"reading {source}") as report:
+    with terminal.Reporter(f"reading {source}") as report:
         opened = open_session(source)
         out.parent.mkdir(exist_ok=True)
         record_session(opened.session, opened.measurements, out, report)
@@ -165,22 +162,39 @@ def show(files: list[Path], web: bool | None, port: int | None, browser: bool) -
         failed = show_in_window(files)
         if not failed:
             return
-        print(f"the Rerun window cannot be opened ({failed}); use the page", file=sys.stderr)
+        terminal.note(f"the Rerun window cannot be opened ({failed}); use the page")
     with web_viewer(files, port) as address:
-        show_page(address, browser)
-
-
-def show_page(address: str, browser: bool) -> None:
-    """Print the address of the page and wait for Ctrl+C."""
-    try:
-        say(address)
-        if browser:
-            webbrowser.open(address)
-        threading.Event().wait()
-    except KeyboardInterrupt:
-        print("closed", file=sys.stderr)
+        try:
+            say(address)
+            if browser:
+                webbrowser.open(address)
+            threading.Event().wait()
+        except KeyboardInterrupt:
+            terminal.note("closed")
 
 
 def say(text: str) -> None:
     """Print one line at once."""
     print(text, flush=True)
+
+
+def serve(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="SET|SESSION",
+            help="Folder with measurements.toml or session.json; default: a bundled example.",
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="P", help="Port to listen on; default: 8080 or the next free one."),
+    ] = None,
+    host: Annotated[str, typer.Option(metavar="H", help="Address to listen on.")] = "127.0.0.1",
+    browser: BrowserOption = True,
+) -> int:
+    """Show measured and identified motion side by side in the browser; Ctrl+C ends it."""
+    from flexviz.app import serve as run
+
+    run(source, host=host, port=port, open_browser=browser)
+    return 0

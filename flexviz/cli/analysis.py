@@ -1,0 +1,118 @@
+"""`flexviz identify | diagnose | record | report`: analyses of a measurement set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexviz.cli import terminal
+from flexviz.cli.options import (
+    IdentificationOptions,
+    JsonOption,
+    SetArgument,
+    SourceArgument,
+    exit_code,
+    read_selected,
+    run_identification,
+)
+from flexviz.cli.terminal import Reporter, interruptible
+
+GuardOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--guard/--no-guard",
+        help="Also check how results change with the observer bandwidth (default: only if the model does not "
+        "reach the measurement noise).",
+    ),
+]
+
+
+def identify(
+    measurement_set: SetArgument, options: IdentificationOptions, json_file: JsonOption = None
+) -> int:
+    """Identify stiffness, motor inertia, friction and inertial parameters."""
+    terminal.check_output_file(json_file, ".json")
+    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
+        _, result = run_identification(measurement_set, options, report, should_stop)
+    terminal.write_json(json_file, result.to_dict())
+    terminal.show(result.document())
+    return exit_code(result)
+
+
+def diagnose(
+    measurement_set: SetArgument,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Add the found effects one by one and refit after each.")
+    ] = False,
+    json_file: JsonOption = None,
+    guard: GuardOption = None,
+) -> int:
+    """Determine whether the model is complete, and if not, which effect is missing and where."""
+    from flexviz.diagnosis import diagnose as search
+    from flexviz.importing import with_plausibility_warnings
+    from flexviz.measurements import read_set
+
+    terminal.check_output_file(json_file, ".json")
+    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
+        measurements = with_plausibility_warnings(read_set(measurement_set))
+        result = search(measurements, apply=apply, guarded=guard, progress=report, should_stop=should_stop)
+    terminal.write_json(json_file, result.to_dict(steps=apply))
+    terminal.show(result.document())
+    return 130 if result.stopped else 0
+
+
+def record(
+    measurement_set: SetArgument,
+    out: Annotated[Path, typer.Option(metavar="FILE.rrd", help="File to write.")],
+    options: IdentificationOptions,
+    diagnose: Annotated[
+        bool,
+        typer.Option("--diagnose", help="Also find the missing effects, add them and record every step."),
+    ] = False,
+) -> int:
+    """Identify, and record signals, observer states, residuals, iterations and both robots."""
+    from flexviz.results import run_lines
+    from flexviz.workflows import record as record_analysis
+
+    terminal.check_output_file(out, ".rrd")
+    with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
+        measurements = read_selected(measurement_set, options)
+        done = record_analysis(
+            measurements,
+            out,
+            add_missing=diagnose,
+            progress=report,
+            should_stop=stop,
+            **options.arguments(),
+        )
+    written = done.recorded
+    state = "" if written.complete else ", stopped before everything was recorded"
+    size = f"{written.bytes / 1e6:.1f} MB, {written.chunks} chunks"
+    lines = run_lines(done.results[-1].document()) if done.results else []
+    terminal.print_lines([*lines, f"{written.file}: {size}{state}"])
+    return exit_code(done.results[-1]) if written.complete else 130
+
+
+def report(
+    source: SourceArgument,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .html, .md or .json.")],
+    guard: GuardOption = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option("--session", metavar="DIR", help="Also save the results as a session to a new folder."),
+    ] = None,
+) -> int:
+    """Write a report on a set, after a full diagnosis, or on a saved session."""
+    from flexviz.workflows import report_kind, write_report
+
+    report_kind(out)
+    terminal.check_output_file(out)
+    with Reporter(f"reading {source}") as progress, interruptible() as should_stop:
+        done = write_report(source, out, guard=guard, keep=keep, progress=progress, should_stop=should_stop)
+    if done.changed:
+        terminal.note(f"the data have changed since the session was saved: {', '.join(done.changed)}")
+    terminal.print_lines([f"{out}: {out.stat().st_size / 1e3:.0f} kB"])
+    diagnosis = done.session.analysis.diagnosis
+    return 130 if diagnosis is not None and diagnosis.stopped else 0
