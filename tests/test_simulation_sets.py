@@ -142,6 +142,25 @@ def test_torque_filter_smooths_and_still_controls() -> None:
     assert not np.array_equal(plain.tau, filtered.tau)
 
 
+def test_record_of_a_filtered_and_rounded_torque() -> None:
+    plan = short(make_plan("paper-a"))
+    bandwidth, step = 900.0, np.array([0.5, 0.25])
+    sensors = Sensors(torque_filter=bandwidth, torque_resolution=step)
+    plain = plan.run(plan.groups[0])
+    seen = replace(plan, sensors=sensors).run(plan.groups[0])
+    np.testing.assert_array_equal(seen.theta, plain.theta)  # only the record is filtered
+    assert seen.torque_hold == 0.0 and plain.torque_hold == plan.controller.cycle
+    # y(t_k) = τ_0 e^(−w t_k) + Σ_j τ_j [e^(−w (t_k − t_{j+1})) − e^(−w (t_k − t_j))]
+    t = plain.time
+    for k in (0, 1, 7, 400, len(t) - 1):
+        since = np.exp(-bandwidth * (t[k] - t[: k + 1]))
+        expected = plain.tau[0] * since[0] + np.diff(since) @ plain.tau[:k]
+        np.testing.assert_allclose(seen.tau[k], expected, rtol=1e-9, atol=1e-9)
+    rounded = seen.measured(sensors, 0).tau
+    np.testing.assert_allclose(rounded / step, np.round(rounded / step), atol=1e-9)
+    assert np.all(np.abs(rounded - seen.tau) <= step / 2 + 1e-9)
+
+
 def test_set_and_truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PRESETS, "paper-f", lambda: short(paper("f"), 0.5))
     shares: list[float] = []

@@ -86,7 +86,7 @@ def _planar(rng: np.random.Generator) -> tuple[Robot, str, dict[str, str], Array
         inertia * rng.uniform(0.7, 1.35, 2),
         strict=True,
     )
-    text = _urdf(length, tilt, [tuple(map(float, link)) for link in links])
+    text = planar_urdf(length, tilt, [tuple(map(float, link)) for link in links])
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / URDF).write_text(text, encoding="utf-8")
         robot = Robot.load(URDF, base=Path(folder))
@@ -191,7 +191,7 @@ def _squared(centre: Array) -> Array:
     return centre @ centre * np.eye(3) - np.outer(centre, centre)
 
 
-def _urdf(length: float, tilt: float, links: list[tuple[float, ...]]) -> str:
+def planar_urdf(length: float, tilt: float, links: list[tuple[float, ...]]) -> str:
     """A planar arm of links (mass [kg], centre [m], inertia [kg m²]); its plane leans by `tilt` [rad]."""
     rows = ['<?xml version="1.0"?>', '<robot name="planar_2r">', '  <link name="base"/>']
     origins = (f'<origin rpy="{tilt:.9g} 0 0"/>', f'<origin xyz="{length:.9g} 0 0"/>')

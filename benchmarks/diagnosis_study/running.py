@@ -43,7 +43,7 @@ def make_all(work: Path, cases: list[Case], jobs: int) -> None:
     """Simulate what is not there yet."""
     missing = [case for case in cases if not is_made(work, case)]
     given = [(work, case) for case in missing]
-    for done, (case, failed) in enumerate(_spread(make, given, missing, jobs), 1):
+    for done, (case, failed) in enumerate(spread(make, given, missing, jobs), 1):
         say(f"{done}/{len(missing)} {case.name}{f': {failed}' if failed else ''}")
 
 
@@ -53,7 +53,7 @@ def run_all(work: Path, names: list[str], jobs: int, label: str) -> None:
         n for n in names if not (known_file(work, n).is_file() and result_file(work, n, label).is_file())
     ]
     for done, (name, line) in enumerate(
-        _spread(run_one, [(work, n, label) for n in missing], missing, jobs), 1
+        spread(run_one, [(work, n, label) for n in missing], missing, jobs), 1
     ):
         say(f"{done}/{len(missing)} {name}: {line}")
 
@@ -190,7 +190,7 @@ def final_model(document: Json, joints: tuple[str, ...]) -> Any:
     )
 
 
-def _spread(
+def spread(
     work: Callable[..., Any], arguments: list[tuple[Any, ...]], labels: list[Any], jobs: int
 ) -> Iterator[tuple[Any, Any]]:
     """Call `work` on each in worker processes; (label, what it gave or why it failed) as they are done."""

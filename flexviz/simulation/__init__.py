@@ -7,7 +7,7 @@ from flexviz.simulation.extra_laws import ExtraLaw, Pull
 from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
 from flexviz.simulation.model_replay import replay
 from flexviz.simulation.plan import Plan, PlannedGroup
-from flexviz.simulation.presets import PRESETS
+from flexviz.simulation.presets import PRESETS, perturbed
 from flexviz.simulation.rates import fastest
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
 from flexviz.simulation.run import Run, simulate_run
@@ -46,6 +46,7 @@ __all__ = [
     "motion_scale",
     "move",
     "neighbour",
+    "perturbed",
     "random_fourier",
     "record",
     "replay",

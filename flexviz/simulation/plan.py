@@ -60,6 +60,7 @@ class Plan:
         note: origin of the true values, for truth.json.
         files: further files of the set: name -> text, or the path of a file to copy.
         laws: (joint, law) beyond the library's; not in truth.json.
+        step: largest integration step [s]; None: from the fastest motion.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Plan:
     note: str = ""
     files: Mapping[str, str | Path] = field(default_factory=dict)
     laws: tuple[tuple[str, ExtraLaw], ...] = ()
+    step: float | None = None
 
     def run(
         self,
@@ -89,7 +91,7 @@ class Plan:
         should_stop: StopCallback | None = None,
     ) -> Run:
         """Simulate one group without sensor noise, unless it is fed back (then `seed` matters)."""
-        sensors = self.sensors if self.sensors.feedback else None
+        sensors = self.sensors if self.sensors.feedback else Sensors(torque_filter=self.sensors.torque_filter)
         return simulate_run(
             self.robot,
             self.model,
@@ -97,6 +99,7 @@ class Plan:
             reference=group.reference,
             controller=self.controller,
             duration=group.duration,
+            step=self.step,
             record_step=group.record_step,
             start=self.start,
             sensors=sensors,

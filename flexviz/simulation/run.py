@@ -31,10 +31,10 @@ class Run:
         time: (N,) [s].
         theta, theta_velocity: (N, n) motor side [rad], [rad/s]; theta as the sensors give it.
         q, q_velocity: (N, n) link side, exact.
-        tau: (N, n) motor torque as recorded, sampled at the start of its hold [Nm].
+        tau: (N, n) motor torque as recorded, sampled at the start of its hold, or filtered [Nm].
         tau_joint: (N, n) torque in the joints, exact [Nm].
         theta_ref: (N, n) reference [rad].
-        torque_hold: how long each torque is held [s].
+        torque_hold: how long each torque is held [s]; 0 for filtered ones.
         note: remarks on the simulation.
     """
 
@@ -50,11 +50,11 @@ class Run:
     note: str = ""
 
     def measured(self, sensors: Sensors, seed: int | np.random.Generator | None = None) -> Run:
-        """This run as recorded by `sensors`: θ and τ get noise and resolution."""
+        """This run as recorded by `sensors`: θ and τ get noise and resolution, not the torque filter."""
         samples, n = self.theta.shape
         theta_noise, torque_noise = sensors.noise(samples, n, seed)
         theta = sensors.quantise(self.theta + theta_noise)
-        return replace(self, theta=theta, tau=self.tau + torque_noise)
+        return replace(self, theta=theta, tau=sensors.quantise_torque(self.tau + torque_noise))
 
 
 def simulate_run(
@@ -108,10 +108,14 @@ def simulate_run(
         feedback = Feedback(sensors.reordered(robot.to_pin, n), cycles, n, cycle, x, seed)
     loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
-    run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], cycle)
+    hold = cycle
+    if sensors is not None and sensors.torque_filter:
+        torques, hold = sensors.filtered(torques, cycle), 0.0
+    run = to_run(robot, plant, time[::every], states[::every], torques[::every], position[::every], hold)
     if feedback is not None and sensors is not None:
         seen = sensors.quantise(run.theta + robot.from_pin(feedback.noise[::every]))
-        return replace(run, theta=seen, tau=run.tau + robot.from_pin(feedback.torque_noise[::every]))
+        torque = sensors.quantise_torque(run.tau + robot.from_pin(feedback.torque_noise[::every]))
+        return replace(run, theta=seen, tau=torque)
     return run if sensors is None else run.measured(sensors, seed)
 
 

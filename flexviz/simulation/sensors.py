@@ -1,4 +1,4 @@
-"""Sensor models: noise and quantisation."""
+"""Sensor models: torque filter, noise and quantisation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from flexviz.simulation.plant import Array
 
@@ -19,6 +20,9 @@ class Sensors:
         theta_noise: standard deviation of the motor position's noise [rad].
         torque_noise: standard deviation of the torque's noise [Nm].
         resolution: smallest step of the motor encoder at the joint side [rad]; 0: none.
+        torque_resolution: smallest step of the recorded torque [Nm]; 0: none.
+        torque_filter: bandwidth of the first-order low-pass in the torque's record, as of a measured motor
+            current [rad/s]; 0: none.
         feedback: noise and resolution also affect the controller, not only the record.
         velocity_filter: with `feedback`, bandwidth of the low-pass on the differenced position [rad/s].
     """
@@ -26,14 +30,16 @@ class Sensors:
     theta_noise: ArrayLike = 0.0
     torque_noise: ArrayLike = 0.0
     resolution: ArrayLike = 0.0
+    torque_resolution: ArrayLike = 0.0
+    torque_filter: float = 0.0
     feedback: bool = False
     velocity_filter: float = 1000.0
 
     def reordered(self, permute: Callable[[Array], Array], n: int) -> Sensors:
         """The same sensors with the joints in another order."""
-        values = (self.theta_noise, self.torque_noise, self.resolution)
-        theta, torque, step = (permute(np.broadcast_to(np.asarray(v, dtype=float), n)) for v in values)
-        return replace(self, theta_noise=theta, torque_noise=torque, resolution=step)
+        names = ("theta_noise", "torque_noise", "resolution", "torque_resolution")
+        values = {k: np.broadcast_to(np.asarray(getattr(self, k), dtype=float), n) for k in names}
+        return replace(self, **{k: permute(v) for k, v in values.items()})
 
     def noise(self, samples: int, n: int, seed: int | np.random.Generator | None) -> tuple[Array, Array]:
         """Noise of θ (N, n) [rad] and of τ (N, n) [Nm]."""
@@ -45,11 +51,30 @@ class Sensors:
 
     def quantise(self, theta: Array) -> Array:
         """θ (…, n) rounded to the encoder's steps."""
-        step = np.broadcast_to(np.asarray(self.resolution, dtype=float), theta.shape[-1:])
-        if not step.any():
-            return theta
-        safe = np.where(step > 0, step, 1.0)
-        return np.where(step > 0, np.round(theta / safe) * safe, theta)
+        return _rounded(theta, self.resolution)
+
+    def quantise_torque(self, torque: Array) -> Array:
+        """τ (…, n) rounded to the torque's steps."""
+        return _rounded(torque, self.torque_resolution)
+
+    def filtered(self, torque: Array, cycle: float) -> Array:
+        """The torques (N, n) of all cycles, each held for `cycle` [s], as seen at the start of each cycle.
+
+        Exact: y ← y + (1 − exp(−w cycle)) (τ − y); the torque was constant before.
+        """
+        if not self.torque_filter:
+            return torque
+        blend = -np.expm1(-self.torque_filter * cycle)
+        return lfilter([0.0, blend], [1.0, blend - 1.0], torque, axis=0, zi=torque[:1])[0]
+
+
+def _rounded(values: Array, resolution: ArrayLike) -> Array:
+    """Values (…, n) rounded to steps of `resolution`, unless that is 0."""
+    step = np.broadcast_to(np.asarray(resolution, dtype=float), values.shape[-1:])
+    if not step.any():
+        return values
+    safe = np.where(step > 0, step, 1.0)
+    return np.where(step > 0, np.round(values / safe) * safe, values)
 
 
 class Feedback:

@@ -149,7 +149,7 @@ def write_plan(
         joints=plan.robot.joints,
         groups=tables,
         payloads=plan.payloads,
-        torque_hold=controller.cycle,
+        torque_hold=next((run.torque_hold for run in runs.values()), controller.cycle),
         initial_stiffness=plan.initial_stiffness,
         initial_motor_inertia=plan.initial_motor_inertia,
         kp=np.broadcast_to(controller.kp, plan.robot.n),
