@@ -169,6 +169,15 @@ class Robot:
         model.gravity.linear = np.asarray(gravity, dtype=float)
         return model
 
+    def cad_torques(
+        self, bodies: Sequence[PayloadBody], q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> np.ndarray:
+        """(M, n) rigid inverse dynamics of the CAD model with `bodies` along q, v, a (M, n) [Nm]."""
+        model = self.model_with(self.cad_parameters, bodies)
+        data = model.createData()
+        state = [self.to_pin(x) for x in (q, v, a)]
+        return self.from_pin(np.array([pin.rnea(model, data, *row) for row in zip(*state, strict=True)]))
+
     # -- links ---------------------------------------------------------------------------------------
 
     @cached_property

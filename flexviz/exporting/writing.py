@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ from flexviz.exporting.identified import FormatFiles, IdentifiedRobot, identifie
 from flexviz.exporting.mjcf import mjcf
 from flexviz.exporting.parameters import json_parameters, yaml_parameters
 from flexviz.exporting.urdf import urdf
+from flexviz.files import whole_folder
 from flexviz.measurements import check_free
 
 if TYPE_CHECKING:
@@ -79,16 +78,10 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
     folder = check_folder(folder)
     made = {name: FORMATS[name](identified) for name in chosen}
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-            new = Path(temporary) / "new"
-            new.mkdir()
+        with whole_folder(folder) as new:
             for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):
                 (new / name).parent.mkdir(parents=True, exist_ok=True)
                 (new / name).write_bytes(content)
-            if folder.exists():
-                folder.rmdir()
-            os.replace(new, folder)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
     return Exported(

@@ -188,7 +188,7 @@ def read_log(
             raise
         place = f'log {index + 1} "{entry.group}", file'
         raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
-    options.check_stop()
+    check_stop(options.should_stop)
     return assemble(log, entry, mapping, file)
 
 

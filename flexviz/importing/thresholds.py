@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True)
 class ImportThresholds:
@@ -53,8 +51,6 @@ class ImportThresholds:
     resting: float = 1e-3  # [rad/s] a joint that is never faster does not move
 
     # Motion against the joint's limits
-    fastest: float = 40.0  # [rad/s] limits assumed where the robot description
-    widest: float = 8 * np.pi  # [rad] has none
     beyond: float = 1.3  # times range or speed at which θ is odd
     far_beyond: float = 3.0  # the same at which θ is certainly wrong
     small_motion: float = 0.2  # [rad] a larger motion is in no smaller unit than stated

@@ -17,7 +17,7 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.importing.cross_checks import joint_parts
 from flexviz.importing.thresholds import LIMITS
-from flexviz.measurements import Array, GroupTable, SampledMotion, sample_motion
+from flexviz.measurements import Array, GroupTable, SampledMotion, likely_limits, sample_motion
 from flexviz.robot import PayloadBody, Robot
 
 TORQUE_UNITS = np.geomspace(1e-4, 1e4, 49)  # [Nm] scales of τ that are tried
@@ -67,7 +67,7 @@ class TorqueModel:
         self.samples = [(bodies, thinned(motion, every)) for bodies, motion in samples]
         self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)
         self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
-        self.width, self.fastest = limits(robot)
+        self.width, self.fastest = likely_limits(robot)
         self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
         self.torque = np.concatenate([motion.torque for _, motion in self.samples])
         self.inertia = largest_inertia(robot)
@@ -83,17 +83,13 @@ class TorqueModel:
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
         """(M, n) torques of the CAD model, velocities and accelerations."""
-        torques, robot = [], self.robot
-        for bodies, motion in self.samples:
-            model = robot.model_with(robot.cad_parameters, bodies)
-            data = model.createData()
-            q = motion.q * reading.factor + reading.zero
-            state = [robot.to_pin(x) for x in (q, motion.v * reading.factor, motion.a * reading.factor)]
-            rows = [pin.rnea(model, data, *row) for row in zip(*state, strict=True)]
-            torques.append(robot.from_pin(np.array(rows)))
-        speeds = np.concatenate([motion.v for _, motion in self.samples])
-        accelerations = np.concatenate([motion.a for _, motion in self.samples])
-        return np.concatenate(torques), speeds * reading.factor, accelerations * reading.factor
+        read = [
+            (bodies, m.q * reading.factor + reading.zero, m.v * reading.factor, m.a * reading.factor)
+            for bodies, m in self.samples
+        ]
+        torques = [self.robot.cad_torques(*motion) for motion in read]
+        _, _, speeds, accelerations = zip(*read, strict=True)
+        return np.concatenate(torques), np.concatenate(speeds), np.concatenate(accelerations)
 
     def fit(self, reading: Reading) -> list[TorqueFit]:
         """Fits of all joints, with a slope near 1."""
@@ -140,14 +136,6 @@ def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
     theta = sum(float(part.theta @ part.theta) for part in parts)
     q = sum(float(part.other @ part.other) for part in parts)
     return 0.0 if both == 0.0 or both**2 < LIMITS.same_motion * theta * q else theta / both
-
-
-def limits(robot: Robot) -> tuple[Array, Array]:
-    """(n,) range [rad] and speed [rad/s] of the joints; wide ones where the robot's description has none."""
-    width = robot.upper_limit - robot.lower_limit
-    width = np.where(width > 0.5, np.minimum(width, LIMITS.widest), LIMITS.widest)
-    speed = robot.velocity_limit
-    return width, np.where(speed > 0.1, np.minimum(speed, LIMITS.fastest), LIMITS.fastest)
 
 
 def thinned(motion: SampledMotion, every: int) -> SampledMotion:

@@ -7,7 +7,8 @@ from flexviz.measurements.fingerprints import FileHash, Fingerprint, fingerprint
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader
 from flexviz.measurements.segments import GAP, POINTS, interpolate
-from flexviz.measurements.unit_checks import SampledMotion, sample_motion, wrong_time_unit
+from flexviz.measurements.tables import readable
+from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
 from flexviz.measurements.writing import SUFFIXES, GroupTable, body_entry, check_free, write_set
 
 __all__ = [
@@ -29,9 +30,11 @@ __all__ = [
     "check_free",
     "fingerprint",
     "interpolate",
+    "likely_limits",
     "read_payloads",
     "read_robot",
     "read_set",
+    "readable",
     "sample_motion",
     "write_set",
     "wrong_time_unit",

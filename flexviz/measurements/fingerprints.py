@@ -11,7 +11,7 @@ from flexviz.errors import InputError
 from flexviz.files import sha256_of
 from flexviz.measurements.data import MeasurementSet
 from flexviz.measurements.schema import FILE_NAME
-from flexviz.robot import Robot, is_library_robot
+from flexviz.robot import is_library_robot
 
 
 @dataclass(frozen=True)
@@ -44,17 +44,14 @@ class Fingerprint:
 def fingerprint(measurements: MeasurementSet) -> Fingerprint:
     """Hashes of a set's files; files unchanged since the last call are not read again."""
     folder, robot = measurements.path, measurements.robot
-    files = [
-        _of(folder, FILE_NAME),
-        _from_library(robot) if is_library_robot(robot.source) else _of(folder, robot.source),
-        *(_of(folder, group.file.relative_to(folder).as_posix()) for group in measurements.groups),
-    ]
+    tables = [group.file.relative_to(folder).as_posix() for group in measurements.groups]
+    if is_library_robot(robot.source):
+        text = robot.urdf.encode()
+        described = FileHash(robot.source, hashlib.sha256(text).hexdigest(), len(text))
+    else:
+        described = _of(folder, robot.source)
+    files = [_of(folder, FILE_NAME), described, *(_of(folder, name) for name in tables)]
     return Fingerprint(tuple(dict.fromkeys(files)))
-
-
-def _from_library(robot: Robot) -> FileHash:
-    text = robot.urdf.encode()
-    return FileHash(robot.source, hashlib.sha256(text).hexdigest(), len(text))
 
 
 def _of(folder: Path, name: str) -> FileHash:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
@@ -24,11 +23,11 @@ LARGEST_BODY = 10.0  # [m] payloads beyond this size or distance can only be in 
 log = logging.getLogger("flexviz.measurements")
 
 
-def read_set(path: str | Path) -> MeasurementSet:
+def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
     """Read and check the measurement set in the folder `path` (or whose `measurements.toml` it is).
 
-    Anything wrong is one InputError that names file and place; oddities are logged and kept in
-    `MeasurementSet.warnings`.
+    Anything wrong is one InputError that names file and place; oddities are kept in
+    `MeasurementSet.warnings`, and logged unless not `logged`.
     """
     file = locate(path)
     content = read_file(file)
@@ -41,7 +40,8 @@ def read_set(path: str | Path) -> MeasurementSet:
 
     def warn(text: str) -> None:
         warnings.append(text)
-        log.warning("%s", text)
+        if logged:
+            log.warning("%s", text)
 
     users: dict[Path, str] = {}  # table -> the first group that uses it
     paths = []
@@ -155,26 +155,36 @@ def read_group(
     warn: Callable[[str], None],
 ) -> Group:
     """Read and check one group's table."""
-    n = robot.n
-    table = read_signals(file, robot.joints)
-    time, signals = table.time, table.signals
+    n, joints = robot.n, robot.joints
+    present = column_names(file)
+    needed = [f"{kind}_{joint}" for kind in ("theta", "tau") for joint in joints]
+    require(present, ["time", *needed], file)
+    # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
+    places = {f"{kind}_{joint}": (kind, j) for kind in OPTIONAL_SIGNALS for j, joint in enumerate(joints)}
+    optional = [name for name in places if name in present and name not in needed]
+    table = read_columns(file, ["time", *needed, *optional])
+    time, signals = table[:, 0], table[:, 1 : 1 + 2 * n]  # θ of every joint, then τ of every joint
     check_time(time, file)
 
     def warn_here(text: str) -> None:
         warn(f"{file}: {text}")
 
     check_units(robot, bodies, stiffness, time, signals[:, :n], signals[:, n:], file, warn_here)
-    for name, column in zip(table.names, signals.T, strict=True):
+    for name, column in zip(needed, signals.T, strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(f"column {name} never changes")
-    for name in table.unused:
+    for name in sorted({*present} - {"time", *needed, *optional}):
         if name.startswith(("theta_", "tau_", "q_")):
-            meant = choose_from(name, ["time", *table.names, *table.optional])
+            meant = choose_from(name, ["time", *needed, *optional])
             warn_here(f"column {name} belongs to no joint of the set and is not used; {meant}")
-    for name, (kind, j, column) in table.optional.items():
-        reference = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
-        check_optional(name, column, reference, file, warn_here)
-    optional = optional_signals(table, n)
+    compared: dict[str, Array] = {}  # NaN for joints without such a column
+    for name, column in zip(optional, table.T[1 + 2 * n :], strict=True):
+        kind, j = places[name]
+        measured = signals[:, n + j] if kind == "tau_joint" else signals[:, j]
+        check_optional(name, column, measured, file, warn_here)
+        if kind not in compared:
+            compared[kind] = np.full((n, len(column)), np.nan).T
+        compared[kind][:, j] = column
     segments, dropped, resampled = make_segments(time, signals, n)
     if not segments:
         message = f"no stretch without a gap has {SHORTEST} samples or more, expected at least one"
@@ -193,46 +203,5 @@ def read_group(
         file=file,
         segments=tuple(segments),
         time=time,
-        **optional,
+        **compared,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class SignalTable:
-    """The columns of a group's table."""
-
-    time: Array  # (N,) [s]
-    signals: Array  # (N, 2n) θ of every joint, then τ of every joint, called `names`
-    names: list[str]
-    optional: dict[str, tuple[str, int, Array]]  # column -> (kind, joint's index, (N,) values)
-    unused: list[str]  # columns that are not read
-
-
-def read_signals(file: Path, joints: Sequence[str]) -> SignalTable:
-    """The columns of these joints; InputError where a needed one is missing."""
-    present = column_names(file)
-    needed = [f"{kind}_{joint}" for kind in ("theta", "tau") for joint in joints]
-    require(present, ["time", *needed], file)
-    # a joint called joint_1 has tau_joint_1: not the torque sensor of a joint called 1
-    places = {f"{kind}_{joint}": (kind, j) for kind in OPTIONAL_SIGNALS for j, joint in enumerate(joints)}
-    optional = [name for name in places if name in present and name not in needed]
-    table = read_columns(file, ["time", *needed, *optional])
-    first = 1 + len(needed)
-    return SignalTable(
-        table[:, 0],
-        table[:, 1:first],
-        needed,
-        {name: (*places[name], table[:, first + i]) for i, name in enumerate(optional)},
-        sorted({*present} - {"time", *needed, *optional}),
-    )
-
-
-def optional_signals(table: SignalTable, n: int) -> dict[str, Array | None]:
-    """Each optional signal as (N, n), NaN for joints without it, or None where no joint has it."""
-    found: dict[str, Array | None] = dict.fromkeys(OPTIONAL_SIGNALS)
-    for kind, j, column in table.optional.values():
-        signal = found[kind]
-        if signal is None:
-            signal = found[kind] = np.full((n, len(column)), np.nan).T
-        signal[:, j] = column
-    return found

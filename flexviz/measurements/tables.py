@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
-from flexviz.errors import InputError, one_line
+from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements.data import Array
 
 CSV_BLOCK = 1 << 20  # [bytes]
@@ -28,7 +28,7 @@ PARQUET_SUFFIXES = (".parquet", ".pq")
 
 def column_names(file: Path) -> list[str]:
     """Names of the columns of a table (CSV: spaces around a name do not count)."""
-    with translated(file):
+    with readable(file, table_kind(file)):
         if is_parquet(file):
             with papq.ParquetFile(file) as table:
                 names = list(table.schema_arrow.names)
@@ -46,10 +46,8 @@ def read_columns(file: Path, names: Sequence[str]) -> Array:
 
     Raises InputError naming file, row and column for anything that is not a finite number.
     """
-    with translated(file):
-        if is_parquet(file):
-            return read_parquet(file, names)
-        return read_csv(file, names)
+    with readable(file, table_kind(file)):
+        return read_parquet(file, names) if is_parquet(file) else read_csv(file, names)
 
 
 def read_parquet(file: Path, names: Sequence[str]) -> Array:
@@ -125,21 +123,27 @@ def is_parquet(file: Path) -> bool:
     raise InputError(f"a table called *{suffix} is not known, expected *.csv or *.parquet", file=file)
 
 
+def table_kind(file: Path) -> str:
+    """The kind of a table as messages call it."""
+    return "Parquet table" if is_parquet(file) else "CSV table"
+
+
 @contextmanager
-def translated(file: Path) -> Iterator[None]:
-    """Turn what the libraries raise for a file that cannot be read into one-line InputErrors."""
-    kind = "Parquet" if is_parquet(file) else "CSV"
+def readable(file: Path, kind: str) -> Iterator[None]:
+    """One-line InputErrors for whatever a damaged file of this kind makes the libraries raise."""
     try:
         yield
-    except InputError:
+    except FlexvizError:
         raise
     except UnicodeDecodeError:
-        raise InputError(f"not a readable {kind} table: not a text in UTF-8", file=file) from None
+        raise InputError(f"not a readable {kind}: not a text in UTF-8", file=file) from None
     except MemoryError:
-        raise InputError("the table does not fit into memory", file=file) from None
-    except (pa.ArrowException, OSError, ValueError, KeyError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"not a readable {kind} table: {one_line(str(reason))[:200]}", file=file) from None
+        raise InputError(f"the {kind} does not fit into memory", file=file) from None
+    except Exception as error:  # struct, zlib, sqlite, yaml, Arrow and decoding errors of every kind
+        reason = one_line(str(getattr(error, "strerror", None) or error) or type(error).__name__)[:200]
+        cut = file.suffix == ".mcap" and ("magic" in reason or "Truncated" in reason)
+        hint = "; an MCAP file cut short is repaired by `mcap recover`" if cut else ""
+        raise InputError(f"not a readable {kind}: {reason}{hint}", file=file) from None
 
 
 # -- CSV ---------------------------------------------------------------------------------------------

@@ -16,7 +16,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.measurements.data import Array
 from flexviz.robot import PayloadBody, Robot
@@ -64,16 +63,11 @@ UNITS = UnitThresholds()
 
 @dataclass(frozen=True)
 class Agreement:
-    """How τ follows the rigid model.
+    """Slope of τ against the rigid model, and the share of τ's variance that it explains."""
 
-    Attributes:
-        slope, share: of τ against the model, and the share of τ's variance explained; all joints pooled.
-        slopes, shares: (n,) the same per joint.
-    """
-
-    slope: float
+    slope: float  # of all joints pooled
     share: float
-    slopes: Array
+    slopes: Array  # (n,) of each joint
     shares: Array
 
 
@@ -110,99 +104,134 @@ def check_units(
     warn: Warn,
 ) -> None:
     """Refuse θ (N, n) that is not in rad and τ (N, n) that is not in Nm; warn where that is not certain."""
-    motion = sample_motion(time, theta, tau)
-    check_step(float(np.median(np.diff(time))), float(np.max(np.abs(motion.v))), file, warn)
-    check_theta(robot, bodies, motion, np.ptp(theta, axis=0), file, warn)
-    check_tau(robot, bodies, motion, stiffness, np.maximum(tau.max(axis=0), -tau.min(axis=0)), file, warn)
+    check = UnitCheck(robot, bodies, sample_motion(time, theta, tau), file, warn)
+    check.time(float(np.median(np.diff(time))))
+    check.theta(np.ptp(theta, axis=0))
+    check.tau(np.maximum(tau.max(axis=0), -tau.min(axis=0)), stiffness)
 
 
-def check_step(step: float, speed: float, file: Path, warn: Warn) -> None:
-    """Refuse a time that is not in seconds: median step [s], largest joint speed it implies [rad/s]."""
-    if unit := wrong_time_unit(step, speed):
-        message = f"the median step is {step:g}: is time in {unit}? expected seconds"
-        raise InputError(message, file=file, place="column time")
-    if step > UNITS.slow_step:
-        warn(f"the step is {step:g} s, slow for flexible joints: is time in seconds?")
-    if step < UNITS.fast_step:
-        warn(f"the step is {step:g} s, uncommonly short: is time in seconds?")
+def motion_limits(robot: Robot) -> tuple[Array, Array]:
+    """(n,) range [rad] and speed [rad/s] of the joints; infinite where the robot description has none."""
+    width, speed = robot.upper_limit - robot.lower_limit, robot.velocity_limit
+    return np.where(width > 0.5, width, np.inf), np.where(speed > 0.1, speed, np.inf)
 
 
-def check_theta(
-    robot: Robot, bodies: Sequence[PayloadBody], motion: SampledMotion, span: Array, file: Path, warn: Warn
-) -> None:
-    """Angles in degrees, or of the motor before the gear."""
-    speed = np.max(np.abs(motion.v), axis=0)
-    ranges = robot.upper_limit - robot.lower_limit
-    limits = np.where(ranges > 0.5, ranges, np.inf)
-    speeds = np.where(robot.velocity_limit > 0.1, robot.velocity_limit, np.inf)
-    excess = np.maximum(span / np.minimum(limits, UNITS.widest), speed / np.minimum(speeds, UNITS.fastest))
-    worst = int(np.argmax(excess))
-    if excess[worst] < UNITS.excess_checked:
-        return
-    found = (
-        f"spans {span[worst]:.3g} at up to {speed[worst]:.3g} /s; the joint's limits are "
-        f"{limits[worst]:.3g} rad and {speeds[worst]:.3g} rad/s"
-    )
-    column = f"column theta_{robot.joints[worst]}"
-
-    def refuse(hint: str) -> NoReturn:
-        raise InputError(f"{found}: {hint}", file=file, place=column)
-
-    in_radians = agreement(robot, bodies, motion, 1.0)
-    odd_joints = np.where(excess > UNITS.excess_checked, DEGREE, 1.0)
-    for unit in (DEGREE, odd_joints):
-        in_degrees = agreement(robot, bodies, motion, unit)
-        plausible = 1 / UNITS.odd_slope < in_degrees.slope < UNITS.odd_slope
-        if plausible and in_degrees.share > max(0.1, 2 * in_radians.share):
-            refuse("are these degrees? expected radians (after the gear)")
-    impossible = (span > np.maximum(2.5 * limits, 4 * np.pi)) & (speed > np.maximum(6.0 * speeds, 15.0))
-    if impossible[worst] or (excess[worst] > UNITS.excess_refused and in_radians.share < 0.1):
-        refuse("degrees, or the motor's angle before the gear? expected radians at the joint side")
-    if excess[worst] > UNITS.excess_odd:
-        warn(f"{column} {found}: radians at the joint side?")
+def likely_limits(robot: Robot) -> tuple[Array, Array]:
+    """`motion_limits` where the robot description has narrower ones than any robot needs."""
+    width, speed = motion_limits(robot)
+    return np.minimum(width, UNITS.widest), np.minimum(speed, UNITS.fastest)
 
 
-def check_tau(
-    robot: Robot,
-    bodies: Sequence[PayloadBody],
-    motion: SampledMotion,
-    stiffness: Array | None,
-    largest: Array,
-    file: Path,
-    warn: Warn,
-) -> None:
-    """Torques in mNm or kNm, or of the motor before the gear."""
-    rigid = agreement(robot, bodies, motion, 1.0)
-    limits = robot.from_pin(robot.model.upperEffortLimit)
-    strong = largest > UNITS.effort * np.where(limits > 0.0, limits, np.inf)
-    deflection = largest / (np.inf if stiffness is None else stiffness)  # [rad]
-    worst = int(np.argmax(largest))
+@dataclass(frozen=True, eq=False)
+class UnitCheck:
+    """Checks of one table by the motion in it."""
 
-    def refuse(joint: int, why: str, unit: str) -> NoReturn:
-        message = f"reaches {largest[joint]:.4g}, {why}: is this {unit}? expected Nm at the joint side"
-        raise InputError(message, file=file, place=f"column tau_{robot.joints[joint]}")
+    robot: Robot
+    bodies: Sequence[PayloadBody]
+    motion: SampledMotion
+    file: Path
+    warn: Warn
 
-    trusted = rigid.share > UNITS.explained
-    if trusted and rigid.slope > UNITS.milli_slope:
-        refuse(worst, f"{rigid.slope:.0f} times the torque of the rigid model", "mNm")
-    if trusted and 0.0 < rigid.slope < UNITS.kilo_slope:
-        why = f"1/{1 / rigid.slope:.0f} of the torque of the rigid model"
-        refuse(worst, why, "kNm, or the motor's torque before the gear")
-    for j in (int(j) for j in np.flatnonzero(strong | (deflection > UNITS.deflection_odd))):
-        slope, alone = rigid.slopes[j], rigid.shares[j] > UNITS.explained_alone
-        if alone and slope > UNITS.milli_slope_alone:
-            refuse(j, f"{slope:.0f} times the torque of the rigid model", "mNm")
-        explained = alone and slope < UNITS.odd_slope
-        if strong[j] and deflection[j] > UNITS.deflection_refused and not explained:
-            why = f"far above the effort limit, and the joint would deflect by {deflection[j]:.2g} rad"
-            refuse(j, why, "mNm")
-    column = f"column tau_{robot.joints[worst]} reaches {largest[worst]:.4g}"
-    if trusted and not 1 / UNITS.odd_slope < abs(rigid.slope) < UNITS.odd_slope:
-        warn(f"{column}, {rigid.slope:.3g} times the torque of the rigid model: Nm at the joint side?")
-    elif strong.any():
-        warn(f"{column}, far above the joints' effort limits: Nm at the joint side?")
-    elif np.any(deflection > UNITS.deflection_odd):
-        warn(f"{column}: with initial.stiffness a joint would deflect by more than 1 rad; Nm and Nm/rad?")
+    def refuse(self, column: str, message: str) -> NoReturn:
+        """InputError for a column."""
+        raise InputError(message, file=self.file, place=f"column {column}")
+
+    def time(self, step: float) -> None:
+        """Refuse a time that is not in seconds, by its median step [s]."""
+        if unit := wrong_time_unit(step, float(np.max(np.abs(self.motion.v)))):
+            self.refuse("time", f"the median step is {step:g}: is time in {unit}? expected seconds")
+        if step > UNITS.slow_step:
+            self.warn(f"the step is {step:g} s, slow for flexible joints: is time in seconds?")
+        if step < UNITS.fast_step:
+            self.warn(f"the step is {step:g} s, uncommonly short: is time in seconds?")
+
+    def theta(self, span: Array) -> None:
+        """Refuse angles in degrees, or of the motor before the gear, by their span (n,)."""
+        speed = np.max(np.abs(self.motion.v), axis=0)
+        limits, speeds = motion_limits(self.robot)
+        likely = likely_limits(self.robot)
+        excess = np.maximum(span / likely[0], speed / likely[1])
+        worst = int(np.argmax(excess))
+        if excess[worst] < UNITS.excess_checked:
+            return
+        column = f"theta_{self.robot.joints[worst]}"
+        found = (
+            f"spans {span[worst]:.3g} at up to {speed[worst]:.3g} /s; the joint's limits are "
+            f"{limits[worst]:.3g} rad and {speeds[worst]:.3g} rad/s"
+        )
+        in_radians = self.agreement(1.0)
+        odd_joints = np.where(excess > UNITS.excess_checked, DEGREE, 1.0)
+        for unit in (DEGREE, odd_joints):
+            in_degrees = self.agreement(unit)
+            plausible = 1 / UNITS.odd_slope < in_degrees.slope < UNITS.odd_slope
+            if plausible and in_degrees.share > max(0.1, 2 * in_radians.share):
+                self.refuse(column, f"{found}: are these degrees? expected radians (after the gear)")
+        impossible = (span > np.maximum(2.5 * limits, 4 * np.pi)) & (speed > np.maximum(6.0 * speeds, 15.0))
+        if impossible[worst] or (excess[worst] > UNITS.excess_refused and in_radians.share < 0.1):
+            hint = "degrees, or the motor's angle before the gear? expected radians at the joint side"
+            self.refuse(column, f"{found}: {hint}")
+        if excess[worst] > UNITS.excess_odd:
+            self.warn(f"column {column} {found}: radians at the joint side?")
+
+    def tau(self, largest: Array, stiffness: Array | None) -> None:
+        """Refuse torques in mNm or kNm, or of the motor before the gear, by the largest ones (n,)."""
+        rigid, joints = self.agreement(1.0), self.robot.joints
+        limits = self.robot.from_pin(self.robot.model.upperEffortLimit)
+        strong = largest > UNITS.effort * np.where(limits > 0.0, limits, np.inf)
+        deflection = largest / (np.inf if stiffness is None else stiffness)  # [rad]
+        worst = int(np.argmax(largest))
+
+        def refuse(j: int, why: str, unit: str) -> NoReturn:
+            message = f"reaches {largest[j]:.4g}, {why}: is this {unit}? expected Nm at the joint side"
+            self.refuse(f"tau_{joints[j]}", message)
+
+        trusted = rigid.share > UNITS.explained
+        if trusted and rigid.slope > UNITS.milli_slope:
+            refuse(worst, f"{rigid.slope:.0f} times the torque of the rigid model", "mNm")
+        if trusted and 0.0 < rigid.slope < UNITS.kilo_slope:
+            why = f"1/{1 / rigid.slope:.0f} of the torque of the rigid model"
+            refuse(worst, why, "kNm, or the motor's torque before the gear")
+        for j in (int(j) for j in np.flatnonzero(strong | (deflection > UNITS.deflection_odd))):
+            slope, alone = rigid.slopes[j], rigid.shares[j] > UNITS.explained_alone
+            if alone and slope > UNITS.milli_slope_alone:
+                refuse(j, f"{slope:.0f} times the torque of the rigid model", "mNm")
+            explained = alone and slope < UNITS.odd_slope
+            if strong[j] and deflection[j] > UNITS.deflection_refused and not explained:
+                why = f"far above the effort limit, and the joint would deflect by {deflection[j]:.2g} rad"
+                refuse(j, why, "mNm")
+        column = f"column tau_{joints[worst]} reaches {largest[worst]:.4g}"
+        if trusted and not 1 / UNITS.odd_slope < abs(rigid.slope) < UNITS.odd_slope:
+            self.warn(
+                f"{column}, {rigid.slope:.3g} times the torque of the rigid model: Nm at the joint side?"
+            )
+        elif strong.any():
+            self.warn(f"{column}, far above the joints' effort limits: Nm at the joint side?")
+        elif np.any(deflection > UNITS.deflection_odd):
+            hint = "with initial.stiffness a joint would deflect by more than 1 rad; Nm and Nm/rad?"
+            self.warn(f"{column}: {hint}")
+
+    def agreement(self, unit: float | Array) -> Agreement:
+        """Compare τ with the rigid CAD model along the motion, whose angles are in `unit` [rad], (n,) or one."""
+        n, motion = self.robot.n, self.motion
+        nothing = Agreement(1.0, 0.0, np.ones(n), np.zeros(n))
+        try:
+            rigid = self.robot.cad_torques(self.bodies, motion.q * unit, motion.v * unit, motion.a * unit)
+        except InputError:
+            return nothing  # bodies without mass
+        if not np.isfinite(rigid).all():
+            return nothing
+        cross, own, total = np.zeros(n), np.full(n, 1e-30), np.full(n, 1e-30)
+        for j in range(n):
+            v = motion.v[:, j] / (np.max(np.abs(motion.v[:, j])) + 1e-12)
+            friction, _ = np.linalg.qr(np.stack([np.ones_like(v), v, np.tanh(30 * v)], axis=1))
+            torque = motion.torque[:, j] - friction @ (friction.T @ motion.torque[:, j])
+            model_torque = rigid[:, j] - friction @ (friction.T @ rigid[:, j])
+            cross[j] = torque @ model_torque
+            own[j] += model_torque @ model_torque
+            total[j] += torque @ torque
+        slope = float(cross.sum() / own.sum())
+        share = slope * float(cross.sum() / total.sum())
+        return Agreement(slope, share, cross / own, cross**2 / (own * total))
 
 
 def check_optional(name: str, values: Array, reference: Array, file: Path, warn: Warn) -> None:
@@ -218,34 +247,6 @@ def check_optional(name: str, values: Array, reference: Array, file: Path, warn:
         raise InputError(message, file=file, place=f"column {name}")
     if not name.startswith("tau_") and not 0.5 < slope < 2.0:
         warn(f"column {name} hardly follows theta (slope {slope:.2g}): same sign, unit and joint?")
-
-
-def agreement(
-    robot: Robot, bodies: Sequence[PayloadBody], motion: SampledMotion, unit: float | Array
-) -> Agreement:
-    """Compare τ with the rigid CAD model along the motion, whose angles are in `unit` [rad], (n,) or one."""
-    n = robot.n
-    nothing = Agreement(1.0, 0.0, np.ones(n), np.zeros(n))
-    try:
-        model = robot.model_with(robot.cad_parameters, bodies)
-    except InputError:
-        return nothing  # bodies without mass
-    data = model.createData()
-    state = [robot.to_pin(x * unit) for x in (motion.q, motion.v, motion.a)]
-    rigid = robot.from_pin(np.array([pin.rnea(model, data, *row) for row in zip(*state, strict=True)]))
-    if not np.isfinite(rigid).all():
-        return nothing
-    cross, own, total = np.zeros(n), np.full(n, 1e-30), np.full(n, 1e-30)
-    for j in range(n):
-        v = motion.v[:, j] / (np.max(np.abs(motion.v[:, j])) + 1e-12)
-        friction, _ = np.linalg.qr(np.stack([np.ones_like(v), v, np.tanh(30 * v)], axis=1))
-        torque = motion.torque[:, j] - friction @ (friction.T @ motion.torque[:, j])
-        model_torque = rigid[:, j] - friction @ (friction.T @ rigid[:, j])
-        cross[j] = torque @ model_torque
-        own[j] += model_torque @ model_torque
-        total[j] += torque @ torque
-    slope = float(cross.sum() / own.sum())
-    return Agreement(slope, slope * float(cross.sum() / total.sum()), cross / own, cross**2 / (own * total))
 
 
 def sample_motion(time: Array, theta: Array, tau: Array) -> SampledMotion:

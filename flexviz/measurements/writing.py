@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ import pyarrow.parquet as papq
 
 from flexviz import toml
 from flexviz.errors import InputError
+from flexviz.files import whole_folder
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
 from flexviz.schemas import first_repeated
@@ -29,27 +29,19 @@ SUFFIXES = {"parquet": ".parquet", "csv": ".csv"}
 
 @dataclass(frozen=True, eq=False)
 class GroupTable:
-    """One group to write (n joints, N samples).
-
-    Attributes:
-        name, trajectory, payload, validation: as in the format.
-        time: (N,) [s].
-        theta, tau: (N, n) [rad], [Nm].
-        q, tau_joint, theta_ref: (N, n) [rad], [Nm], [rad], or None; a column that is all NaN is left out.
-        file: name of its table; None: `<name>.parquet` or `.csv`.
-    """
+    """One group to write: N samples of n joints; a column that is all NaN is left out."""
 
     name: str
     trajectory: str
     payload: str
-    time: Array
-    theta: Array
-    tau: Array
-    q: Array | None = None
-    tau_joint: Array | None = None
-    theta_ref: Array | None = None
+    time: Array  # (N,) [s]
+    theta: Array  # (N, n) [rad], and so on
+    tau: Array  # [Nm]
+    q: Array | None = None  # [rad]
+    tau_joint: Array | None = None  # [Nm]
+    theta_ref: Array | None = None  # [rad]
     validation: bool = False
-    file: str | None = None
+    file: str | None = None  # name of its table; None: `<name>.parquet` or `.csv`
 
     @staticmethod
     def of(group: Group) -> GroupTable:
@@ -110,17 +102,17 @@ def write_set(
         **{name: lists for name, lists in optional.items() if lists},
         "model": {"effects": list(effects)},
         "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
-        "groups": [group_entry(group, SUFFIXES[table_format]) for group in groups],
+        "groups": [
+            {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
+            | {"file": group.file or group.name + SUFFIXES[table_format]}
+            | ({"validation": True} if group.validation else {})
+            for group in groups
+        ],
     }
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-            new = Path(temporary) / "new"
+        with whole_folder(folder) as new:
             fill_folder(new, document, groups, files or {}, single)
-            if folder.exists():
-                os.replace(folder, Path(temporary) / "old")
-            os.replace(new, folder)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
     return folder
@@ -137,14 +129,15 @@ def fill_folder(
     names = [*files, *(entry["file"] for entry in document["groups"])]
     if twice := first_repeated(os.path.normpath(name) for name in names):
         raise InputError(f'two files of the set are called "{twice}"')
-    new.mkdir()
     for name, content in files.items():
-        write_file(within(new, name), content)
+        path = within(new, name)
+        if isinstance(content, Path):
+            shutil.copyfile(content, path)
+        else:
+            path.write_bytes(content if isinstance(content, bytes) else content.encode())
     for group, entry in zip(groups, document["groups"], strict=True):
-        path = within(new, entry["file"])
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_table(path, table_of(group, document["joints"], single))
-    write_file(new / FILE_NAME, toml.dumps(document))
+        write_table(within(new, entry["file"]), table_of(group, document["joints"], single))
+    (new / FILE_NAME).write_text(toml.dumps(document), encoding="utf-8")
 
 
 def check_free(folder: Path, overwrite: bool = False) -> None:
@@ -169,13 +162,6 @@ def numbers(**lists: Sequence[float] | Array | None) -> dict[str, list[float]]:
 def body_entry(body: PayloadBody) -> dict[str, Any]:
     """A payload's body, as in the format."""
     return {"link": body.link, "mass": float(body.mass), **numbers(com=body.com, inertia=body.inertia)}
-
-
-def group_entry(group: GroupTable, suffix: str) -> dict[str, Any]:
-    """A group, as in the format."""
-    entry = {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
-    entry["file"] = group.file or group.name + suffix
-    return entry | ({"validation": True} if group.validation else {})
 
 
 def table_of(group: GroupTable, joints: Sequence[str], single: bool) -> pa.Table:
@@ -205,20 +191,10 @@ def write_table(path: Path, table: pa.Table) -> None:
         papq.write_table(table, path, compression="zstd", use_dictionary=False)
 
 
-def write_file(path: Path, content: str | bytes | Path) -> None:
-    """Write text or bytes, or copy a file."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if isinstance(content, Path):
-        shutil.copyfile(content, path)
-    elif isinstance(content, bytes):
-        path.write_bytes(content)
-    else:
-        path.write_text(content, encoding="utf-8")
-
-
 def within(folder: Path, name: str) -> Path:
-    """The path of a file of the set; InputError when it would lie outside."""
+    """The path of a new file of the set, whose folder exists then; InputError when it would lie outside."""
     path = Path(os.path.normpath(folder / name))
     if Path(name).is_absolute() or folder not in path.parents:
         raise InputError(f'"{name}" lies outside the set\'s folder, expected a path inside it')
+    path.parent.mkdir(parents=True, exist_ok=True)
     return path

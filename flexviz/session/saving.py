@@ -15,7 +15,6 @@ import io
 import json
 import os
 import shutil
-import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +23,7 @@ from typing import Any
 
 from flexviz import __version__
 from flexviz.errors import InputError
-from flexviz.files import remove_parts, sha256_of, sync_folder, write_whole
+from flexviz.files import remove_parts, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
 from flexviz.session import results
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE
@@ -55,18 +54,10 @@ def save_session(
             with locked(folder):
                 _write(session, measurements, folder, folder)
             return folder
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-            new = Path(temporary) / "new"
+        with whole_folder(folder) as new:
             if carry:
-                shutil.copytree(measurements.path, new, ignore=LEFT_OUT)
-            else:
-                new.mkdir()
+                shutil.copytree(measurements.path, new, ignore=LEFT_OUT, dirs_exist_ok=True)
             _write(session, measurements, new, folder)
-            if folder.exists():
-                folder.rmdir()
-            os.replace(new, folder)
-            sync_folder(folder.parent)
     except OSError as error:
         raise InputError(f"cannot be saved ({error.strerror or error})", file=folder) from None
     return folder

@@ -26,9 +26,9 @@ from flexviz.importing.formats.base import (
     LogFormat,
     LogTable,
     ReadOptions,
-    readable,
+    check_stop,
 )
-from flexviz.measurements import Array
+from flexviz.measurements import Array, readable
 from flexviz.progress import Progress
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -57,10 +57,12 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
     with readable(path, "bag"), Reader1(path) if first else Reader2(path) as reader:
         states = [c for c in reader.connections if c.msgtype == JOINT_STATE]
         if not states:
-            raise InputError(f"no topic holds {JOINT_STATE}; {present(reader)}", file=path)
-        topics = collect(reader, states, first, path, options)
+            topics = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
+            present = ", ".join(topics[:8]) + (", …" if len(topics) > 8 else "") or "no topics"
+            raise InputError(f"no topic holds {JOINT_STATE}; the bag has {present}", file=path)
+        collected = collect(reader, states, first, path, options)
     tables, unusable, notes = list[LogTable](), dict[str, str](), list[str]()
-    for topic, groups in topics.items():
+    for topic, groups in collected.items():
         tables += tables_of(topic, list(groups.values()), unusable, notes)
     if not any(table.rows for table in tables):
         short = "; ".join(f"{name}: {why}" for name, why in list(unusable.items())[:3])
@@ -82,7 +84,7 @@ def collect(
     for number, (connection, logged, raw) in enumerate(reader.messages(states)):
         if number % CHECK_EVERY == 0:
             options.progress(Progress(f"reading {path.name}", min(1.0, number / total)))
-            options.check_stop()
+            check_stop(options.should_stop)
         message: Any = decode(raw, JOINT_STATE)
         names = tuple(message.name)
         group = topics[connection.topic].setdefault(names, MessageGroup(names))
@@ -99,9 +101,8 @@ def tables_of(
     topic: str, groups: list[MessageGroup], unusable: dict[str, str], notes: list[str]
 ) -> list[LogTable]:
     """The tables of one topic; `unusable` and `notes` are added to."""
-    joints = dict.fromkeys(name for group in groups for name in group.names)
     together: dict[tuple[int, ...], list[str]] = {}  # indices of the groups with a joint -> such joints
-    for joint in joints:
+    for joint in dict.fromkeys(name for group in groups for name in group.names):
         together.setdefault(tuple(i for i, x in enumerate(groups) if joint in x.names), []).append(joint)
     tables: list[LogTable] = []
     for number, (which, members) in enumerate(together.items()):
@@ -138,12 +139,6 @@ def column(group: MessageGroup, joint: str, key: str) -> Array:
     """(N,) one joint's values; NaN where a message does not have them."""
     index, count = group.names.index(joint), len(group.names)
     return np.array([row[index] if len(row) == count else np.nan for row in group.values[key]], dtype=float)
-
-
-def present(reader: Any) -> str:
-    """What a bag without joint states holds instead."""
-    topics = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
-    return "the bag has " + (", ".join(topics[:8]) + (", …" if len(topics) > 8 else "") or "no topics")
 
 
 BAG = LogFormat(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from flexviz.errors import Cancelled, FlexvizError, InputError, choose_from, one_line
+from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.measurements import Array
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 
@@ -20,20 +19,14 @@ SHORTEST = 32  # rows: shorter columns cannot be signals
 
 @dataclass(frozen=True, eq=False)
 class LogTable:
-    """Columns recorded together: a topic, a file of rows, variables of one length in a .mat file.
+    """Columns recorded together: a topic, a file of rows, variables of one length in a .mat file."""
 
-    Attributes:
-        name: the topic's name; "" where a log has one table only.
-        columns: name -> (N,) values as recorded, NaN where there is none; float64, or int64 where whole
-            numbers must stay exact (times).
-        clock: the time column, where the format knows it.
-        units: name -> unit that the file states ("ns", "deg").
-    """
-
-    name: str
+    name: str  # the topic's; "" where a log has one table only
+    # name -> (N,) values as recorded, NaN where there is none; float64, or int64 where whole numbers must
+    # stay exact (times)
     columns: Mapping[str, Array]
-    clock: str | None = None
-    units: Mapping[str, str] = field(default_factory=dict)
+    clock: str | None = None  # the time column, where the format knows it
+    units: Mapping[str, str] = field(default_factory=dict)  # name -> unit that the file states ("ns", "deg")
 
     @property
     def rows(self) -> int:
@@ -86,10 +79,6 @@ class ReadOptions:
             return True
         return any(name.startswith((f"{column}[", f"{column}/")) for name in self.wanted)
 
-    def check_stop(self) -> None:
-        """Cancelled, when the user asked to stop."""
-        check_stop(self.should_stop)
-
 
 @dataclass(frozen=True)
 class LogFormat:
@@ -116,6 +105,12 @@ def check_stop(should_stop: StopCallback) -> None:
         raise Cancelled("stopped by the user; nothing was written")
 
 
+def check_rows(count: int, path: Path) -> None:
+    """InputError for a table that is too short to hold signals."""
+    if count < SHORTEST:
+        raise InputError(f"{count} rows, expected at least {SHORTEST}", file=path)
+
+
 def as_numbers(values: Array) -> Array | None:
     """A column as int64 or as float64 with NaN for what is not finite; None when it holds no numbers."""
     if values.dtype.kind == "i":
@@ -124,19 +119,3 @@ def as_numbers(values: Array) -> Array | None:
         return None
     numbers = values.astype(float)
     return np.where(np.isfinite(numbers), numbers, np.nan)
-
-
-@contextmanager
-def readable(path: Path, kind: str) -> Iterator[None]:
-    """One-line InputErrors for whatever a damaged file makes the libraries raise."""
-    try:
-        yield
-    except FlexvizError:
-        raise
-    except MemoryError:
-        raise InputError(f"the {kind} does not fit into memory", file=path) from None
-    except Exception as error:  # struct, zlib, sqlite, yaml, Arrow and decoding errors of every kind
-        reason = one_line(str(getattr(error, "strerror", None) or error) or type(error).__name__)[:200]
-        cut = path.suffix == ".mcap" and ("magic" in reason or "Truncated" in reason)
-        hint = "; an MCAP file cut short is repaired by `mcap recover`" if cut else ""
-        raise InputError(f"not a readable {kind}: {reason}{hint}", file=path) from None

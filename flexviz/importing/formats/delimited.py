@@ -13,19 +13,14 @@ import pyarrow.csv as pacsv
 
 from flexviz.errors import InputError
 from flexviz.importing.column_names import known_unit
-from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
+from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions, check_rows
 from flexviz.importing.formats.parquet import columns_of, is_number
+from flexviz.measurements import readable
 
 HEAD = 1 << 16  # [bytes] from which the layout is found
 EMPTY = ["", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "null", "NULL", "None", "none", "-"]
-LAYOUTS = (
-    (";", ","),
-    (";", "."),
-    (",", "."),
-    ("\t", ","),
-    ("\t", "."),
-    (" ", "."),
-)  # separator, decimal point
+# separator, decimal point
+LAYOUTS = ((";", ","), (";", "."), (",", "."), ("\t", ","), ("\t", "."), (" ", "."))
 
 
 @dataclass(frozen=True)
@@ -35,7 +30,7 @@ class CsvLayout:
     separator: str
     decimal: str
     skip: int
-    names: tuple[str, ...]
+    names: list[str]
     units: dict[str, str]
     encoding: str
 
@@ -46,8 +41,7 @@ def read_delimited(path: Path, options: ReadOptions) -> Log:
         with path.open("rb") as stream:
             layout = find_layout(stream.read(HEAD), path)
         table = read_table(path, layout, [name for name in layout.names if options.wants(name)])
-    if table.num_rows < SHORTEST:
-        raise InputError(f"{table.num_rows} rows, expected at least {SHORTEST}", file=path)
+    check_rows(table.num_rows, path)
     kinds = {field.name: field.type for field in table.schema}
     usable = [name for name, kind in kinds.items() if is_number(kind) or pa.types.is_timestamp(kind)]
     columns, units, unusable = columns_of(table.select(usable), {})
@@ -66,17 +60,11 @@ def read_table(path: Path, layout: CsvLayout, names: list[str]) -> pa.Table:
     return pacsv.read_csv(
         pa.BufferReader(commas(path.read_bytes())) if spaces else path,
         pacsv.ReadOptions(
-            use_threads=False,
-            skip_rows=layout.skip,
-            column_names=list(layout.names),
-            encoding=layout.encoding,
+            use_threads=False, skip_rows=layout.skip, column_names=layout.names, encoding=layout.encoding
         ),
         pacsv.ParseOptions(delimiter="," if spaces else layout.separator),
         pacsv.ConvertOptions(
-            null_values=EMPTY,
-            strings_can_be_null=True,
-            decimal_point=layout.decimal,
-            include_columns=names,
+            null_values=EMPTY, strings_can_be_null=True, decimal_point=layout.decimal, include_columns=names
         ),
     )
 
@@ -139,7 +127,7 @@ def is_numeral(cell: str, decimal: str) -> bool:
     return True
 
 
-def header(before: list[list[str]], width: int, path: Path) -> tuple[tuple[str, ...], dict[str, str]]:
+def header(before: list[list[str]], width: int, path: Path) -> tuple[list[str], dict[str, str]]:
     """Names of the columns, and the units of a line of units below them."""
     rows = []
     for cells in before:
@@ -150,7 +138,7 @@ def header(before: list[list[str]], width: int, path: Path) -> tuple[tuple[str, 
         if any(cells):
             rows.append(cells)
     if not rows:
-        return tuple(f"column{i + 1}" for i in range(width)), {}
+        return [f"column{i + 1}" for i in range(width)], {}
     named = rows[-1]
     stated: list[str | None] = [None] * width
     if len(rows) > 1 and len(rows[-1]) == width == len(rows[-2]) and is_units(rows[-1]):
@@ -164,7 +152,7 @@ def header(before: list[list[str]], width: int, path: Path) -> tuple[tuple[str, 
     for i, name in enumerate(named):
         name = name or f"column{i + 1}"
         names.append(name if name not in names else f"{name}#{i + 1}")
-    return tuple(names), {name: unit for name, unit in zip(names, stated, strict=True) if unit}
+    return names, {name: unit for name, unit in zip(names, stated, strict=True) if unit}
 
 
 def is_units(cells: list[str]) -> bool:

@@ -15,8 +15,9 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from flexviz.errors import InputError
-from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, readable
+from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, check_stop
 from flexviz.importing.formats.parquet import columns_of, holds_numbers
+from flexviz.measurements import readable
 
 INFO = Path("meta") / "info.json"
 TIME = "time"  # the column made from frame_index and fps
@@ -47,8 +48,7 @@ def read_info(folder: Path) -> dict[str, Any]:
 
 def episodes_of(folder: Path) -> list[int]:
     """The numbers of all episodes."""
-    info = read_info(folder)
-    total = info.get("total_episodes")
+    total = read_info(folder).get("total_episodes")
     if not isinstance(total, int) or isinstance(total, bool) or total < 1:
         message = f"found {total!r}, expected the number of episodes"
         raise InputError(message, file=folder / INFO, place="total_episodes")
@@ -63,7 +63,7 @@ def read_episode(folder: Path, options: ReadOptions) -> Log:
         last = episodes_of(folder)[-1]
         raise InputError(f"which episode? expected episode = 0 … {last}", file=folder)
     frames = read_frames(folder, episode, options)
-    options.check_stop()
+    check_stop(options.should_stop)
     if frames.num_rows < SHORTEST:
         message = f"{frames.num_rows} frames, expected at least {SHORTEST}"
         raise InputError(message, file=folder, place=f"episode {episode}")
@@ -91,7 +91,7 @@ def entry_names(info: dict[str, Any]) -> dict[str, list[str]]:
         if isinstance(names, dict) and len(names) == 1:
             names = next(iter(names.values()))
         if isinstance(names, list) and all(isinstance(name, str) for name in names):
-            found[feature] = [str(name) for name in names] if len(set(names)) == len(names) else []
+            found[feature] = names if len(set(names)) == len(names) else []
     return found
 
 

@@ -14,19 +14,11 @@ import numpy as np
 from scipy.io import loadmat
 
 from flexviz.errors import InputError
-from flexviz.importing.formats.base import (
-    SHORTEST,
-    Log,
-    LogFormat,
-    LogTable,
-    ReadOptions,
-    as_numbers,
-    readable,
-)
-from flexviz.measurements import Array
+from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, as_numbers
+from flexviz.measurements import Array, readable
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
-DEEPEST = 8  # structs in structs
+DEEPEST = 9  # variables, and structs in structs
 MOST_SIGNALS = 200  # a matrix with more columns and more rows holds no signals
 
 
@@ -45,11 +37,9 @@ def read_mat(path: Path, options: ReadOptions) -> Log:
         content = loadmat(path, simplify_cells=True)
     by_length: dict[int, dict[str, Array]] = {}
     unusable: dict[str, str] = {}
-    for name, value in content.items():
-        if name.startswith("__"):
-            continue
-        for column, values in flatten(name, value, unusable, 0):
-            by_length.setdefault(len(values), {})[column] = values
+    variables = {name: value for name, value in content.items() if not name.startswith("__")}
+    for column, values in flatten("", variables, unusable, 0):
+        by_length.setdefault(len(values), {})[column] = values
     if "None" in content or any("opaque" in why for why in unusable.values()):
         unusable["(objects)"] = "timetable, table and timeseries objects cannot be read outside MATLAB"
     if not by_length:
@@ -66,7 +56,7 @@ def flatten(name: str, value: Any, unusable: dict[str, str], depth: int) -> Iter
     """Columns of a variable: (name, (N,) values)."""
     if isinstance(value, dict) and depth < DEEPEST:
         for key, inside in value.items():
-            yield from flatten(f"{name}.{key}", inside, unusable, depth + 1)
+            yield from flatten(f"{name}.{key}" if name else key, inside, unusable, depth + 1)
     elif isinstance(value, list) and depth < DEEPEST and len(value) <= MOST_SIGNALS:
         for i, inside in enumerate(value):  # a struct array or a cell
             yield from flatten(f"{name}({i + 1})", inside, unusable, depth + 1)

@@ -9,17 +9,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as papq
 
-from flexviz.errors import InputError
-from flexviz.importing.formats.base import (
-    SHORTEST,
-    Log,
-    LogFormat,
-    LogTable,
-    ReadOptions,
-    as_numbers,
-    readable,
-)
-from flexviz.measurements import Array
+from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions, as_numbers, check_rows
+from flexviz.measurements import Array, readable
 
 
 def read_parquet(path: Path, options: ReadOptions) -> Log:
@@ -27,13 +18,11 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
     with readable(path, "Parquet table"):
         schema = papq.read_schema(path)
         every = [field.name for field in schema if holds_numbers(field.type)]
-        names = [name for name in every if options.wants(name)]
-        table = papq.read_table(path, columns=names)
+        table = papq.read_table(path, columns=[name for name in every if options.wants(name)])
         columns, units, unusable = columns_of(table, {})
+    check_rows(table.num_rows, path)
     unusable |= {f.name: f"it holds {f.type}" for f in schema if not holds_numbers(f.type)}
-    if table.num_rows < SHORTEST:
-        raise InputError(f"{table.num_rows} rows, expected at least {SHORTEST}", file=path)
-    unread = tuple(name for name in every if name not in names)
+    unread = tuple(name for name in every if name not in table.column_names)
     return Log(path, "Parquet", (LogTable("", columns, None, units),), unusable, unread=unread)
 
 
@@ -69,10 +58,10 @@ def columns_of(
             if lists is None:
                 unusable[name] = "its lists are not all of the same length"
                 continue
-            names = entry_names.get(name, ())
-            for i in range(lists.shape[1]):
-                entry = f"{name}/{names[i]}" if len(names) == lists.shape[1] else f"{name}[{i}]"
-                columns[entry] = lists[:, i]
+            named = [f"{name}/{entry}" for entry in entry_names.get(name, ())]
+            count = lists.shape[1]
+            named = named if len(named) == count else [f"{name}[{i}]" for i in range(count)]
+            columns |= zip(named, lists.T, strict=True)
             continue
         if pa.types.is_timestamp(column.type):
             column, units[name] = column.cast(pa.timestamp("ns")).cast(pa.int64()), "ns"
