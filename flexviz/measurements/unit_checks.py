@@ -211,7 +211,7 @@ class UnitCheck:
             self.warn(f"{column}: {hint}")
 
     def agreement(self, unit: float | Array) -> Agreement:
-        """Compare τ with the rigid CAD model along the motion, whose angles are in `unit` [rad], (n,) or one."""
+        """Compare τ with the rigid CAD model along the motion, with angles in `unit` [rad], (n,) or one."""
         n, motion = self.robot.n, self.motion
         nothing = Agreement(1.0, 0.0, np.ones(n), np.zeros(n))
         try:
