@@ -34,7 +34,7 @@ from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.playback import RATE as FRAMES
 from flexviz.app.server import start_server
-from flexviz.app.tasks import Identify, OpenSet
+from flexviz.app.tasks import Identify, open_set
 from flexviz.measurements import GroupTable, write_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
@@ -119,7 +119,7 @@ def application(measurement_set: Path) -> Iterator[Application]:
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         server: Any = start_server("127.0.0.1", 0)
-        app = Application(server, OpenSet(measurement_set).run())
+        app = Application(server, open_set(measurement_set))
         try:
             yield app
         finally:

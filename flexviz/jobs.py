@@ -22,7 +22,7 @@ import threading
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import Pipe
@@ -66,6 +66,27 @@ class Task(ABC, Generic[Result]):
     @abstractmethod
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
         """Do the work. Return a partial result, or raise `Cancelled`, soon after `should_stop()` is true."""
+
+    @property
+    def kind(self) -> Hashable:
+        """Of waiting tasks of the same kind only the last one is run."""
+        return type(self)
+
+
+class InThread(Task[Result]):
+    """The call of a function in a thread of this process."""
+
+    in_process = False
+
+    def __init__(self, function: Callable[..., Result], *arguments: Any) -> None:
+        self._function, self._arguments = function, arguments
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
+        return self._function(*self._arguments)
+
+    @property
+    def kind(self) -> Hashable:
+        return self._function
 
 
 @dataclass(frozen=True)
@@ -121,12 +142,12 @@ class Worker:
             return self._current is not None or bool(self._waiting)
 
     def submit(self, task: Task[Any], listener: Callable[[JobEvent], None]) -> Job:
-        """Queue a task, in place of a waiting one of its class; `listener` runs in the worker's thread."""
+        """Queue a task, in place of a waiting one of its kind; `listener` runs in the worker's thread."""
         job = Job(next(self._numbers), task, listener)
         with self._change:
             if self._closed:
                 raise FlexvizError("the worker is closed")
-            stale = [waiting for waiting in self._waiting if type(waiting.task) is type(task)]
+            stale = [waiting for waiting in self._waiting if waiting.task.kind == task.kind]
             self._waiting = [waiting for waiting in self._waiting if waiting not in stale] + [job]
             self._change.notify_all()
         for old in stale:

@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 
 from flexviz.app.application import Application
-from flexviz.app.input_checks import check, rule_of
-from flexviz.app.server import start_server
-from flexviz.app.tasks import OpenSet
+from flexviz.app.server import rule_of, start_server
+from flexviz.app.tasks import open_set
 
 BROWSER = 7  # the number of a browser that is not there
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed
@@ -29,7 +28,7 @@ def running(root: Path, measurement_set: Path) -> Iterator[Application]:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
         server = start_server("127.0.0.1", 0)
-        application = Application(server, OpenSet(measurement_set).run())
+        application = Application(server, open_set(measurement_set))
         yield application
         application.close()
         server.stop()
@@ -37,7 +36,7 @@ def running(root: Path, measurement_set: Path) -> Iterator[Application]:
 
 def reopen(app: Application, measurement_set: Path) -> None:
     """Show this set from its beginning."""
-    app.store.open(OpenSet(measurement_set).run())
+    app.store.open(open_set(measurement_set))
 
 
 def control(app: Application, label: str, index: int = 0) -> Any:
@@ -55,7 +54,7 @@ def use(app: Application, label: str, value: Any = True, *, index: int = 0) -> N
 
 def send(app: Application, handle: Any, value: Any = True) -> None:
     """What a browser sends for this control: checked, then told to its callbacks, then acted on."""
-    value = check(rule_of(handle), value)
+    value = rule_of(handle)(value)
     if not hasattr(handle, "options") and handle._impl.is_button:
         value = True
     handle._impl.value = value

@@ -49,7 +49,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     assert first.identification is not None and first.diagnosis_up_to_date
     assert diagnose_step(app)._verdict.content.find("Missing: Coulomb friction on joint2") > 0
     assert error_text(identify(measurements)) in status(app)
-    best = diagnose_step(app).findings.entries[0]
+    best = diagnose_step(app).findings[0]
     assert best.add.visible and "coulomb 3.0" in best._text.content and "Automatica" in best._card.content
     assert "Add and refit" in app.dock._line.content
 

@@ -14,7 +14,7 @@ import pytest
 
 from flexviz.app import workspace
 from flexviz.app.application import Application
-from flexviz.app.input_checks import upload_refusal
+from flexviz.app.server import upload_refusal
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.data import DataStep
 from flexviz.app.workspace import PRESETS, SimulateQuiz, hideable, output_dir

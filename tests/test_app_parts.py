@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,16 +11,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flexviz.app.change import Changed, ChangeSignal, Turn
-from flexviz.app.clock import PlaybackClock
 from flexviz.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
-from flexviz.app.input_checks import InputRule, check
 from flexviz.app.page import off
-from flexviz.app.style import in_row
-from flexviz.app.tooltips import Tooltips, css_text
+from flexviz.app.playback import PlaybackClock
+from flexviz.app.server import Rule, choice, increasing, nothing, number, press, rule_of, switch, text
+from flexviz.app.state import Changed, ChangeSignal, Turn
+from flexviz.app.style import Tooltips, css_text, in_row
 from flexviz.errors import InputError
 
-NUMBER = InputRule("number", 0.0, 10.0)
+NUMBER = partial(number, low=0.0, high=10.0)
+PAIR = partial(increasing, one=partial(number, low=0.0, high=5.0), count=2)
 ANYTHING = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20) | st.binary(max_size=20),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
@@ -33,17 +34,17 @@ ANYTHING = st.recursive(
         (NUMBER, 3, 3.0),
         (NUMBER, 10.0, 10.0),
         (NUMBER, 10.0 + 1e-12, 10.0),
-        (InputRule("number", 0, 5, whole=True), 3.0, 3),
-        (InputRule("choice", options=("a", "b")), "b", "b"),
-        (InputRule("switch"), False, False),
-        (InputRule("press"), True, True),
-        (InputRule("text"), "name", "name"),
-        (InputRule("range", 0, 5, length=2), [1, 2.5], (1.0, 2.5)),
+        (partial(number, low=0, high=5, whole=True), 3.0, 3),
+        (partial(choice, options=("a", "b")), "b", "b"),
+        (switch, False, False),
+        (press, True, True),
+        (text, "name", "name"),
+        (PAIR, [1, 2.5], (1.0, 2.5)),
     ],
 )
-def test_good_values_come_through(rule: InputRule, value: Any, expected: Any) -> None:
-    assert check(rule, value) == expected
-    assert type(check(rule, value)) is type(expected)
+def test_good_values_come_through(rule: Rule, value: Any, expected: Any) -> None:
+    assert rule(value) == expected
+    assert type(rule(value)) is type(expected)
 
 
 @pytest.mark.parametrize(
@@ -57,46 +58,48 @@ def test_good_values_come_through(rule: InputRule, value: Any, expected: Any) ->
         (NUMBER, True),
         (NUMBER, None),
         (NUMBER, [3]),
-        (InputRule("number"), 10**400),
-        (InputRule("number", 0, 5, whole=True), 2.5),
-        (InputRule("choice", options=("a",)), "../../etc/passwd"),
-        (InputRule("choice", options=("a",)), 0),
-        (InputRule("switch"), 1),
-        (InputRule("press"), False),
-        (InputRule("text"), "x" * 100000),
-        (InputRule("range", 0, 5, length=2), [3, 1]),
-        (InputRule("range", 0, 5, length=2), [1]),
-        (InputRule("range", 0, 5, length=2), [1, float("nan")]),
-        (InputRule("none"), 1),
-        (InputRule("number", 0, 5, disabled=True), 3),
+        (number, 10**400),
+        (partial(number, low=0, high=5, whole=True), 2.5),
+        (partial(choice, options=("a",)), "../../etc/passwd"),
+        (partial(choice, options=("a",)), 0),
+        (switch, 1),
+        (press, False),
+        (text, "x" * 100000),
+        (PAIR, [3, 1]),
+        (PAIR, [1]),
+        (PAIR, [1, float("nan")]),
+        (nothing, 1),
+        (rule_of(SimpleNamespace(disabled=True)), 3),
     ],
 )
-def test_bad_values_do_not(rule: InputRule, value: Any) -> None:
+def test_bad_values_do_not(rule: Rule, value: Any) -> None:
     with pytest.raises(InputError):
-        check(rule, value)
+        rule(value)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # on a busy machine
-@given(st.sampled_from(["number", "choice", "switch", "press", "text", "range", "none"]), ANYTHING)
-def test_whatever_comes_is_accepted_or_refused(kind: Any, value: Any) -> None:
-    rule = InputRule(kind, 0.0, 10.0, options=("a", "b"), length=2)
+@given(
+    st.sampled_from([NUMBER, partial(choice, options=("a", "b")), switch, press, text, PAIR, nothing]),
+    ANYTHING,
+)
+def test_whatever_comes_is_accepted_or_refused(rule: Rule, value: Any) -> None:
     try:
-        accepted = check(rule, value)
+        accepted = rule(value)
     except InputError as error:
         assert len(str(error)) < 300
     else:
-        assert check(rule, accepted) == accepted
+        assert rule(accepted) == accepted
 
 
 # -- queue -----------------------------------------------------------------------------------------------
 
 
-def nothing(value: Any) -> None:
+def ignored(value: Any) -> None:
     pass
 
 
 def put(queue: EventQueue, source: str, value: Any, each: bool = False) -> None:
-    queue.put(Event(source, nothing, value), each=each)
+    queue.put(Event(source, ignored, value), each=each)
 
 
 def test_of_waiting_events_only_the_newest_of_a_source_stays() -> None:
@@ -121,7 +124,7 @@ def test_each_step_counts() -> None:
 def test_the_queue_has_an_end() -> None:
     queue = EventQueue()
     for value in range(MAX_QUEUE_LENGTH + 50):
-        queue.call(nothing, value)
+        queue.call(ignored, value)
     assert len(queue) == MAX_QUEUE_LENGTH
 
 

@@ -10,7 +10,7 @@ import pytest
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
 from flexviz.app.steps.data import DataStep
-from flexviz.app.tasks import OpenSet
+from flexviz.app.tasks import open_set
 from flexviz.app.workspace import output_dir, unsaved_dir
 from flexviz.session import Autosave, Session, find_unsaved
 from tests.app_running import status, until, use
@@ -19,7 +19,7 @@ from tests.small_set import write_small_set
 
 def test_unsaved_work_is_offered_continued_and_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    opened = OpenSet(write_small_set(tmp_path / "small")).run()
+    opened = open_set(write_small_set(tmp_path / "small"))
     session = Session.of(opened.measurements)
     session = session.then("offset", session.analysis.with_effect("torque_offset:joint1", True))
     keeper = Autosave(unsaved_dir)

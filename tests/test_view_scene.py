@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.app.clock import PlaybackClock
+from flexviz.app.playback import PlaybackClock
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot

@@ -22,11 +22,11 @@ def serve(
     """
     from flexviz.app.application import Application
     from flexviz.app.server import is_loopback, start_server
-    from flexviz.app.tasks import OpenSet
+    from flexviz.app.tasks import open_set
     from flexviz.resources import sessions_dir
 
     begin = time.monotonic()
-    opened = OpenSet(sessions_dir() / DEMO if path is None else path).run()
+    opened = open_set(sessions_dir() / DEMO if path is None else path)
     server = start_server(host, port)
     application = Application(server, opened)
     shown = f"[{host}]" if ":" in host else host

@@ -11,16 +11,14 @@ from typing import Any
 
 import viser
 
-from flexviz.app.change import Changed
 from flexviz.app.display import Display
 from flexviz.app.dock import Dock
-from flexviz.app.events import EventQueue
+from flexviz.app.events import EventQueue, TaskRunner
 from flexviz.app.idle import IdleWork
 from flexviz.app.page import Page
 from flexviz.app.playback_panel import PlaybackPanel
 from flexviz.app.plots import PlotPanel
-from flexviz.app.runner import TaskRunner
-from flexviz.app.state import Opened
+from flexviz.app.state import Changed, Opened
 from flexviz.app.steps import STEPS
 from flexviz.app.store import Store
 from flexviz.app.tasks import WARM

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.commands import CTRL, SHIFT
-from flexviz.app.page import Page, off
+from flexviz.app.page import CTRL, SHIFT, Page, off
+from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import next_button, next_option, no_label, pressed, style
@@ -33,10 +32,8 @@ class Dock:
         self._redo = page.button("Redo", store.redo, disabled=True)
         self._stop = page.button("Stop", store.stop, color="red", disabled=True)
         self._bar = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._joint = page.watch(gui.add_dropdown("Joint", ("–",), initial_value="–"), self._choose_joint)
-        self._group = page.watch(
-            gui.add_dropdown("Group", ("–",), initial_value="–"), lambda name: store.select(group=name)
-        )
+        self._joint = page.dropdown("Joint", ("–",), self._choose_joint)
+        self._group = page.dropdown("Group", ("–",), lambda name: store.select(group=name))
         gui.add_divider()
         page.row((self._undo, self._redo, self._stop))
         page.style(no_label, self._buttons)

@@ -1,4 +1,4 @@
-"""The event queue between browsers, worker and the application's loop."""
+"""The event queue of the application's loop, and the tasks whose callbacks go through it."""
 
 from __future__ import annotations
 
@@ -8,35 +8,32 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import Any
 
+from flexviz.jobs import JobEvent, Result, Task, Worker
+from flexviz.progress import Progress, ProgressCallback, ignore
+
 MAX_QUEUE_LENGTH = 1000  # events; only a misbehaving client exceeds it
 
 
 @dataclass(frozen=True)
 class Event:
-    """A call `action(value)` for the loop.
+    """A call `action(value)` for the loop."""
 
-    Attributes:
-        source: origin; a newer event replaces waiting ones of the same source.
-        control: whether a control on the page was used.
-        born: creation time [s, monotonic].
-    """
-
-    source: Hashable
+    source: Hashable  # a newer event replaces waiting ones of the same source
     action: Callable[[Any], None]
     value: Any = None
-    control: bool = False
+    control: bool = False  # whether a control on the page was used
     born: float = field(default_factory=time.monotonic)
 
 
 class EventQueue:
-    """First in, first out; a newer event replaces waiting ones of the same source."""
+    """First in, first out; a newer event replaces waiting ones of the same source. Thread-safe."""
 
     def __init__(self) -> None:
         self._waiting: list[Event] = []
         self._change = threading.Condition()
 
     def put(self, event: Event, *, each: bool = False) -> None:
-        """Add an event; `each` keeps older ones of its source. Thread-safe."""
+        """Add an event; `each` keeps older ones of its source."""
         with self._change:
             if not each:
                 self._waiting = [other for other in self._waiting if other.source != event.source]
@@ -45,7 +42,7 @@ class EventQueue:
             self._change.notify()
 
     def call(self, action: Callable[[Any], None], value: Any = None) -> None:
-        """Let the loop call `action(value)`, once per call. Thread-safe."""
+        """Let the loop call `action(value)`, once per call."""
         self.put(Event(action, action, value), each=True)
 
     def take(self, timeout: float) -> Event | None:
@@ -57,3 +54,43 @@ class EventQueue:
 
     def __len__(self) -> int:
         return len(self._waiting)
+
+
+class TaskRunner:
+    """Starts tasks on the worker; all callbacks run in the loop's thread."""
+
+    def __init__(self, queue: EventQueue, failed: Callable[[str], None]) -> None:
+        self._queue, self._failed = queue, failed
+        self._worker = Worker()
+        self.stop = self._worker.stop
+        self.close = self._worker.close
+
+    def start(
+        self,
+        task: Task[Result],
+        done: Callable[[Result], None],
+        *,
+        progress: ProgressCallback = ignore,
+        failed: Callable[[str], None] | None = None,
+        stopped: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Start a task, replacing a waiting one of its kind.
+
+        Args:
+            done: gets its result.
+            progress: gets its progress.
+            failed: gets the reason of a failure; by default it is shown to the user.
+            stopped: called if it was stopped without a result.
+        """
+
+        def act(event: JobEvent) -> None:
+            if event.kind == "progress" and isinstance(event.value, Progress):
+                progress(event.value)
+            elif event.kind == "done":
+                done(event.value)
+            elif event.kind == "failed":
+                (failed or self._failed)(event.value)
+            elif event.kind == "stopped":
+                stopped()
+
+        self._worker.submit(task, lambda event: self._queue.call(act, event))

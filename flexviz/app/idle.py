@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.state import Derived
+from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, MapResiduals, Replay
 from flexviz.jobs import Result

@@ -5,15 +5,72 @@ A value that the program itself sets causes no event.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import viser
 
-from flexviz.app.commands import Command, Commands
 from flexviz.app.events import Event, EventQueue
-from flexviz.app.style import CSS, in_row
-from flexviz.app.tooltips import Tooltips
+from flexviz.app.style import CSS, Tooltips, in_row
+
+SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
+CTRL, SHIFT = "cmd/ctrl", "cmd/ctrl+shift"
+
+
+@dataclass(frozen=True)
+class Command:
+    """An entry of the palette."""
+
+    label: str  # unique
+    action: Callable[[int], None]  # called with the number of the browser
+    hotkey: Any = None
+    modifier: Any = None
+    shared: bool = False  # whether controls also use this key
+
+
+@dataclass(frozen=True)
+class _Request:
+    command: Command
+    client: int
+    when: float = field(default_factory=time.monotonic)
+
+
+class Commands:
+    """The command palette and its keys. A key press used by the focused control triggers no command."""
+
+    def __init__(self, server: viser.ViserServer, queue: EventQueue) -> None:
+        self._server, self._queue = server, queue
+        self.known: dict[str, Command] = {}  # by label
+        self._waiting: list[_Request] = []
+        self._touched = 0.0
+
+    def add(self, command: Command) -> None:
+        """Add a command to the palette."""
+        self.known[command.label] = command
+        handle = self._server.gui.add_command(command.label, hotkey=command.hotkey, modifier=command.modifier)
+
+        async def triggered(event: Any) -> None:
+            self._queue.call(self._waiting.append, _Request(command, event.client_id))
+
+        handle.on_trigger(triggered)
+
+    def touched(self, when: float) -> None:
+        """Record that a control was used at time `when` [s, monotonic]."""
+        self._touched = when
+
+    def due(self) -> list[Callable[[], None]]:
+        """The actions of commands that are due."""
+        now = time.monotonic()
+        due = [request for request in self._waiting if now - request.when >= SETTLE]
+        self._waiting[:] = [request for request in self._waiting if request not in due]
+        return [
+            partial(request.command.action, request.client)
+            for request in due
+            if not request.command.shared or abs(self._touched - request.when) > 2 * SETTLE
+        ]
 
 
 class Page:
@@ -22,33 +79,43 @@ class Page:
     def __init__(self, server: viser.ViserServer, queue: EventQueue) -> None:
         self.server, self._queue = server, queue
         self.gui = server.gui
+        self.call = queue.call  # lets the loop call `action(value)`; thread-safe
         self.commands = Commands(server, queue)
         self.tooltips = Tooltips()
         self.rules = [CSS]
 
-    def call(self, action: Callable[[Any], None], value: Any) -> None:
-        """Let the loop call `action(value)`. Thread-safe."""
-        self._queue.call(action, value)
-
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
         """Call `action(value)` when a browser changes this control."""
-
-        async def changed(event: Any) -> None:
-            if event.client_id is not None:
-                self._queue.put(Event(handle._impl.uuid, action, event.target.value, control=True))
-
-        handle.on_update(changed)
+        handle.on_update(self._told(handle, lambda event: event.target.value, action))
         return handle
 
     def choose(self, handle: Any, action: Callable[[str], None]) -> Any:
         """Call `action(option)` for every press in a button group."""
-
-        async def chosen(event: Any) -> None:
-            if event.client_id is not None:
-                self._queue.put(Event(handle._impl.uuid, action, event.target.value, control=True), each=True)
-
-        handle.on_click(chosen)
+        handle.on_click(self._told(handle, lambda event: event.target.value, action, each=True))
         return handle
+
+    def _told(
+        self, handle: Any, value: Callable[[Any], Any], action: Callable[[Any], None], each: bool = False
+    ) -> Callable[[Any], Any]:
+        """A callback of a control that queues `action(value(event))` if a browser used it."""
+
+        async def told(event: Any) -> None:
+            if event.client_id is not None:
+                self._queue.put(Event(handle._impl.uuid, action, value(event), control=True), each=each)
+
+        return told
+
+    def checkbox(
+        self, label: str, on: bool = False, action: Callable[[bool], None] = lambda _: None, **look: Any
+    ) -> Any:
+        """A checkbox that calls `action(on)`."""
+        return self.watch(self.gui.add_checkbox(label, on, **look), action)
+
+    def dropdown(
+        self, label: str, options: Sequence[str], action: Callable[[str], None] = lambda _: None, **look: Any
+    ) -> Any:
+        """A dropdown that calls `action(option)`; it begins with the first option."""
+        return self.watch(self.gui.add_dropdown(label, tuple(options), **look), action)
 
     def button(self, label: str, action: Callable[[], None], **look: Any) -> Any:
         """A button that calls `action()`."""
@@ -59,12 +126,7 @@ class Page:
     ) -> Any:
         """A button that calls `action(client)` with the number of the browser."""
         handle = self.gui.add_button(label, color=color, **look)
-
-        async def pressed(event: Any) -> None:
-            if event.client_id is not None:
-                self._queue.put(Event(handle._impl.uuid, action, event.client_id, control=True))
-
-        handle.on_click(pressed)
+        handle.on_click(self._told(handle, lambda event: event.client_id, action))
         self.tooltips.add(handle)
         return handle
 
@@ -78,17 +140,9 @@ class Page:
         handle.on_upload(uploaded)
         return handle
 
-    def command(
-        self,
-        label: str,
-        action: Callable[[], None],
-        hotkey: str | None = None,
-        modifier: str | None = None,
-        *,
-        shared: bool = False,
-    ) -> None:
-        """Add a command to the palette; `shared` if controls also use its key."""
-        self.commands.add(Command(label, lambda _: action(), hotkey, modifier, shared))
+    def command(self, label: str, action: Callable[[], None], *key: str, shared: bool = False) -> None:
+        """Add a command to the palette, with its hotkey and modifier if any; see `Command`."""
+        self.commands.add(Command(label, lambda _: action(), *key, shared=shared))
 
     def client_command(self, label: str, action: Callable[[int], None]) -> None:
         """Add a command that is called with the number of the browser."""

@@ -1,81 +1,122 @@
-"""Playback: a thread that moves both robots 30 times per second."""
+"""Playback: the clock of the displayed instant, and the thread that draws it 30 times per second."""
 
 from __future__ import annotations
 
 import threading
-import time
+import time as wall
 import traceback
-from dataclasses import dataclass
+from collections.abc import Callable
 
-from flexviz.app.clock import PlaybackClock
-from flexviz.app.scene import Scene
-from flexviz.scene import RobotMotion
-
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 RATE = 30.0  # [1/s]
 
 
-@dataclass(frozen=True, eq=False)
-class DrawnMotion:
-    """The drawn motion with its exaggeration factors."""
+class PlaybackClock:
+    """Runs over a time span and starts again; thread-safe."""
 
-    motion: RobotMotion
-    deflection: float
-    error: float
-    link_side: bool = False
-    torque: bool = False
+    def __init__(self, now: Callable[[], float] = wall.monotonic) -> None:
+        self._now = now
+        self._lock = threading.Lock()
+        self._start, self._end = 0.0, 1.0
+        self._time, self._speed = 0.0, 1.0
+        self.loop = True  # start again at the end, or stop there
+        self._since: float | None = None  # wall time of the start, None while paused
+
+    def span(self, start: float, end: float) -> None:
+        """Set the span to `start` … `end` [s] and go to its start; playing or paused as before."""
+        with self._lock:
+            self._start, self._end = start, max(end, start + 1e-6)
+            self._set(start)
+
+    def play(self) -> None:
+        with self._lock:
+            if not self.loop and self._at() >= self._end:
+                self._set(self._start)
+            if self._since is None:
+                self._since = self._now()
+
+    def pause(self) -> None:
+        with self._lock:
+            self._time, self._since = self._at(), None
+
+    def seek(self, time: float) -> None:
+        """Go to an instant [s], clipped to the span."""
+        with self._lock:
+            self._set(time)
+
+    def step(self, by: float) -> None:
+        """Pause and move `by` [s]."""
+        self.pause()
+        self.seek(self._time + by)
+
+    def set_speed(self, speed: float) -> None:
+        """Set the playback speed, as a multiple of real time."""
+        with self._lock:
+            self._set(self._at())
+            self._speed = speed
+
+    @property
+    def playing(self) -> bool:
+        return self._since is not None
+
+    @property
+    def time(self) -> float:
+        """The current instant [s]."""
+        with self._lock:
+            return self._at()
+
+    def _at(self) -> float:
+        if self._since is None:
+            return self._time
+        run = self._time + self._speed * (self._now() - self._since) - self._start
+        span = self._end - self._start
+        return self._start + (run % span if self.loop else min(run, span))
+
+    def _set(self, time: float) -> None:
+        self._time = min(max(time, self._start), self._end)
+        if self._since is not None:
+            self._since = self._now()
 
 
 class Playback:
-    """Draws the motion at the clock's time, if it has changed."""
+    """Draws the clock's instant from a thread, if it has changed.
 
-    def __init__(self, scene: Scene, clock: PlaybackClock) -> None:
-        self._scene = scene
+    Attributes:
+        draw: draws an instant [s]; None draws nothing.
+        lock: held while an instant is drawn; to be held while the scene is rebuilt.
+        frames: how many have been drawn.
+    """
+
+    def __init__(self, clock: PlaybackClock) -> None:
         self._clock = clock
-        self._drawn_motion: DrawnMotion | None = None
-        self._drawn: tuple[DrawnMotion | None, float] = (None, -1.0)
-        self._lock = threading.Lock()  # the scene is not rebuilt while it is drawn
-        self._stop = threading.Event()
+        self.draw: Callable[[float], None] | None = None
+        self.lock = threading.Lock()
         self.frames = 0
+        self._drawn: tuple[Callable[[float], None] | None, float] = (None, -1.0)
+        self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="flexviz-playback", daemon=True)
 
     def start(self) -> None:
-        """Start the thread."""
         self._thread.start()
 
-    def show(self, drawn_motion: DrawnMotion | None) -> None:
-        """Draw this motion; None draws nothing."""
-        self._drawn_motion = drawn_motion
-
-    def hold(self) -> threading.Lock:
-        """The lock to hold while the scene is rebuilt."""
-        return self._lock
-
     def close(self) -> None:
-        """End the thread."""
         self._stop.set()
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        due = time.monotonic()
+        due = wall.monotonic()
         while not self._stop.is_set():
-            due = max(due + 1.0 / RATE, time.monotonic() - 0.1)
+            due = max(due + 1.0 / RATE, wall.monotonic() - 0.1)
             try:
-                with self._lock:
+                with self.lock:
                     self._draw()
             except Exception:  # one bad frame must not end the playback
                 traceback.print_exc()
-            self._stop.wait(max(due - time.monotonic(), 0.0))
+            self._stop.wait(max(due - wall.monotonic(), 0.0))
 
     def _draw(self) -> None:
-        drawn_motion, now = self._drawn_motion, self._clock.time
-        if drawn_motion is None or (drawn_motion, now) == self._drawn:
-            return
-        shares = drawn_motion.motion.torque_shares(now) if drawn_motion.torque else None
-        self._scene.pose(
-            *drawn_motion.motion.pose(
-                now, drawn_motion.deflection, drawn_motion.error, drawn_motion.link_side
-            ),
-            shares,
-        )
-        self._drawn = (drawn_motion, now)
-        self.frames += 1
+        draw, now = self.draw, self._clock.time
+        if draw is not None and (draw, now) != self._drawn:
+            draw(now)
+            self._drawn = (draw, now)
+            self.frames += 1

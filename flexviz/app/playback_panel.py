@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.clock import SPEEDS
 from flexviz.app.page import Page, off
+from flexviz.app.playback import SPEEDS
+from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half, no_label
 from flexviz.scene import LAYOUTS
@@ -33,36 +33,19 @@ class PlaybackPanel:
         with panel.add_tab("Playback"):
             buttons = page.choose(gui.add_button_group("", BUTTONS), self._press)
             self._time = page.watch(gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0), self._scrub)
-            speed = page.watch(
-                gui.add_dropdown("Speed", SPEED_NAMES, initial_value="1×"),
-                lambda name: self._clock.set_speed(SPEEDS[SPEED_NAMES.index(name)]),
-            )
-            self._layout = page.watch(
-                gui.add_dropdown("Layout", LAYOUTS, initial_value=LAYOUTS[0]), self._set("layout")
-            )
-            self._deflection = page.watch(
-                gui.add_slider(
-                    "Deflection ×", 0, 500, 1, 1,
-                    hint="0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q",
-                ),
-                self._set("deflection"),
-            )  # fmt: skip
-            error = gui.add_slider(
-                "Error ×", 1, 500, 1, 1,
-                hint="exaggerates simulated − measured motor angle of the identified robot",
-            )  # fmt: skip
-            page.watch(error, self._set("error"))
+            speed = page.dropdown("Speed", SPEED_NAMES, self._set_speed, initial_value="1×")
+            self._layout = page.dropdown("Layout", LAYOUTS, self._set("layout"))
+            hint = "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q"
+            deflection = gui.add_slider("Deflection ×", 0, 500, 1, 1, hint=hint)
+            self._deflection = page.watch(deflection, self._set("deflection"))
+            hint = "exaggerates simulated − measured motor angle of the identified robot"
+            page.watch(gui.add_slider("Error ×", 1, 500, 1, 1, hint=hint), self._set("error"))
             self._legend = gui.add_html("")
         with panel.add_tab("View"):
-            self._side = page.watch(
-                gui.add_dropdown("Side", SIDES, initial_value=SIDES[0]),
-                lambda side: self._change(link_side=side == SIDES[1]),
-            )
-            arrows = gui.add_checkbox(
-                "Torque arrows", False, hint="turn with the measured torque; a full turn is its largest value"
-            )
-            page.watch(arrows, self._set("torque"))
-            page.watch(gui.add_checkbox("Loop", True, hint="starts again at the group's end"), self._loop)
+            self._side = page.dropdown("Side", SIDES, lambda side: self._change(link_side=side == SIDES[1]))
+            hint = "turn with the measured torque; a full turn is its largest value"
+            page.checkbox("Torque arrows", False, self._set("torque"), hint=hint)
+            page.checkbox("Loop", True, self._loop, hint="starts again at the group's end")
         panel.float(x=12, y=-12, width=488)
         page.style(no_label, buttons)
         for handle in (speed, self._layout):
@@ -122,6 +105,9 @@ class PlaybackPanel:
         else:
             self._clock.step(FRAME if button == FORWARD else -FRAME)
         self._follow()
+
+    def _set_speed(self, name: str) -> None:
+        self._clock.set_speed(SPEEDS[SPEED_NAMES.index(name)])
 
     def _toggle(self) -> None:
         self._press(PAUSE if self._clock.playing else PLAY)

@@ -2,21 +2,39 @@
 
 from __future__ import annotations
 
-from flexviz.app.change import Changed
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
 from flexviz.app.page import Page
-from flexviz.app.residual_tab import ResidualTab
+from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.view import (
+    VARIABLES,
+    ResidualSamples,
     convergence_charts,
+    free_chart,
+    free_html,
+    groups_html,
+    map_charts,
+    map_html,
+    map_of,
     observer_for,
+    range_html,
     signals_charts,
     staircase_charts,
     staircase_html,
     states_charts,
+    stretches_of,
+    time_residual,
 )
 
+if TYPE_CHECKING:
+    from flexviz.identification import Identification
+
 RIGHT_WIDTH = 430  # [pixels]
+STEPS = 200  # of the range slider
+OFF = "nothing"
 
 
 class PlotPanel:
@@ -77,3 +95,83 @@ class PlotPanel:
     def _move(self) -> None:
         """Move the playheads."""
         self._signals.move(self._store.clock.time)
+
+
+class ResidualTab:
+    """The tab "Where it fails": residual maps, curves and a highlighted range."""
+
+    def __init__(self, store: Store, page: Page, tab: Any) -> None:
+        self._store = store
+        self._of: tuple[Identification | None, int] | None = None  # result and joint of the samples
+        self._samples: ResidualSamples | None = None
+        gui = page.gui
+        with tab:
+            self._map = gui.add_html("")
+            self._groups = gui.add_html("")
+            self._stopgap = gui.add_html("")
+            hint = "marks, in time and on the robot, the instants where this variable is in the range"
+            self._variable = page.dropdown(
+                "Highlight", (OFF, *VARIABLES), self._chosen, visible=False, hint=hint
+            )
+            self._range = page.watch(
+                gui.add_multi_slider("Range", 0.0, 1.0, 1.0 / STEPS, (0.0, 1.0), visible=False),
+                lambda _: self._draw(),
+            )
+            self._about = gui.add_html("")
+        self._charts = ChartColumn(page.server, tab)
+        store.subscribe(Changed.OPENED, self._opened)
+        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
+        store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
+        store.subscribe(Changed.TICK, self._move)
+
+    def _opened(self) -> None:
+        self._variable.value = OFF
+
+    def _draw(self) -> None:
+        store, name = self._store, self._store.joint_name
+        result, joint = store.analysis.identification, store.joint
+        if self._of is None or self._of[0] is not result or self._of[1] != joint:
+            self._samples, self._of = ResidualSamples.of(result, joint), (result, joint)
+        self._map.content = map_html(store.maps, store.measurements.joints, joint)
+        self._groups.content = groups_html(self._samples, name)
+        self._variable.visible = self._samples is not None
+        residual = time_residual(self._samples, name, store.group.name)
+        marked = self._marked()
+        self._range.visible = marked is not None
+        if marked is not None and residual.series:
+            residual = replace(residual, highlights=stretches_of(marked.time, marked.marked))
+        self._stopgap.content = free_html(store.free_curve)
+        self._charts.show((free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
+        self._move()
+        store.set_highlight(marked)
+
+    def _move(self) -> None:
+        """Move the playhead."""
+        self._charts.move(self._store.clock.time)
+
+    def _marked(self) -> Highlight | None:
+        """The instants in the chosen range, or None."""
+        key = self._variable.value
+        if self._samples is None or self._samples.limits(key) is None:
+            self._about.content = ""
+            return None
+        low, high = self._range.value
+        time, inside = self._samples.instants(key, low, high, self._store.group.name)
+        self._about.content = range_html(key, low, high, inside)
+        return Highlight(time, inside)
+
+    def _chosen(self, key: str) -> None:
+        ends = None if self._samples is None else self._samples.limits(key)
+        if ends is not None:
+            low, high = (float(f"{end:.6g}") for end in ends)
+            self._range.min, self._range.max, self._range.step = low, high, (high - low) / STEPS
+            self._range.value = self._first_range(key, low, high)
+        self._draw()
+
+    def _first_range(self, key: str, low: float, high: float) -> tuple[float, float]:
+        """The range with most of the residual, or else the upper quarter."""
+        found = map_of(self._store.maps, self._store.joint_name, key)
+        if found is None or not low <= found.range[0] < found.range[1] <= high:
+            return low + 0.75 * (high - low), high
+        first, last = found.range
+        return float(f"{first:.4g}"), float(f"{last:.4g}")

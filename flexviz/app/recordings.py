@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
-from flexviz.app.change import Changed
 from flexviz.app.server import is_loopback
-from flexviz.app.state import FitProgress
+from flexviz.app.state import Changed, FitProgress
 from flexviz.app.store import Store
 from flexviz.app.workspace import new_recording
 from flexviz.errors import FlexvizError, InputError, one_line
@@ -28,6 +27,67 @@ if TYPE_CHECKING:
 Kind = Literal["file", "viewer"]
 KINDS: tuple[Kind, ...] = ("file", "viewer")
 CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recording
+
+
+class RecordedSession:
+    """What one recording has been told of the session, and the rest as it comes."""
+
+    def __init__(self, recording: LiveRecording, store: Store) -> None:
+        """Tell everything so far, including the iterations of a running fit."""
+        self.recording, self._store = recording, store
+        self._result: Identification | None = None
+        self._diagnosis: Diagnosis | None = None
+        self._replays: set[str] = set()  # of that result
+        self._maps: object = ()
+        self._fit: FitProgress | None = None if store.running else store.fit
+        self._iterations = len(store.fit.iterations)  # of that fit
+        for step in store.session.steps:
+            recording.note(step.label)
+        self.results()
+        self.derived()
+        if store.running:
+            self.iterations()
+
+    def results(self) -> None:
+        """Tell new results."""
+        from flexviz.observers import make_observer
+
+        analysis = self._store.analysis
+        result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted_settings
+        if result is not self._result:
+            self._replays, self._maps = set(), ()
+            if result is not None:
+                observer = make_observer(result.observer_name, result.bandwidth)  # type: ignore[arg-type]
+                self.recording.observer(observer)
+                self.recording.identified(result, model_label(fitted.effects if fitted else ()))
+        if diagnosis is not None and diagnosis is not self._diagnosis and analysis.diagnosis_up_to_date:
+            models = tuple(model.step for model in analysis.model_steps)
+            self.recording.diagnosed(diagnosis, models)
+        self._result, self._diagnosis = result, diagnosis
+
+    def derived(self) -> None:
+        """Tell simulated motion and residual maps of the newest result."""
+        derived = self._store.derived_of(self._result)
+        if self._result is None or derived is None:
+            return
+        for group, run in derived.replays.items():
+            if group not in self._replays:
+                self.recording.replayed(group, run)
+        if derived.maps and derived.maps is not self._maps:
+            self.recording.mapped(derived.maps)
+        self._replays, self._maps = set(derived.replays), derived.maps
+
+    def iterations(self) -> None:
+        """Tell iterations, unless the fit leads to several results."""
+        fit = self._store.fit
+        if fit is not self._fit:
+            self._fit, self._iterations = fit, 0
+        new = fit.iterations[self._iterations :] if fit.single else []
+        if new and not self._iterations:
+            self.recording.started(model_label(fit.effects))
+        for iteration in new:
+            self.recording.iteration(iteration)
+        self._iterations = len(fit.iterations)
 
 
 @dataclass(frozen=True)
@@ -58,24 +118,35 @@ class Recordings:
         heard: Callable[[RecordingEvent], None],
     ) -> None:
         self._store, self._call, self._heard = store, call, heard
-        self._open: dict[Kind, LiveRecording] = {}
+        self._open: dict[Kind, RecordedSession] = {}
         self._wanted: dict[Kind, object] = {}  # mark of the current request
         self._threads: list[threading.Thread] = []
         self._ended = False
-        self._newest: Identification | None = None  # last result sent to all of them
-        self._diagnosis: Diagnosis | None = None
-        self._replays: set[str] = set()  # of the newest result
-        self._maps: object = None
-        self._fit: FitProgress | None = None
-        self._iterations = 0  # of that fit
-        store.subscribe(Changed.NEW_STATE, self._changed)
-        store.subscribe(Changed.HISTORY, self._noted)
-        store.subscribe(Changed.FIT, self._iterated)
-        store.subscribe(Changed.DERIVED, self._derived)
+        store.subscribe(Changed.NEW_STATE | Changed.HISTORY, self._each(self._note))
+        store.subscribe(Changed.NEW_STATE, self._each(RecordedSession.results))
+        store.subscribe(Changed.FIT, self._each(RecordedSession.iterations))
+        store.subscribe(Changed.DERIVED, self._each(RecordedSession.derived))
         store.subscribe(Changed.TICK, self._tick)
         store.subscribe(Changed.CLOSED, self._close_all)
 
-    # -- on and off ----------------------------------------------------------------------------------
+    def _each(self, act: Callable[[RecordedSession], None]) -> Callable[[], None]:
+        """An action that calls `act` with every open recording."""
+
+        def call() -> None:
+            for recorded in self._open.values():
+                act(recorded)
+
+        return call
+
+    def _note(self, recorded: RecordedSession) -> None:
+        recorded.recording.note(self._store.last_action)
+
+    def _tick(self) -> None:
+        """Drop a viewer that has disconnected."""
+        viewer = self._open.get("viewer")
+        if viewer is not None and viewer.recording.lost_viewer:
+            reason = f"the Rerun viewer has disconnected: {one_line(viewer.recording.lost_viewer)}"
+            self._happened(RecordingEvent("viewer", self._wanted.get("viewer"), "failed", reason))
 
     def start(self, kind: Kind, address: str = "") -> None:
         """Start a recording, to the viewer at `address` if any; reported through `heard`."""
@@ -86,15 +157,13 @@ class Recordings:
         file = new_recording(measurements.name) if kind == "file" else None
         self._wanted[kind] = mark
 
+        def failed(reason: str) -> None:
+            self._tell(kind, mark, "failed", reason)
+
         def begin() -> None:
             from flexviz.recording import LiveRecording  # heavy
 
-            recording = LiveRecording(
-                measurements,
-                file,
-                viewer=viewer,
-                on_failure=lambda reason: self._tell(kind, mark, "failed", reason),
-            )
+            recording = LiveRecording(measurements, file, viewer=viewer, on_failure=failed)
             if self._ended:
                 recording.close()
             self._tell(kind, mark, "open", recording)
@@ -103,16 +172,12 @@ class Recordings:
 
     def stop(self, kind: Kind) -> None:
         """Close a recording; reported through `heard`."""
-        mark = self._wanted.pop(kind, None)
-        recording = self._open.pop(kind, None)
-        if recording is not None:
-            self._close(kind, mark, recording)
+        mark, recorded = self._wanted.pop(kind, None), self._open.pop(kind, None)
+        if recorded is not None:
+            self._close(kind, mark, recorded.recording)
 
     def _close(self, kind: Kind, mark: object, recording: LiveRecording) -> None:
-        def end() -> None:
-            self._tell(kind, mark, "closed", recording.close())
-
-        self._in_thread(end, kind, mark)
+        self._in_thread(lambda: self._tell(kind, mark, "closed", recording.close()), kind, mark)
 
     def _close_all(self) -> None:
         """Close all recordings and wait."""
@@ -122,98 +187,11 @@ class Recordings:
         for thread in self._threads:
             thread.join(timeout=CLOSING_TIME)
 
-    def size(self, kind: Kind = "file") -> int:
-        """Bytes written so far."""
-        recording = self._open.get(kind)
-        file = None if recording is None else recording.file
+    def size(self) -> int:
+        """Bytes written to the file so far."""
+        recorded = self._open.get("file")
+        file = None if recorded is None else recorded.recording.file
         return file.stat().st_size if file is not None and file.is_file() else 0
-
-    def _tick(self) -> None:
-        """Drop a viewer that has disconnected."""
-        viewer = self._open.get("viewer")
-        if viewer is not None and viewer.lost_viewer:
-            reason = f"the Rerun viewer has disconnected: {one_line(viewer.lost_viewer)}"
-            self._happened(RecordingEvent("viewer", self._wanted.get("viewer"), "failed", reason))
-
-    # -- content -------------------------------------------------------------------------------------
-
-    def _changed(self) -> None:
-        """Record new results and the last action."""
-        for recording in self._open.values():
-            recording.note(self._store.last_action)
-            self._results(recording, self._newest, self._diagnosis)
-        self._remember()
-
-    def _noted(self) -> None:
-        """Record the last action."""
-        for recording in self._open.values():
-            recording.note(self._store.last_action)
-
-    def _iterated(self) -> None:
-        """Record iterations, unless the fit leads to several results."""
-        fit = self._store.fit
-        if fit is not self._fit:
-            self._fit, self._iterations = fit, 0
-        if not fit.single:
-            return
-        for recording in self._open.values():
-            self._tell_fit(recording, self._iterations)
-        self._iterations = len(fit.iterations)
-
-    def _tell_fit(self, recording: LiveRecording, known: int) -> None:
-        fit = self._store.fit
-        if fit.iterations and not known:
-            recording.started(model_label(fit.effects))
-        for iteration in fit.iterations[known:]:
-            recording.iteration(iteration)
-
-    def _derived(self) -> None:
-        """Record simulated motion and residual maps of the newest result."""
-        derived = self._store.derived_of(self._newest)
-        if self._newest is None or derived is None:
-            return
-        for recording in self._open.values():
-            for group, run in derived.replays.items():
-                if group not in self._replays:
-                    recording.replayed(group, run)
-            if derived.maps and derived.maps is not self._maps:
-                recording.mapped(derived.maps)
-        self._replays, self._maps = set(derived.replays), derived.maps
-
-    def _remember(self) -> None:
-        analysis = self._store.analysis
-        if self._newest is not analysis.identification:
-            self._newest, self._replays, self._maps = analysis.identification, set(), None
-        self._diagnosis = analysis.diagnosis
-
-    def _results(
-        self, recording: LiveRecording, known: Identification | None, diagnosed: Diagnosis | None
-    ) -> None:
-        """Record the current results, if the recording does not have them."""
-        from flexviz.observers import make_observer
-
-        analysis = self._store.analysis
-        result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted_settings
-        if result is not None and result is not known:
-            recording.observer(make_observer(result.observer_name, result.bandwidth))  # type: ignore[arg-type]
-            recording.identified(result, model_label(fitted.effects if fitted else ()))
-        if diagnosis is not None and diagnosis is not diagnosed and analysis.diagnosis_up_to_date:
-            recording.diagnosed(diagnosis, tuple(model.step for model in analysis.model_steps))
-
-    def _catch_up(self, recording: LiveRecording) -> None:
-        """Record everything so far, including the iterations of a running fit."""
-        store = self._store
-        for step in store.session.steps:
-            recording.note(step.label)
-        self._results(recording, None, None)
-        for group, run in store.derived.replays.items():
-            recording.replayed(group, run)
-        if store.derived.maps:
-            recording.mapped(store.derived.maps)
-        self._remember()
-        self._replays, self._maps = set(store.derived.replays), store.derived.maps
-        if store.running and store.fit.single:
-            self._tell_fit(recording, 0)
 
     # -- other threads -------------------------------------------------------------------------------
 
@@ -240,17 +218,15 @@ class Recordings:
             self._close(kind, event.mark, event.value)
             return
         if event.state == "open":
-            self._open[kind] = event.value
+            self._open[kind] = RecordedSession(event.value, self._store)
         elif event.state == "failed":
             if not wanted:
                 return
             self._wanted.pop(kind)
             lost = self._open.pop(kind, None)
-            if lost is not None and not lost.failure:
-                self._close(kind, object(), lost)
+            if lost is not None and not lost.recording.failure:
+                self._close(kind, object(), lost.recording)
         self._heard(event)
-        if event.state == "open":
-            self._catch_up(event.value)
 
 
 def model_label(effects: tuple[str, ...]) -> str:

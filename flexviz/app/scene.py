@@ -16,11 +16,11 @@ from flexviz.scene import ARROW_RADIUS, FIELD_OF_VIEW, RobotShape, SceneLayout, 
 
 GHOST_OPACITY = 0.45
 MOVED_CAMERA = 0.02  # share of the stage's width; users move the camera farther
-HIDDEN_SHARE = (
-    0.27  # share of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
-)
+HIDDEN_SHARE = 0.27  # of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
 SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
 SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
+
+Click = Callable[[int], None]  # gets the joint whose body was clicked
 
 
 class RobotNodes:
@@ -28,12 +28,10 @@ class RobotNodes:
 
     def __init__(
         self, server: viser.ViserServer, name: str, robot: Robot, shape: RobotShape,
-        colour: tuple[int, int, int], opacity: float | None, on_click: Callable[[int], None],
+        colour: tuple[int, int, int], opacity: float | None, on_click: Click,
     ) -> None:  # fmt: skip
         self.name = name
-        self._server = server
-        self._robot = robot
-        self._shape = shape
+        self._server, self._robot, self._shape = server, robot, shape
         self._frame = server.scene.add_frame(f"/{name}", show_axes=False)
         self._bodies: list[Any] = []
         self._payload: list[Any] = []
@@ -70,9 +68,8 @@ class RobotNodes:
 
     def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
         """Show the payload's bodies as balls of equal mass (2500 kg/m³)."""
-        for handle in self._payload:
-            handle.remove()
-        self._payload = []
+        while self._payload:
+            self._payload.pop().remove()
         neutral = self._robot.link_poses(np.zeros(self._robot.n))
         for number, load in enumerate(payload):
             joint = self._robot.joint_of_link(load.link)
@@ -91,9 +88,8 @@ class RobotNodes:
     def torque(self, shares: np.ndarray | None, q: np.ndarray) -> None:
         """Draw torque arrows around the joints, shares (n,) of the largest torque, at q (n,) [rad]."""
         if shares is None:
-            for handle in self._arrows:
-                handle.remove()
-            self._arrows = []
+            while self._arrows:
+                self._arrows.pop().remove()
             return
         poses = self._robot.link_poses(q)
         there = [
@@ -139,53 +135,79 @@ class RobotNodes:
         )
 
     def remove(self) -> None:
-        """Remove the robot."""
         self._frame.remove()
 
 
 class Scene:
-    """Both robots on their stage."""
+    """Both robots of a measurement set on their stage."""
 
-    def __init__(self, server: viser.ViserServer, on_click: Callable[[int], None]) -> None:
-        self._server = server
-        self._on_click = on_click
-        self._grid: Any = None
+    def __init__(
+        self, server: viser.ViserServer, robot: Robot, shape: RobotShape, stage: SceneLayout, on_click: Click
+    ) -> None:
+        self._server, self._stage = server, stage
         self._labels: dict[str, Any] = {}
-        self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
-        self._views: dict[int, np.ndarray] = {}  # browser -> camera position
-        self._begin = np.zeros(3)  # initial camera position
-        self._nudged = 1e-4  # relative camera motion that triggers an update
-        self._asked = 0.0  # last request of the canvas size [s, monotonic]
-        self.measured: RobotNodes | None = None
-        self.identified: RobotNodes | None = None
-        server.scene.set_up_direction("+z")
-        server.scene.configure_default_lights(cast_shadow=False)
-
-    def build(self, robot: Robot, shape: RobotShape, stage: SceneLayout, layout: str) -> None:
-        """Build both copies of a new set's robot."""
-        self.clear()
-        self._stage = stage
         size = 6.0 * max(stage.size, stage.width)
-        self._grid = self._server.scene.add_grid(
+        self._grid = server.scene.add_grid(
             "/floor", width=size, height=size, cell_size=size / 24, section_size=size / 6,
             position=(stage.centre[0], stage.centre[1], stage.floor), plane="xy",
         )  # fmt: skip
-        self.measured = RobotNodes(self._server, "measured", robot, shape, COLOURS.body, None, self._on_click)
+        self.measured = RobotNodes(server, "measured", robot, shape, COLOURS.body, None, on_click)
         self.identified = RobotNodes(
-            self._server, "identified", robot, shape, rgb(COLOURS.model), GHOST_OPACITY, self._on_click
+            server, "identified", robot, shape, rgb(COLOURS.model), GHOST_OPACITY, on_click
         )
-        self.place(layout)
 
     def place(self, layout: str) -> None:
         """Place the robots side by side or overlaid."""
-        if self.measured is None or self.identified is None:
-            return
+        self._layout = layout
         for nodes, offset in zip((self.measured, self.identified), self._stage.offsets(layout), strict=True):
             nodes.place(offset)
-        self._layout = layout
-        camera, look = self._stage.camera(layout)
-        self._begin = camera
-        self._server.initial_camera.position = tuple(camera)  # type: ignore[assignment]
+
+    def labels(self, measured: str, identified: str) -> None:
+        """Label both robots."""
+        left, right = self._stage.label_places(self._layout)
+        for name, text, at in (("measured", measured, left), ("identified", identified, right)):
+            if name not in self._labels:
+                self._labels[name] = self._server.scene.add_label(
+                    f"/labels/{name}", text, anchor="bottom-center", font_screen_scale=0.95
+                )
+            self._labels[name].text = text
+            self._labels[name].position = at
+
+    def mark(self, positions: Sequence[np.ndarray], chosen: np.ndarray) -> None:
+        """Highlight the measured robot's path over positions (M of (n,)), only where `chosen` (M,)."""
+        path = self.measured.path(positions)
+        pieces = np.stack([path[:-1], path[1:]], axis=1)
+        self.measured.mark(pieces[chosen[:-1] & chosen[1:]])
+
+    def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
+        """Set both robots' joint positions (n,) [rad] and the torque's shares (n,) in one update."""
+        with self._server.atomic():
+            self.measured.pose(measured)
+            self.identified.pose(identified)
+            self.measured.torque(torque, measured)
+
+    def remove(self) -> None:
+        for part in (self.measured, self.identified, self._grid, *self._labels.values()):
+            part.remove()
+
+
+class Cameras:
+    """The camera of every browser, pointed at both robots until its user moves it."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        self._server = server
+        self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
+        self._views: dict[int, np.ndarray] = {}  # browser -> camera position
+        self._nudged = 1e-4  # relative camera motion that triggers an update
+        self._asked = 0.0  # last request of the canvas size [s, monotonic]
+        server.scene.set_up_direction("+z")
+        server.scene.configure_default_lights(cast_shadow=False)
+
+    def show(self, stage: SceneLayout, layout: str) -> None:
+        """Point all cameras at the robots placed by `layout`."""
+        self._stage, self._layout = stage, layout
+        self._begin, look = stage.camera(layout)
+        self._server.initial_camera.position = tuple(self._begin)  # type: ignore[assignment]
         self._server.initial_camera.look_at = tuple(look)  # type: ignore[assignment]
         self._server.initial_camera.fov = FIELD_OF_VIEW
         for client in self._server.get_clients().values():
@@ -193,8 +215,6 @@ class Scene:
 
     def aim(self, client: viser.ClientHandle) -> None:
         """Point one browser's camera at both robots, as close as its window allows."""
-        if self.measured is None:
-            return
         self._aimed[client.client_id] = aspect = _aspect(client)
         camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE)
         self._views[client.client_id] = camera
@@ -210,9 +230,8 @@ class Scene:
     def resized(self, client: viser.ClientHandle) -> None:
         """Aim again if the canvas size has changed and the user has not moved the camera."""
         now = _aspect(client)
-        if self.measured is None or abs(self._aimed.get(client.client_id, now) / now - 1.0) < SAME_ASPECT:
-            return
-        if self._unmoved(client.client_id, client):
+        changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
+        if changed and self._unmoved(client.client_id, client):
             self.aim(client)
 
     def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
@@ -235,63 +254,12 @@ class Scene:
                 self._nudged = -self._nudged
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
 
-    def labels(self, measured: str, identified: str) -> None:
-        """Label both robots."""
-        left, right = self._stage.label_places(self._layout)
-        for name, text, at in (("measured", measured, left), ("identified", identified, right)):
-            if name in self._labels:
-                self._labels[name].text = text
-                self._labels[name].position = at
-            else:
-                self._labels[name] = self._server.scene.add_label(
-                    f"/labels/{name}",
-                    text,
-                    position=tuple(at),
-                    anchor="bottom-center",
-                    font_screen_scale=0.95,
-                )
-
-    def path_pieces(self, positions: Sequence[np.ndarray], chosen: np.ndarray) -> np.ndarray:
-        """The measured robot's tip path over positions (M of (n,)), only the chosen pieces: (K, 2, 3) [m]."""
-        if self.measured is None or len(positions) < 2 or len(chosen) != len(positions):
-            return np.zeros((0, 2, 3), np.float32)
-        path = self.measured.path(positions)
-        pieces = np.stack([path[:-1], path[1:]], axis=1)
-        return pieces[chosen[:-1] & chosen[1:]]
-
-    def mark(self, pieces: np.ndarray | None) -> None:
-        """Highlight pieces (K, 2, 3) of the measured robot's path; None highlights nothing."""
-        if self.measured is not None:
-            self.measured.mark(pieces)
-
-    def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
-        """Set both robots' joint positions (n,) [rad] and the torque's shares (n,) in one update."""
-        if self.measured is None or self.identified is None:
-            return
-        with self._server.atomic():
-            self.measured.pose(measured)
-            self.identified.pose(identified)
-            self.measured.torque(torque, measured)
-
-    def clear(self) -> None:
-        """Remove everything."""
-        for nodes in (self.measured, self.identified):
-            if nodes is not None:
-                nodes.remove()
-        self.measured = self.identified = None
-        if self._grid is not None:
-            self._grid.remove()
-            self._grid = None
-        for label in self._labels.values():
-            label.remove()
-        self._labels = {}
-
 
 def _aspect(client: viser.ClientHandle) -> float:
     return max(client.camera.image_width, 1) / max(client.camera.image_height, 1)
 
 
-def _on_click(mesh: Any, joint: int, on_click: Callable[[int], None]) -> None:
+def _on_click(mesh: Any, joint: int, on_click: Click) -> None:
     @mesh.on_click
     async def _(_: Any) -> None:
         on_click(joint)

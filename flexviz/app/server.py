@@ -1,7 +1,7 @@
-"""A viser server with access control by Host and Origin.
+"""A viser server with access control by Host and Origin, and validation of all that browsers send.
 
-viser checks neither. The check wraps `serve` of the websocket library, so viser's version is pinned and
-tests/test_app_input_checks.py covers every check.
+viser does neither. The checks lean on viser's internal handler tables and on `serve` of the websocket
+library, so viser's version is pinned and tests/test_app_input_checks.py covers every check.
 """
 
 from __future__ import annotations
@@ -11,21 +11,34 @@ import http
 import io
 import ipaddress
 import logging
+import math
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server as websocket_server
+from viser import _messages as messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from flexviz.app.input_checks import guard_messages
+from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.errors import InputError
 
 log = logging.getLogger("flexviz.app")
 DEFAULT_PORT = 8080
+LONGEST_TEXT = 2000
+LARGEST_INTEGER = 2**63
+UNWANTED = (
+    messages.ShareUrlRequest,  # opens a public tunnel
+    messages.ShareUrlDisconnect,
+    messages.GuiFormSubmitMessage,
+    messages.GuiFormDirtyMessage,
+)
+RUNNING_UPLOADS = 4  # at most, of all browsers
+LONGEST_FILE_NAME = 400
 
 
 def start_server(host: str = "127.0.0.1", port: int | None = None) -> viser.ViserServer:
@@ -103,3 +116,181 @@ def guarded_serve(bound_to: str) -> Iterator[None]:
         yield
     finally:
         module.serve = original
+
+
+# -- values ----------------------------------------------------------------------------------------------
+
+Rule = Callable[[Any], Any]  # the value converted to the control's type; InputError if it is invalid
+
+
+def rule_of(handle: Any) -> Rule:
+    """The rule of a viser control; unknown and disabled ones accept nothing."""
+    if getattr(handle, "disabled", False):
+        return partial(nothing, why="the control is disabled")
+    if isinstance(handle, viser.GuiSliderHandle | viser.GuiNumberHandle):
+        low = -math.inf if handle.min is None else float(handle.min)
+        high = math.inf if handle.max is None else float(handle.max)
+        return partial(number, low=low, high=high, whole=isinstance(handle.value, int))
+    if isinstance(handle, viser.GuiMultiSliderHandle):
+        whole = all(isinstance(value, int) for value in handle.value)
+        one = partial(number, low=float(handle.min), high=float(handle.max), whole=whole)
+        return partial(increasing, one=one, count=len(handle.value))
+    if isinstance(handle, viser.GuiDropdownHandle | viser.GuiButtonGroupHandle):
+        return partial(choice, options=tuple(handle.options))
+    if isinstance(handle, viser.GuiCheckboxHandle):
+        return switch
+    if isinstance(handle, viser.GuiButtonHandle):
+        return press
+    return text if isinstance(handle, viser.GuiTextHandle) else nothing
+
+
+def number(value: Any, low: float = -math.inf, high: float = math.inf, whole: bool = False) -> float | int:
+    """A number between `low` and `high`."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{_shown(value)} is not a number")
+    if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
+        raise InputError("the number is too large")
+    if not math.isfinite(value):
+        raise InputError(f"{_shown(value)} is not finite")
+    slack = 1e-9 * max(abs(low), abs(high), 1.0) if math.isfinite(low + high) else 0.0
+    if not low - slack <= value <= high + slack:
+        raise InputError(f"{_shown(value)} is not between {low:g} and {high:g}")
+    if whole:
+        if value != int(value):
+            raise InputError(f"{_shown(value)} is not a whole number")
+        return int(value)
+    return min(max(float(value), low), high)
+
+
+def increasing(value: Any, one: Rule, count: int) -> tuple[Any, ...]:
+    """`count` increasing numbers, each by the rule `one`."""
+    if not isinstance(value, list | tuple) or len(value) != count:
+        raise InputError(f"{_shown(value)} is not a list of {count} numbers")
+    numbers = tuple(one(item) for item in value)
+    if list(numbers) != sorted(numbers):
+        raise InputError(f"{_shown(value)} does not increase")
+    return numbers
+
+
+def choice(value: Any, options: Sequence[str]) -> str:
+    """One of the options."""
+    if not isinstance(value, str) or value not in options:
+        raise InputError(f"{_shown(value)} is not one of the {len(options)} options")
+    return value
+
+
+def switch(value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise InputError(f"{_shown(value)} is not true or false")
+    return value
+
+
+def press(value: Any) -> bool:
+    """The press of a button."""
+    if value is not True:
+        raise InputError(f"a button is pressed with true, not {_shown(value)}")
+    return value
+
+
+def text(value: Any) -> str:
+    """A text of limited length."""
+    if not isinstance(value, str) or len(value) > LONGEST_TEXT:
+        raise InputError(f"not a text of at most {LONGEST_TEXT} characters")
+    return value
+
+
+def nothing(value: Any, why: str = "this control takes no value") -> Any:
+    """No value at all."""
+    raise InputError(why)
+
+
+def _shown(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else shown[:57] + "…"
+
+
+# -- messages --------------------------------------------------------------------------------------------
+
+
+def guard_messages(server: viser.ViserServer) -> None:
+    """Drop unneeded messages, and check every value before it reaches a control."""
+    websocket = server._websock_server
+    for kind in UNWANTED:
+        with contextlib.suppress(AssertionError):
+            websocket.unregister_handler(kind)
+    gui = server.gui
+    websocket.unregister_handler(messages.GuiUpdateMessage, gui._handle_gui_updates)  # type: ignore[arg-type]
+
+    async def checked(client_id: Any, message: messages.GuiUpdateMessage) -> None:
+        handle = gui._gui_input_handle_from_uuid.get(message.uuid) if isinstance(message.uuid, str) else None
+        if handle is None:
+            return
+        try:
+            if not isinstance(message.updates, dict) or set(message.updates) != {"value"}:
+                raise InputError("only a control's value can be set")
+            message.updates["value"] = rule_of(handle)(message.updates["value"])
+        except InputError as error:
+            log.warning("refused a value from browser %s: %s", client_id, error)
+            _send_back(server, client_id, handle)
+            return
+        await gui._handle_gui_updates(client_id, message)
+
+    websocket.register_handler(messages.GuiUpdateMessage, checked)
+    guard_uploads(server)
+
+
+def guard_uploads(server: viser.ViserServer) -> None:
+    """Accept uploads only for upload buttons, limited in number and size."""
+    websocket, gui = server._websock_server, server.gui
+    states = gui._current_file_upload_states
+    websocket.unregister_handler(messages.FileTransferStartUpload, gui._handle_file_transfer_start)
+    websocket.unregister_handler(messages.FileTransferPart, gui._handle_file_transfer_part)
+
+    def start(client_id: Any, message: messages.FileTransferStartUpload) -> None:
+        uuid = message.source_component_uuid
+        handle = gui._gui_input_handle_from_uuid.get(uuid) if isinstance(uuid, str) else None
+        if refusal := upload_refusal(handle, message, len(states)):
+            log.warning("refused an upload from browser %s: %s", client_id, refusal)
+            return
+        gui._handle_file_transfer_start(client_id, message)
+
+    def part(client_id: Any, message: messages.FileTransferPart) -> None:
+        known = isinstance(message.transfer_uuid, str) and message.transfer_uuid in states
+        state = states[message.transfer_uuid] if known else None
+        if state is None or state["client_id"] != client_id:
+            return
+        index, content = message.part_index, message.content
+        fits = isinstance(content, bytes) and isinstance(index, int) and not isinstance(index, bool)
+        if not fits or state["transferred_bytes"] + len(content) > state["total_bytes"]:
+            log.warning("dropped an upload from browser %s: not as announced", client_id)
+            states.pop(message.transfer_uuid, None)
+            return
+        gui._handle_file_transfer_part(client_id, message)
+
+    websocket.register_handler(messages.FileTransferStartUpload, start)
+    websocket.register_handler(messages.FileTransferPart, part)
+
+
+def upload_refusal(handle: Any, message: Any, running: int) -> str:
+    """Why an upload is refused, or ""."""
+    if not isinstance(handle, viser.GuiUploadButtonHandle) or handle.disabled:
+        return "nothing is uploaded here"
+    size, parts = message.size_bytes, message.part_count
+    if any(not isinstance(number, int) or isinstance(number, bool) for number in (size, parts)):
+        return "size or count of parts is not a whole number"
+    if not 0 <= size <= LARGEST_UPLOAD or not 0 <= parts <= size // 1024 + 1:
+        return f"{size} bytes in {parts} parts; at most {LARGEST_UPLOAD} bytes are taken"
+    if not isinstance(message.filename, str) or not 0 < len(message.filename) <= LONGEST_FILE_NAME:
+        return "no usable file name"
+    if not isinstance(message.transfer_uuid, str) or len(message.transfer_uuid) > 100:
+        return "no usable transfer"
+    return "" if running < RUNNING_UPLOADS else f"{running} uploads run already"
+
+
+def _send_back(server: viser.ViserServer, client_id: Any, handle: Any) -> None:
+    """Restore the value in the browser that sent an invalid one."""
+    client = server.get_clients().get(client_id)
+    if client is not None and not handle._impl.is_button:
+        update = messages.GuiUpdateMessage(handle._impl.uuid, {"value": handle.value})
+        client._websock_connection.queue_message(update)

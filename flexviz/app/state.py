@@ -1,8 +1,10 @@
-"""Records of the store."""
+"""What the store holds, and the signal with which it tells of changes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Flag, IntEnum, auto
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,17 +26,12 @@ Tone = Literal["", "busy", "bad"]
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """A measurement set, ready to be shown.
-
-    Attributes:
-        truth: true values of a simulated set, shown only on request.
-        session, folder: a saved session and its folder; None for a set.
-    """
+    """A measurement set, ready to be shown."""
 
     measurements: MeasurementSet
     shape: RobotShape
-    truth: dict[tuple[str, str | None], float] | None
-    session: Session | None = None
+    truth: dict[tuple[str, str | None], float] | None  # of a simulated set, shown only on request
+    session: Session | None = None  # a saved one and its folder; None for a set
     folder: Path | None = None
 
 
@@ -48,45 +45,30 @@ class Message:
 
 @dataclass(frozen=True)
 class Activity:
-    """The task that the user waits for.
-
-    Attributes:
-        share: done, 0 … 1; 1 if unknown.
-    """
+    """The task that the user waits for."""
 
     task: Task[Any]
-    share: float
+    share: float  # done, 0 … 1; 1 if unknown
 
 
 @dataclass(eq=False)
 class FitProgress:
-    """The latest fit: its effects beside the set's own, and its iterations so far.
-
-    Attributes:
-        single: whether it leads to one result.
-    """
+    """The latest fit: its effects beside the set's own, and its iterations so far."""
 
     effects: tuple[str, ...] = ()
-    single: bool = True
+    single: bool = True  # whether it leads to one result
     iterations: list[Iteration] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """How the robots are drawn.
-
-    Attributes:
-        deflection: factor of the deflection; None: chosen to suit the motion.
-        error: factor of simulated − measured.
-        link_side: compare link sides instead of motor sides.
-        torque: draw arrows for the measured torque.
-    """
+    """How the robots are drawn."""
 
     layout: str = LAYOUTS[0]
-    deflection: float | None = None
-    error: float = 1.0
-    link_side: bool = False
-    torque: bool = False
+    deflection: float | None = None  # its factor; None: chosen to suit the motion
+    error: float = 1.0  # factor of simulated − measured
+    link_side: bool = False  # compare link sides instead of motor sides
+    torque: bool = False  # draw arrows for the measured torque
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,15 +81,77 @@ class Highlight:
 
 @dataclass(eq=False)
 class Derived:
-    """Idle work on one result.
-
-    Attributes:
-        replays: group -> simulated model.
-        maps: residual maps.
-        failed: groups, or "maps", that could not be computed.
-    """
+    """Idle work on one result."""
 
     result: Identification | None
-    replays: dict[str, Run] = field(default_factory=dict)
+    replays: dict[str, Run] = field(default_factory=dict)  # group -> simulated model
     maps: tuple[ResidualMap, ...] = ()
-    failed: set[str] = field(default_factory=set)
+    failed: set[str] = field(default_factory=set)  # groups, or "maps", that could not be computed
+
+
+# -- changes -----------------------------------------------------------------------------------------------
+
+
+class Changed(Flag):
+    """What has changed in the store."""
+
+    OPENED = auto()  # another measurement set or session
+    ANALYSIS = auto()  # anything in the analysis; details in the next three
+    OBSERVER = auto()  # the observer or its bandwidth
+    RESULT = auto()  # the identification
+    DIAGNOSIS = auto()  # the diagnosis, or the earlier models
+    NEW_STATE = auto()  # a new state of the session
+    HISTORY = auto()  # undo or redo
+    DERIVED = auto()  # the simulated motion, or the residual maps, of a result
+    FIT = auto()  # iterations of a running fit
+    CHECK = auto()  # the sentence of the last check
+    JOINT = auto()  # the selected joint
+    GROUP = auto()  # the selected group
+    STEP = auto()  # the step whose controls are shown
+    VIEW = auto()  # how the robots are drawn
+    HIGHLIGHT = auto()  # the highlighted instants
+    ACTIVITY = auto()  # a task that the user waits for has started or ended
+    PROGRESS = auto()  # the progress of that task
+    MESSAGE = auto()  # the status line
+    SAVED = auto()  # the session
+    FOLDER = auto()  # where the session is saved
+    TICK = auto()  # periodic
+    CLOSED = auto()  # the application ends
+
+
+class Turn(IntEnum):
+    """The order in which subscribers are notified: plots and tables are current before the status line."""
+
+    PLOTS = auto()
+    CONTROLS = auto()
+    STATUS = auto()
+    WORK = auto()
+
+
+class ChangeSignal:
+    """Tells subscribers what has changed."""
+
+    def __init__(self) -> None:
+        self._subscribers: list[tuple[Turn, Changed, Callable[[], None]]] = []
+        self._untold = Changed(0)
+        self._telling = False
+
+    def subscribe(self, changes: Changed, act: Callable[[], None], turn: Turn = Turn.PLOTS) -> None:
+        """Call `act` after any of these changes, turn by turn and then in the order of subscription."""
+        self._subscribers.append((turn, changes, act))
+        self._subscribers.sort(key=lambda subscriber: subscriber[0])
+
+    def tell(self, change: Changed) -> None:
+        """Notify the subscribers; changes they make are notified after all have been called."""
+        self._untold |= change
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while change := self._untold:
+                self._untold = Changed(0)
+                for _, changes, act in self._subscribers:
+                    if changes & change:
+                        act()
+        finally:
+            self._telling, self._untold = False, Changed(0)

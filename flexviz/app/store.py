@@ -11,11 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexviz.app.change import Changed, ChangeSignal
-from flexviz.app.clock import PlaybackClock
-from flexviz.app.runner import TaskRunner
+from flexviz.app.events import TaskRunner
+from flexviz.app.playback import PlaybackClock
 from flexviz.app.state import (
     Activity,
+    Changed,
+    ChangeSignal,
     Derived,
     FitProgress,
     Highlight,
@@ -24,8 +25,8 @@ from flexviz.app.state import (
     Tone,
     ViewSettings,
 )
-from flexviz.app.tasks import IdleTask, OpenSet, SetTask
-from flexviz.jobs import Result, Task
+from flexviz.app.tasks import IdleTask, SetTask, open_set
+from flexviz.jobs import InThread, Result, Task
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
@@ -102,7 +103,7 @@ class Store(ChangeSignal):
             self.tell(Changed.FOLDER)  # the selector returns to the open one
 
         self.say(f"opening {what or path.name}", "busy")
-        self.tasks.start(OpenSet(path), self.open, failed=failed)
+        self.tasks.start(InThread(open_set, path), self.open, failed=failed)
 
     def set_folder(self, folder: Path | None) -> None:
         """Set the folder of the session (None: a new one when saved)."""

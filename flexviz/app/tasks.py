@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from flexviz.app.state import Opened
 from flexviz.errors import Cancelled, InputError
 from flexviz.jobs import Result, Task
-from flexviz.progress import ProgressCallback, StopCallback, ignore, never
+from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.scene import robot_shape
 from flexviz.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
 from flexviz.view import truth_values
@@ -34,21 +34,14 @@ class IdleTask(SetTask[Result]):
     """A background task, stopped by a fit."""
 
 
-@dataclass(frozen=True)
-class OpenSet(Task[Opened]):
+def open_set(path: Path) -> Opened:
     """Read a measurement set, or a session and its set, and the robot's shape."""
-
-    path: Path
-    in_process = False
-
-    def run(self, progress: ProgressCallback = ignore, should_stop: StopCallback = never) -> Opened:
-        """Read it."""
-        saved = is_session(self.path)
-        opened = open_session(self.path)
-        measurements = opened.measurements
-        shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
-        session, folder = (opened.session, opened.folder.resolve()) if saved else (None, None)
-        return Opened(measurements, shape, truth, session, folder)
+    opened = open_session(path)
+    measurements = opened.measurements
+    shape, truth = robot_shape(measurements.robot), read_truth(measurements.path)
+    if not is_session(path):
+        return Opened(measurements, shape, truth)
+    return Opened(measurements, shape, truth, opened.session, opened.folder.resolve())
 
 
 def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
@@ -80,7 +73,6 @@ class CheckParameters(IdleTask["Identification"]):
     analysis: Analysis
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-        """Identify without refinement."""
         return _identify(replace(self.analysis, refine=False), progress, should_stop)
 
 
@@ -129,17 +121,11 @@ class AddedEffect:
 
 @dataclass(frozen=True, eq=False)
 class DiagnosedSet:
-    """Result of `Diagnose`.
+    """Result of `Diagnose`."""
 
-    Attributes:
-        diagnosis: of the initial model.
-        identification: of the initial model; None if already known.
-        added: the models after each added effect.
-    """
-
-    diagnosis: Diagnosis
-    identification: Identification | None
-    added: tuple[AddedEffect, ...] = ()
+    diagnosis: Diagnosis  # of the initial model
+    identification: Identification | None  # of the initial model; None if already known
+    added: tuple[AddedEffect, ...] = ()  # the models after each added effect
 
 
 @dataclass(frozen=True)
@@ -187,7 +173,6 @@ class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
     model: FlexibleModel
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[ResidualMap, ...]:
-        """Compute the maps of the diagnosis."""
         from flexviz.diagnosis import maps_of
 
         def check() -> None:
@@ -206,7 +191,6 @@ class Replay(IdleTask["Run"]):
     group: str
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Run:
-        """Simulate it."""
         from flexviz.simulation import replay
 
         measurements = cached_set(self.path)

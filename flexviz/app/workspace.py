@@ -64,54 +64,27 @@ class FileContent:
     content: bytes
 
 
-@dataclass(frozen=True)
-class SaveSession(Task[Path]):
-    """Save a session into `folder` if that is in the output folder, otherwise into a new one."""
-
-    session: Session
-    measurements: MeasurementSet
-    folder: Path | None
-    in_process = False
-
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
-        """Save it; returns the folder."""
-        folder = self.folder
-        if folder is None or folder.resolve().parent != output_dir().resolve():
-            folder = stamped(self.measurements.name)
-        return save_session(self.session, self.measurements, folder)
+def save_output(session: Session, measurements: MeasurementSet, folder: Path | None) -> Path:
+    """Save a session into `folder` if that is in the output folder, otherwise into a new one; returns it."""
+    if folder is None or folder.resolve().parent != output_dir().resolve():
+        folder = stamped(measurements.name)
+    return save_session(session, measurements, folder)
 
 
-@dataclass(frozen=True)
-class ZipSession(Task[FileContent]):
-    """Make a zip of a session and its measurement set."""
-
-    session: Session
-    measurements: MeasurementSet
-    in_process = False
-
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
-        """Zip it."""
-        with tempfile.TemporaryDirectory() as temporary:
-            folder = Path(temporary) / f"{self.measurements.name}-session"
-            save_session(self.session, self.measurements, folder, carry=True)
-            return FileContent(f"{folder.name}.zip", zipped(folder))
+def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:
+    """A zip of a session and its measurement set."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / f"{measurements.name}-session"
+        save_session(session, measurements, folder, carry=True)
+        return FileContent(f"{folder.name}.zip", zipped(folder))
 
 
-@dataclass(frozen=True)
-class WriteReport(Task[FileContent]):
-    """Write a session as one HTML file; `folder` is that of the saved session."""
+def report_file(session: Session, measurements: MeasurementSet, folder: Path | None) -> FileContent:
+    """The report of a session as one HTML file; `folder` is that of the saved session."""
+    from flexviz.report import session_report
 
-    session: Session
-    measurements: MeasurementSet
-    folder: Path | None
-    in_process = False
-
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> FileContent:
-        """Write it."""
-        from flexviz.report import session_report
-
-        text = session_report(self.session, self.measurements, "html", folder=self.folder)
-        return FileContent(f"{self.measurements.name}-report.html", text.encode())
+    text = session_report(session, measurements, "html", folder=folder)
+    return FileContent(f"{measurements.name}-report.html", text.encode())
 
 
 @dataclass(frozen=True)

@@ -3,49 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Changed
 from flexviz.app.page import Page, dim, warning
+from flexviz.app.state import Changed
 from flexviz.app.store import Store
 from flexviz.app.uploads import UploadFolder
 from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir
 from flexviz.errors import FlexvizError, InputError
-from flexviz.jobs import Task
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.jobs import InThread
+from flexviz.progress import Progress
 from flexviz.robot import Robot
 from flexviz.wording import escape, plural
 
 WAITING = "A zip, or measurements.toml and its files; or a robot's URDF, to simulate it."
 MAX_MISSING_FILES = 6  # listed in the message
-
-
-@dataclass(frozen=True)
-class Unpack(Task[None]):
-    """Unpack a zip into the upload folder."""
-
-    folder: UploadFolder
-    name: str
-    content: bytes
-    in_process = False
-
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
-        """Unpack it."""
-        self.folder.unpack(self.name, self.content)
-
-
-@dataclass(frozen=True)
-class AcceptUpload(Task[Path]):
-    """Move a complete upload into the output folder."""
-
-    folder: UploadFolder
-    in_process = False
-
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
-        """Read and move it; returns its new folder."""
-        return self.folder.take(output_dir())
 
 
 class AnotherSet:
@@ -57,23 +31,14 @@ class AnotherSet:
         self._robots: dict[str, str | Path] = {name: name for name in PRESETS}
         gui = page.gui
         with gui.add_folder("Another set", expand_by_default=False):
-            self.upload = page.upload(
-                "Upload", self._uploaded,
-                hint="a zip of a measurement set or session, its files one by one, or a robot's URDF",
-            )  # fmt: skip
+            hint = "a zip of a measurement set or session, its files one by one, or a robot's URDF"
+            self.upload = page.upload("Upload", self._uploaded, hint=hint)
             self._waiting = gui.add_html(dim(WAITING))
-            self._robot = page.watch(
-                gui.add_dropdown(
-                    "Robot", PRESETS, initial_value=PRESETS[0], hint="an uploaded URDF can be chosen here too"
-                )
-            )
-            self._effect = page.watch(
-                gui.add_dropdown("Hide", (SURPRISE, NOTHING, *hideable()), initial_value=SURPRISE)
-            )
-            self.quiz = page.button(
-                "Quiz me", self._simulate,
-                hint="simulates a set with a hidden effect; the truth stays hidden until you ask for it",
-            )  # fmt: skip
+            hint = "an uploaded URDF can be chosen here too"
+            self._robot = page.dropdown("Robot", PRESETS, hint=hint)
+            self._effect = page.dropdown("Hide", (SURPRISE, NOTHING, *hideable()))
+            hint = "simulates a set with a hidden effect; the truth stays hidden until you ask for it"
+            self.quiz = page.button("Quiz me", self._simulate, hint=hint)
         store.subscribe(Changed.CLOSED, self._uploads.close)
 
     def _simulate(self) -> None:
@@ -88,17 +53,16 @@ class AnotherSet:
             stopped=lambda: self._store.say("stopped simulating"),
         )
 
-    def _read(self, task: Task[Any], done: Callable[[Any], None]) -> None:
+    def _read(self, done: Callable[[Any], None], read: Callable[..., Any], *arguments: Any) -> None:
         """Start reading an upload."""
-        self._store.tasks.start(task, done, stopped=lambda: self._store.say("stopped reading the upload"))
+        stopped = partial(self._store.say, "stopped reading the upload")
+        self._store.tasks.start(InThread(read, *arguments), done, stopped=stopped)
 
     def _uploaded(self, file: Any) -> None:
         """Handle an uploaded file (`name`, `content`)."""
         if file.name.lower().endswith(".zip"):
             self._store.say("unpacking", "busy")
-            self._read(
-                Unpack(self._uploads, file.name, file.content), lambda _: self._look(self._uploads.urdf())
-            )
+            self._read(self._unpacked, self._uploads.unpack, file.name, file.content)
             return
         try:
             place = self._uploads.put(file.name, file.content)
@@ -106,6 +70,9 @@ class AnotherSet:
             self._store.fail(f"upload: {error}")
             return
         self._look(place if place.suffix.lower() == ".urdf" else None)
+
+    def _unpacked(self, _: None) -> None:
+        self._look(self._uploads.urdf())
 
     def _look(self, urdf: Path | None) -> None:
         """Read the upload if the set is complete; offer a robot without a set."""
@@ -121,7 +88,7 @@ class AnotherSet:
                 store.say(text)
             else:
                 store.say("reading the upload", "busy")
-                self._read(AcceptUpload(uploads), self._open)
+                self._read(self._open, self._accept)
         except FlexvizError as error:
             store.fail(f"upload: {error}")
 
@@ -141,6 +108,10 @@ class AnotherSet:
         )
         self._waiting.content = dim(escape(text))
         self._store.say(f"{urdf.name} uploaded")
+
+    def _accept(self) -> Path:
+        """Read a complete upload and move it into the output folder."""
+        return self._uploads.take(output_dir())
 
     def _open(self, folder: Path) -> None:
         self._waiting.content = dim(WAITING)

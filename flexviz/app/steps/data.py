@@ -1,4 +1,4 @@
-"""Step 1, Data: the measurement set and the role of each group."""
+"""Step 1, Data: the measurement set, the role of each group, and unsaved work on the set."""
 
 from __future__ import annotations
 
@@ -6,21 +6,24 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.page import warning
+from flexviz.app.page import Page, warning
+from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
 from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.steps.unsaved import UnsavedWork
+from flexviz.app.store import Store
 from flexviz.app.style import label_width
 from flexviz.app.tasks import sets_beside
+from flexviz.app.workspace import unsaved_dir
+from flexviz.errors import InputError
 from flexviz.measurements import Group
-from flexviz.session import ROLES
+from flexviz.session import ROLES, Autosave, Unsaved, find_unsaved
 from flexviz.view import set_html
 from flexviz.wording import number
 
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
 MAX_LABEL_LENGTH = 40  # characters of a group's label
+AUTOSAVE_DELAY = 2.0  # [s] after a change without a result
 
 
 class DataStep(WorkflowStep):
@@ -34,9 +37,7 @@ class DataStep(WorkflowStep):
         self._sets: dict[str, Path] = {}
         self._roles: dict[str, Any] = {}  # group -> its row
         self.unsaved = UnsavedWork(store, page)
-        self._choice = page.watch(
-            gui.add_dropdown("Measurement set", ("–",), initial_value="–"), self._choose
-        )
+        self._choice = page.dropdown("Measurement set", ("–",), self._choose)
         self._about = gui.add_html("")
         gui.add_html('<div class="fv"><b>Groups</b>: trajectory and payload, and their use</div>')
         self._rows = gui.add_folder(None)
@@ -44,7 +45,7 @@ class DataStep(WorkflowStep):
         self._check = gui.add_html("")
         self.files = Files(store, page)
         self.another = AnotherSet(store, page)
-        page.watch(gui.add_checkbox("Dark theme", False), page.set_dark)
+        page.checkbox("Dark theme", False, page.set_dark)
         page.style(label_width, self._choice, "7.6em")
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.OPENED | Changed.FOLDER, self._list_sets, Turn.CONTROLS)
@@ -60,10 +61,8 @@ class DataStep(WorkflowStep):
         for group in measurements.groups:
             about = f"trajectory {group.trajectory}, payload {group.payload}, {number(group.duration, 3)} s"
             with self._rows:
-                row = page.gui.add_dropdown(
-                    _label(group), ROLE_NAMES, initial_value=ROLE_NAMES[0], hint=about
-                )
-            self._roles[group.name] = page.watch(row, partial(self._use, group.name))
+                use = partial(self._use, group.name)
+                self._roles[group.name] = page.dropdown(_label(group), ROLE_NAMES, use, hint=about)
 
     def _list_sets(self) -> None:
         """List the available sets and sessions."""
@@ -101,3 +100,60 @@ class DataStep(WorkflowStep):
 def _label(group: Group) -> str:
     label = f"{group.name}: {group.trajectory}, {group.payload}"
     return label if len(label) <= MAX_LABEL_LENGTH else label[: MAX_LABEL_LENGTH - 1] + "…"
+
+
+class UnsavedWork:
+    """Saves the session automatically, and offers unsaved work of an earlier run."""
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        self._found: Unsaved | None = None
+        self._due = AUTOSAVE_DELAY
+        self.keeper = Autosave(unsaved_dir, lambda text: page.call(store.fail, text))
+        self._text = page.gui.add_html("", visible=False)
+        hint = "opens the automatically saved session; Undo goes through its history"
+        self._button = page.button(
+            "Continue unsaved work", self._continue, color="orange", visible=False, hint=hint
+        )
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.RESULT | Changed.DIAGNOSIS, self._keep_at_once)
+        store.subscribe(Changed.ANALYSIS, self._keep)
+        store.subscribe(Changed.SAVED, self._saved)
+        store.subscribe(Changed.CLOSED, self.keeper.close)
+
+    def _opened(self) -> None:
+        """Look for unsaved work on the open set."""
+        store, before = self._store, self._found
+        self.keeper.begin()
+        if before is not None and store.folder == before.folder.resolve():
+            self.keeper.inherit(before, store.session, store.measurements)
+            store.set_folder(None)  # it is saved under a new name
+        try:
+            self._found = find_unsaved(unsaved_dir(), store.measurements.path, store.folder)
+        except (InputError, OSError):
+            self._found = None
+        if store.folder is None and before is not None and self._found == before:
+            self._found = None  # it is already open
+        self._text.visible = self._button.visible = self._found is not None
+        if self._found is not None:
+            when = self._found.when.astimezone()
+            self._text.content = warning(f"Work of {when:%Y-%m-%d %H:%M} on this set was never saved.")
+
+    def _keep_at_once(self) -> None:
+        self._due = 0.0
+
+    def _keep(self) -> None:
+        """Save the new state; results immediately."""
+        self.keeper.keep(self._store.session, self._store.measurements, self._due)
+        self._due = AUTOSAVE_DELAY
+
+    def _saved(self) -> None:
+        """Discard the automatic copy, unless the session has changed since it was saved."""
+        store = self._store
+        self.keeper.saved()
+        if store.saved is not None and not store.analysis.same_as(store.saved.analysis):
+            self.keeper.keep(store.session, store.measurements)
+
+    def _continue(self) -> None:
+        if self._found is not None:
+            self._store.open_path(self._found.folder, "unsaved work")

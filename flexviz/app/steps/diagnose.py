@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.commands import SHIFT
-from flexviz.app.page import dim, off
-from flexviz.app.state import FitProgress
-from flexviz.app.steps.findings import HEIGHT, FindingList
-from flexviz.app.steps.model_list import ModelList
+from flexviz.app.page import SHIFT, Page, dim, off
+from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.tasks import Diagnose, DiagnosedSet
 from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
 from flexviz.session import Analysis
-from flexviz.view import free_chart, free_html, heading_html, verdict_html
-from flexviz.wording import effect_text_name, number
+from flexviz.view import (
+    card_html,
+    evidence_chart,
+    finding_html,
+    free_chart,
+    free_html,
+    heading_html,
+    verdict_html,
+)
+from flexviz.wording import effect_text_name, escape, number
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Finding
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
+MAX_FINDINGS = 8
+MAX_EFFECTS = 12  # in the list of the model's
+HEIGHT = 170  # [pixels] of the evidence
 
 
 class DiagnoseStep(WorkflowStep):
@@ -38,9 +50,10 @@ class DiagnoseStep(WorkflowStep):
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
         self._all = page.button("Add all found", self._add_all, visible=False)
         self._heading = gui.add_html("")
-        self.findings = FindingList(page, self._add)
+        self._findings: tuple[Finding, ...] = ()
+        self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
         self.model = ModelList(page, self._remove)
-        self.next_buttons = {"find": self._find, "add": self.findings.entries[0].add}
+        self.next_buttons = {"find": self._find, "add": self.findings[0].add}
         page.command("Find what is missing in the model", self._look, "enter", SHIFT)
         page.command("Add the best finding and refit", lambda: self._add(0))
         page.command("Add all that is found", self._add_all)
@@ -65,9 +78,15 @@ class DiagnoseStep(WorkflowStep):
         off(self._find, why, "identifies if needed, then tries every effect of the library on the residual")
 
     def _show_findings(self) -> None:
-        diagnosis, fresh = self.store.analysis.diagnosis, self.store.analysis.diagnosis_up_to_date
-        findings = diagnosis.findings if diagnosis is not None and fresh else ()
-        self.findings.show(findings, self.store.why_not, self.store.group.name)
+        """Show the findings; of new ones the first is open."""
+        store, diagnosis = self.store, self.store.analysis.diagnosis
+        fresh = diagnosis is not None and store.analysis.diagnosis_up_to_date
+        before, self._findings = self._findings, diagnosis.findings if diagnosis and fresh else ()
+        shown = (*self._findings, *[None] * MAX_FINDINGS)
+        for index, entry in enumerate(self.findings):
+            if self._findings != before:
+                entry.opened = index == 0
+            entry.show(shown[index], store.why_not, store.group.name)
 
     def _look(self) -> None:
         """Diagnose the current model."""
@@ -134,3 +153,91 @@ class DiagnoseStep(WorkflowStep):
             joint = diagnosis.findings[0].joint
             if joint:
                 self.store.select(joint=self.store.measurements.joint_index(joint))
+
+
+class FindingEntry:
+    """One finding's text, chart, explanation and buttons.
+
+    Attributes:
+        opened: whether its evidence is shown.
+    """
+
+    def __init__(self, page: Page, index: int, add: Callable[[int], None]) -> None:
+        self._index = index
+        self._finding: Finding | None = None
+        self._group = ""
+        self.opened = index == 0
+        gui = page.gui
+        self._text = gui.add_html("", visible=False)
+        self._toggle = page.button("Show evidence", self._switch, visible=False)
+        self.add = page.button(
+            "Add and refit", partial(add, index), color="blue" if index == 0 else "gray", visible=False
+        )
+        self._folder = gui.add_folder(None, visible=False)
+        self._chart = ChartColumn(page.server, self._folder)
+        self._card = gui.add_html("", visible=False)
+        page.row((self._toggle, self.add))
+
+    def show(self, finding: Finding | None, why: str, group: str) -> None:
+        """Show a finding with its evidence in a group; None hides the entry."""
+        self._finding, self._group = finding, group
+        for handle in (self._text, self._toggle, self.add, self._card):
+            handle.visible = finding is not None
+        if finding is None:
+            self._folder.visible = False
+            return
+        self._text.content = finding_html(finding, self._index + 1, full=self._index == 0)
+        self._card.content = card_html(finding.effect)
+        off(self.add, why, "adds this effect, identifies and diagnoses again")
+        self._show_evidence(finding)
+
+    def _show_evidence(self, finding: Finding) -> None:
+        there = finding.evidence is not None
+        why = "" if there else "only screened briefly, so there is no evidence"
+        off(self._toggle, why, "the residual with this effect's signature over it")
+        shown = self.opened and there
+        self._toggle.label = "Hide evidence" if shown else "Show evidence"
+        self._folder.visible = shown
+        if shown:
+            self._chart.show((evidence_chart(finding, self._group, height=HEIGHT),))
+
+    def _switch(self) -> None:
+        self.opened = not self.opened
+        if self._finding is not None:
+            self._show_evidence(self._finding)
+
+
+class ModelList:
+    """A fixed number of rows for effects."""
+
+    def __init__(self, page: Page, remove: Callable[[str], None]) -> None:
+        self._effects: tuple[str, ...] = ()
+        self._remove = remove
+        self._heading = page.gui.add_html("")
+        self._rows = []
+        for index in range(MAX_EFFECTS):
+            text = page.gui.add_html("", visible=False)
+            button = page.button("Remove", partial(self._pressed, index), visible=False)
+            page.row((button,), share=0.3)
+            self._rows.append((text, button))
+
+    def show(self, own: Sequence[str], added: Sequence[str], why: str) -> None:
+        """Show the set's own and the added effects; `why`: the reason that none can be removed now."""
+        self._effects = tuple(added)
+        names = ", ".join(effect_text_name(name) for name in own)
+        text = f"the set's own: {names}" if own else ""
+        if not own and not added:
+            text = "stiffness, inertia and viscous friction only"
+        more = f" and {len(added) - MAX_EFFECTS} more" if len(added) > MAX_EFFECTS else ""
+        self._heading.content = (
+            f'<div class="fv"><b>In the model</b>{": " if text else ""}{escape(text)}{more}</div>'
+        )
+        for index, (text, button) in enumerate(self._rows):
+            text.visible = button.visible = index < len(added)
+            off(button, why, "removes it, refits and diagnoses again")
+            if index < len(added):
+                text.content = f'<div class="fv fv-added">+ {escape(effect_text_name(added[index]))}</div>'
+
+    def _pressed(self, index: int) -> None:
+        if index < len(self._effects):
+            self._remove(self._effects[index])

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page, dim, off
 from flexviz.app.recordings import KINDS, Kind, RecordingEvent, Recordings
+from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half
-from flexviz.app.workspace import FileContent, SaveSession, WriteReport, ZipSession, short
+from flexviz.app.workspace import FileContent, report_file, save_output, short, zip_file
 from flexviz.errors import InputError
-from flexviz.jobs import Task
+from flexviz.jobs import InThread
 from flexviz.wording import escape
 
 VIEWER = "127.0.0.1:9876"  # default of a viewer started with `rerun`
@@ -27,22 +28,16 @@ class Files:
         self._recorded: Path | None = None  # the last complete recording
         self._notes: dict[Kind, str] = {}
         gui = page.gui
-        save = page.button(
-            "Save session", self._save, hint="into ./sessions, with all results and the history"
-        )
-        download = page.client_button(
-            "Download session", self._download, hint="with its measurement set, as one zip file"
-        )
+        hint = "into ./sessions, with all results and the history"
+        save = page.button("Save session", self._save, hint=hint)
+        hint = "with its measurement set, as one zip file"
+        download = page.client_button("Download session", self._download, hint=hint)
         self._report = page.client_button("Report", self._write_report)
         self._fetch = page.client_button("Download recording", self._send_recording)
-        self._record = page.watch(
-            gui.add_checkbox("Record", False, hint="records the analysis live in a Rerun file in ./sessions"),
-            partial(self._switch, "file"),
-        )
-        self._live = page.watch(
-            gui.add_checkbox("Live viewer", False, hint="sends the same to a Rerun viewer on this machine"),
-            partial(self._switch, "viewer"),
-        )
+        hint = "records the analysis live in a Rerun file in ./sessions"
+        self._record = page.checkbox("Record", False, partial(self._switch, "file"), hint=hint)
+        hint = "sends the same to a Rerun viewer on this machine"
+        self._live = page.checkbox("Live viewer", False, partial(self._switch, "viewer"), hint=hint)
         self._address = page.watch(gui.add_text("Viewer at", VIEWER, visible=False))
         self._note = gui.add_html("")
         self.recordings = Recordings(store, page.call, self._heard)
@@ -82,9 +77,12 @@ class Files:
 
     # -- save, download, report ----------------------------------------------------------------------
 
-    def _start(self, task: Task[Any], doing: str, done: Any) -> None:
-        self._store.say(doing, "busy")
-        self._store.tasks.start(task, done, stopped=lambda: self._store.say(f"stopped {doing}"))
+    def _start(self, doing: str, done: Any, make: Callable[..., Any], *more: Any) -> None:
+        """Call `make` with the session, its set and `more`, and `done` with the result."""
+        store = self._store
+        store.say(doing, "busy")
+        task = InThread(make, store.session, store.measurements, *more)
+        store.tasks.start(task, done, stopped=lambda: store.say(f"stopped {doing}"))
 
     def _save(self) -> None:
         session = self._store.session
@@ -93,17 +91,15 @@ class Files:
             self._store.mark_saved(session, folder)
             self._store.say(f"session saved in {short(folder)}")
 
-        self._start(SaveSession(session, self._store.measurements, self._store.folder), "saving", saved)
+        self._start("saving", saved, save_output, self._store.folder)
 
     def _download(self, client: int) -> None:
-        task = ZipSession(self._store.session, self._store.measurements)
-        self._start(task, "preparing the download", partial(self._send, client))
+        self._start("preparing the download", partial(self._send, client), zip_file)
 
     def _write_report(self, client: int) -> None:
         if self._report.disabled:
             raise InputError(str(self._report.hint))
-        task = WriteReport(self._store.session, self._store.measurements, self._store.folder)
-        self._start(task, "writing the report", partial(self._send, client))
+        self._start("writing the report", partial(self._send, client), report_file, self._store.folder)
 
     def _send_recording(self, client: int) -> None:
         if self._recorded is not None:

@@ -1,25 +1,37 @@
-"""Step 3, Identify: effects in the model, Run and Stop, the parameter table."""
+"""Step 3, Identify: effects in the model, Check, Run and Stop, the parameter table."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.commands import CTRL
-from flexviz.app.page import dim, off
-from flexviz.app.state import FitProgress
-from flexviz.app.steps.check import ParameterCheck
-from flexviz.app.steps.effect_list import EffectList
+from flexviz.app.page import CTRL, Page, dim, off, warning
+from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.tasks import Identify
+from flexviz.app.store import Store
+from flexviz.app.style import wide_label
+from flexviz.app.tasks import CheckParameters, Identify
+from flexviz.effects import EFFECTS
 from flexviz.session import Settings
-from flexviz.view import parameters_html, truth_html
-from flexviz.wording import number, plural
+from flexviz.view import (
+    COMMON_EFFECTS,
+    addable_effects,
+    check_html,
+    effect_hint,
+    effects_note,
+    more_effects,
+    parameters_html,
+    truth_html,
+    why_fixed,
+)
+from flexviz.wording import escape, number, plural
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
+
+SETTLE = 0.7  # [s] without another change before the next check
 
 
 class IdentifyStep(WorkflowStep):
@@ -31,22 +43,16 @@ class IdentifyStep(WorkflowStep):
         """Effects, refinement, Check and Run, the table."""
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
-        self._refine = page.watch(
-            gui.add_checkbox(
-                "Refine", False, hint="a second stage that removes the observer's bias; takes longer"
-            ),
-            lambda on: store.change("refine", replace(store.analysis, refine=on)),
-        )
+        hint = "a second stage that removes the observer's bias; takes longer"
+        self._refine = page.checkbox("Refine", False, self._set_refine, hint=hint)
         self.check = ParameterCheck(store, page)
         self._run = page.button("Run", self._start, color="blue")
         page.row((self.check.button, self._run))
         self._why = gui.add_html("")
         self._check = gui.add_html("")
-        self._truth = page.watch(
-            gui.add_checkbox(
-                "Show truth", False, visible=False, hint="the values the set was simulated with"
-            ),
-            lambda _: self._draw_table(),
+        hint = "the values the set was simulated with"
+        self._truth = page.checkbox(
+            "Show truth", False, lambda _: self._draw_table(), visible=False, hint=hint
         )
         self._table = gui.add_html("")
         page.command("Run the identification", self._start, "enter", CTRL)
@@ -56,6 +62,9 @@ class IdentifyStep(WorkflowStep):
     def _opened(self) -> None:
         self._truth.visible = self.store.opened.truth is not None
         self._truth.value = False
+
+    def _set_refine(self, on: bool) -> None:
+        self.store.change("refine", replace(self.store.analysis, refine=on))
 
     def _show_check(self) -> None:
         self._check.content = self.store.check
@@ -109,3 +118,136 @@ class IdentifyStep(WorkflowStep):
     def _draw_table(self) -> None:
         truth = self.store.opened.truth if self._truth.value else None
         self._table.content = truth_html(truth) + parameters_html(self.store.analysis.identification, truth)
+
+
+class EffectList:
+    """One checkbox per effect."""
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store, self._page = store, page
+        self.boxes: dict[str, Any] = {}
+        gui = page.gui
+        with gui.add_folder("Effects in the model"):
+            for name in COMMON_EFFECTS:
+                self._add(name)
+            self._note = gui.add_html("", visible=False)
+            with gui.add_folder("More effects", expand_by_default=False):
+                for kind, names in more_effects().items():
+                    gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
+                    for name in names:
+                        self._add(name)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
+
+    def _add(self, name: str) -> None:
+        self.boxes[name] = self._page.checkbox(name, False, partial(self._set, name))
+        self._page.style(wide_label, self.boxes[name])
+
+    def _opened(self) -> None:
+        """Lock the set's own effects, which are always in the model."""
+        measurements = self._store.measurements
+        payloads = any(group.bodies for group in measurements.groups)
+        for name, box in self.boxes.items():
+            why = why_fixed(name, measurements.effects, payloads)
+            box.disabled = bool(why)
+            box.hint = effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
+
+    def _refresh(self) -> None:
+        """Show the effects of the model."""
+        own, added = self._store.measurements.effects, self._store.analysis.effects
+        chosen = (*own, *added)
+        for name, box in self.boxes.items():
+            box.value = name in chosen
+        hidden = [name for name in addable_effects() if name in chosen and name not in COMMON_EFFECTS]
+        hidden += [name for name in chosen if name not in self.boxes]
+        text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
+        text = f"{text} {effects_note(added, own)}".strip()
+        self._note.content = dim(escape(text))
+        self._note.visible = bool(text)
+
+    def _set(self, name: str, on: bool) -> None:
+        analysis = self._store.analysis.with_effect(name, on)
+        self._store.change(f"{'with' if on else 'without'} {name}", analysis)
+
+
+class ParameterCheck:
+    """The button and its sentence in the store, from a trial fit whose values are discarded.
+
+    After the first check, or change of a group's role or an effect, the sentence follows the settings.
+    """
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        self._follows = False
+        self._seen: Settings | None = None  # the settings before the latest change
+        self._of: Settings | None = None  # the settings of the sentence
+        self._asked: Settings | None = None
+        self._due: float | None = None
+        self.button = page.button("Check", self._run)
+        page.command("Check what can be identified", self._run)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.NEW_STATE, self._new_state, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY, self._refresh, Turn.CONTROLS)
+        store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
+
+    def _opened(self) -> None:
+        self._follows = False
+        self._seen = self._of = self._asked = self._due = None
+
+    def _new_state(self) -> None:
+        """Keep the sentence up to date after a change of roles or effects."""
+        new, old = self._store.analysis.settings, self._seen
+        if old is not None and (new.roles, new.effects) != (old.roles, old.effects):
+            self._follows |= not self._store.analysis.up_to_date
+
+    def _refresh(self) -> None:
+        """Schedule another check if the settings have changed."""
+        analysis = self._store.analysis
+        settings = self._seen = analysis.settings
+        hint = "which parameters these groups and effects can identify; changes nothing"
+        off(self.button, self._store.why_not, hint)
+        if not self._follows or settings in (self._of, self._asked):
+            return
+        if analysis.up_to_date:  # the result holds it
+            self._show(settings, check_html(analysis.identification))
+        else:
+            self._due = time.monotonic() + SETTLE
+
+    def _tick(self) -> None:
+        """Check if due and idle."""
+        if self._due is not None and time.monotonic() >= self._due and not self._store.running:
+            self._run()
+
+    def _run(self) -> None:
+        """Check the current settings."""
+        store, analysis = self._store, self._store.analysis
+        self._due = None
+        if store.why_not:
+            return
+        self._asked = analysis.settings
+        store.set_check(dim("Checking what can be identified."))
+        store.tasks.start(
+            CheckParameters(analysis.without_result()),
+            partial(self._done, analysis.settings),
+            failed=partial(self._failed, analysis.settings),
+            stopped=partial(self._stopped, analysis.settings),
+        )
+
+    def _done(self, settings: Settings, result: Identification) -> None:
+        if settings == self._store.analysis.settings:
+            self._show(settings, check_html(result))
+        else:
+            self._stopped(settings)
+
+    def _failed(self, settings: Settings, reason: str) -> None:
+        self._show(settings, warning(f"Check: {reason}"))
+
+    def _stopped(self, settings: Settings) -> None:
+        if self._asked == settings:
+            self._asked = None
+            self._store.set_check("")
+
+    def _show(self, settings: Settings, sentence: str) -> None:
+        """Show the sentence of these settings."""
+        self._follows, self._of, self._asked = True, settings, None
+        self._store.set_check(sentence)

@@ -1,21 +1,41 @@
-"""Step 2, Observer: the filter that differentiates θ and τ, and its bandwidth."""
+"""Step 2, Observer: the filter that differentiates θ and τ, its bandwidth, and the bandwidth sweep."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
 
-from flexviz.app.change import Changed, Turn
-from flexviz.app.page import dim
+from flexviz.app.page import Page, dim, off, warning
+from flexviz.app.state import Changed, Turn
 from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.steps.sweep import BandwidthSweep
+from flexviz.app.store import Store
 from flexviz.app.style import no_number_box
+from flexviz.app.tasks import Sweep
+from flexviz.app.uplot import ChartColumn
+from flexviz.errors import InputError
 from flexviz.observers import OBSERVERS, Observer, make_observer
-from flexviz.view import numbers_html, observer_for, observer_numbers, sweep_bandwidths
-from flexviz.wording import escape, number
+from flexviz.progress import Progress
+from flexviz.session import Analysis
+from flexviz.view import (
+    numbers_html,
+    observer_for,
+    observer_numbers,
+    sweep_bandwidths,
+    sweep_charts,
+    sweep_html,
+)
+from flexviz.wording import escape, number, plural
+
+if TYPE_CHECKING:
+    from flexviz.identification import SweepResult
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
+
+Widths = tuple[float, ...]  # [rad/s]
 
 
 class ObserverStep(WorkflowStep):
@@ -26,10 +46,7 @@ class ObserverStep(WorkflowStep):
     def build(self) -> None:
         """Type, bandwidth as slider and number, numbers, sweep."""
         page, gui = self.page, self.page.gui
-        names = tuple(OBSERVERS)
-        self._type = page.watch(
-            gui.add_dropdown("Observer type", names, initial_value=names[0]), self._choose
-        )
+        self._type = page.dropdown("Observer type", tuple(OBSERVERS), self._choose)
         self._slider = page.watch(
             gui.add_slider(
                 "Bandwidth [rad/s]", math.log10(LOWEST), math.log10(HIGHEST), 0.01, math.log10(50.0),
@@ -38,22 +55,11 @@ class ObserverStep(WorkflowStep):
             ),
             lambda exponent: self._set_bandwidth(10.0**exponent),
         )  # fmt: skip
-        self._exact = page.watch(
-            gui.add_number(
-                "exactly",
-                50.0,
-                min=LOWEST,
-                max=HIGHEST,
-                step=0.1,
-                hint="the same bandwidth [rad/s] as a number",
-            ),
-            self._set_bandwidth,
-        )
-        self._single = page.watch(
-            gui.add_checkbox(
-                "Only this joint", False, hint="sets the selected joint's bandwidth only, not every joint's"
-            )
-        )
+        hint = "the same bandwidth [rad/s] as a number"
+        exact = gui.add_number("exactly", 50.0, min=LOWEST, max=HIGHEST, step=0.1, hint=hint)
+        self._exact = page.watch(exact, self._set_bandwidth)
+        hint = "sets the selected joint's bandwidth only, not every joint's"
+        self._single = page.checkbox("Only this joint", hint=hint)
         page.button("Use the observer's own bandwidth", self._use_default)
         self._numbers = gui.add_html("")
         self.sweep = BandwidthSweep(self.store, page, self._around, self._set_bandwidth)
@@ -87,7 +93,7 @@ class ObserverStep(WorkflowStep):
         analysis = self.store.analysis
         return observer_for(analysis.observer, analysis.bandwidth, self.store.joint)
 
-    def _around(self) -> tuple[float, ...]:
+    def _around(self) -> Widths:
         return sweep_bandwidths(float(self._present().bandwidth), LOWEST, HIGHEST)  # type: ignore[arg-type]
 
     def _choose(self, name: str) -> None:
@@ -108,3 +114,73 @@ class ObserverStep(WorkflowStep):
 
     def _use_default(self) -> None:
         self.store.change("the observer's own bandwidth", replace(self.store.analysis, bandwidth=None))
+
+
+class BandwidthSweep:
+    """The sweep over `bandwidths()` [rad/s]; `use` sets the one with the least error."""
+
+    def __init__(
+        self, store: Store, page: Page, bandwidths: Callable[[], Widths], use: Callable[[float], None]
+    ) -> None:
+        self._store, self._bandwidths, self._use = store, bandwidths, use
+        self._result: SweepResult | None = None
+        self._of: Analysis | None = None  # settings of the result
+        self._start = page.button("Sweep bandwidth", self._run, color="blue")
+        self._about = page.gui.add_html("")
+        hint = "the bandwidth with the least error over all joints"
+        self._best = page.button("Use the sweep's minimum", self._use_best, visible=False, hint=hint)
+        self._folder = page.gui.add_folder(None, visible=False)
+        self._charts = ChartColumn(page.server, self._folder)
+        page.command("Sweep the bandwidth", self._run)
+        page.command("Use the sweep's best bandwidth", self._use_best)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        shown = Changed.OPENED | Changed.ANALYSIS | Changed.ACTIVITY | Changed.JOINT
+        store.subscribe(shown, self._refresh, Turn.CONTROLS)
+
+    def _opened(self) -> None:
+        self._result = self._of = None
+
+    def _run(self) -> None:
+        """Start a sweep with the current settings."""
+        if not self._store.may_start("Sweep"):
+            return
+        analysis = self._store.analysis.without_result()
+        self._store.await_task(
+            Sweep(analysis, self._bandwidths()),
+            partial(self._take, analysis),
+            begin="sweep starts",
+            stopped="sweep stopped before its first fit",
+            progress=self._progress,
+        )
+
+    def _progress(self, news: Progress) -> None:
+        self._store.report(replace(news, text=f"sweep: {news.text}"))
+
+    def _take(self, of: Analysis, result: SweepResult) -> None:
+        if of.path == self._store.analysis.path:
+            self._result, self._of = result, of
+            self._store.say(f"swept {plural(len(result.bandwidths), 'bandwidth')}")
+
+    def _use_best(self) -> None:
+        """Use the bandwidth with the least error."""
+        if self._result is None:
+            raise InputError("nothing has been swept yet: press Sweep bandwidth (step 2) first")
+        self._use(self._result.best)
+
+    def _refresh(self) -> None:
+        """Show the result for the selected joint and enable the buttons."""
+        store, why = self._store, self._store.why_not
+        off(self._start, why, "identifies at eleven bandwidths around this one")
+        note = dim(f"Sweep is off: {why}.") if why and not store.runs(Sweep) else ""
+        if self._result is not None:
+            note += sweep_html(self._result, store.joint, store.joint_name)
+            if self._of is not None and _settings(self._of) != _settings(store.analysis):
+                note += warning("The settings have changed since this sweep.")
+            self._charts.show(sweep_charts(self._result, store.joint, store.joint_name))
+        self._best.visible = self._folder.visible = self._result is not None
+        self._about.content = note
+
+
+def _settings(analysis: Analysis) -> tuple[object, ...]:
+    """The settings that a sweep depends on."""
+    return (analysis.path, analysis.observer, analysis.roles, analysis.effects)

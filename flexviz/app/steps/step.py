@@ -5,8 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from flexviz.app.change import Changed, Turn
 from flexviz.app.page import Page
+from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 
 
