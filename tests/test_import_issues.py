@@ -13,11 +13,10 @@ import pytest
 from import_data import JOINTS, truth, write_mapping, write_robot
 
 from flexviz.importing import import_logs, with_plausibility_warnings
-from flexviz.importing.assembling import AssembledGroup
 from flexviz.importing.delays import delay_issues, torque_delay
-from flexviz.importing.issues import Issue, with_fixes
-from flexviz.importing.mapping import LogEntry, Mapping, parse
+from flexviz.importing.mapping import Fix, Issue, Mapping, parse
 from flexviz.importing.plausibility import check_groups
+from flexviz.importing.torque_model import LoadedTable
 from flexviz.measurements import GroupTable, MeasurementSet, read_set
 from flexviz.robot import Robot
 
@@ -40,28 +39,31 @@ def mapping_of(joints: Any, **keys: Any) -> Mapping:
     return parse({"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": entry}, Path("m"))
 
 
-def assembled(table: GroupTable) -> AssembledGroup:
-    entry = LogEntry.model_validate({"file": "a", "group": table.name, "payload": "none"})
-    return AssembledGroup(entry, "CSV", table, {}, 0.0, ())
+def with_fixes(mapping: Mapping, fixes: tuple[Fix, ...]) -> Mapping:
+    """The mapping with these changes."""
+    joints = dict(mapping.joints)
+    for fix in fixes:
+        entry = joints[fix.joint]
+        changed = getattr(entry, fix.signal).model_copy(update={fix.key: fix.value})
+        joints[fix.joint] = entry.model_copy(update={fix.signal: changed})
+    return mapping.model_copy(update={"joints": joints})
 
 
-def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> list[AssembledGroup]:
+def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> list[LoadedTable]:
     """The arm's motions with θ, τ and q multiplied, and zero added to θ and q; one number or one a joint."""
     return [
-        assembled(
-            GroupTable(f"g{i}", "t", "none", d.time, d.theta * theta + zero, d.tau * tau, d.q * q + zero)
-        )
+        ((), GroupTable(f"g{i}", "t", "none", d.time, d.theta * theta + zero, d.tau * tau, d.q * q + zero))
         for i, d in enumerate(arm()[1])
     ]
 
 
-def found(groups: list[AssembledGroup], **keys: Any) -> list[Issue]:
+def found(groups: list[LoadedTable], **keys: Any) -> list[Issue]:
     return check_groups(mapping_of(JOINTS, **keys), arm()[0], groups)
 
 
 def test_good_data_raise_none(demo: MeasurementSet) -> None:
     assert found(tables()) == []
-    groups = [assembled(replace(GroupTable.of(g), payload="none")) for g in demo.groups]
+    groups = [((), GroupTable.of(g)) for g in demo.groups]
     assert check_groups(mapping_of(demo.joints), demo.robot, groups) == []
 
 
@@ -123,20 +125,20 @@ def test_gear_that_nobody_named() -> None:
     issues = found(tables(theta=100.0))
     assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
     assert all("times as far as q: is that the motor's angle before a gear" in s.message for s in issues)
-    issues = found([replace(g, table=replace(g.table, q=None)) for g in tables(theta=300.0)])
+    issues = found([(bodies, replace(t, q=None)) for bodies, t in tables(theta=300.0)])
     assert [(s.joints, s.signal, s.severity) for s in issues] == [((j,), "theta", "wrong") for j in JOINTS]
     assert all("degrees" in s.message and "before the gear" in s.message for s in issues)
 
 
 def test_q_of_another_joint_or_another_zero_or_swapped() -> None:
     groups = tables()
-    crossed = [replace(g, table=replace(g.table, q=g.table.q[:, ::-1])) for g in groups]  # type: ignore[index]
+    crossed = [((), replace(t, q=t.q[:, ::-1])) for _, t in groups]  # type: ignore[index]
     assert {(s.kind, s.signal) for s in found(crossed)} == {("unexplained", "q")}
-    moved = [replace(g, table=replace(g.table, q=g.table.q + 0.5)) for g in groups]  # type: ignore[operator]
+    moved = [((), replace(t, q=t.q + 0.5)) for _, t in groups]  # type: ignore[operator]
     assert [(s.kind, s.severity, s.fixes[0].value) for s in found(moved)] == [
         ("zero", "odd", pytest.approx(-0.5, abs=0.02))
     ] * 2
-    swapped = [replace(g, table=replace(g.table, q=g.table.theta, theta=g.table.q)) for g in groups]  # type: ignore[arg-type]
+    swapped = [((), replace(t, q=t.theta, theta=t.q)) for _, t in groups]  # type: ignore[arg-type]
     assert {(s.kind, s.severity) for s in found(swapped)} == {("swapped", "odd")}
 
 
@@ -145,10 +147,7 @@ def test_data_that_prove_nothing_raise_none() -> None:
     standing = np.array([1.0, 0.0])
     assert [str(s) for s in found(tables(theta=standing, q=standing)) if "joint2" in s.joints] == []
     short = [
-        assembled(
-            GroupTable(g.table.name, "t", "none", g.table.time[:50], g.table.theta[:50], -g.table.tau[:50])
-        )
-        for g in tables()
+        ((), GroupTable(t.name, "t", "none", t.time[:50], t.theta[:50], -t.tau[:50])) for _, t in tables()
     ]
     assert found(short) == []
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
-from flexviz.importing.issues import Issue
-from flexviz.importing.mapping import Mapping, read_mapping
+from flexviz.importing.mapping import Issue, Mapping, read_mapping
 from flexviz.importing.plausibility import issues_of_set, with_plausibility_warnings
 from flexviz.importing.questions import Person, Questions
 

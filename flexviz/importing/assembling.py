@@ -27,19 +27,12 @@ from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTabl
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One signal of one joint on its own clock, where it has values.
+    """One signal of one joint on its own clock, where it has values."""
 
-    Attributes:
-        column: where it comes from.
-        clock: what its clock is called (topic or time column).
-        time: (N,) strictly increasing seconds after the log's first instant.
-        values: (N,) [rad] or [Nm] at the joint side.
-    """
-
-    column: str
-    clock: str
-    time: Array
-    values: Array
+    column: str  # where it comes from
+    clock: str  # what its clock is called (topic or time column)
+    time: Array  # (N,) strictly increasing seconds after the log's first instant
+    values: Array  # (N,) [rad] or [Nm] at the joint side
 
     @property
     def step(self) -> float:
@@ -72,43 +65,43 @@ class Trace:
         return result, covered, gap
 
 
-class Tracer:
-    """Makes the traces of one log; each clock is read once.
+Traces = dict[tuple[str, str], Trace]  # (joint, signal) -> its trace
 
-    Attributes:
-        notes: what was done to the clocks, one sentence each.
+
+def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, list[str]]:
+    """The traces of all signals, and what was done to their clocks, one sentence each.
+
+    θ of the first joint comes first: its clock is the group's, its first instant the log's time zero.
     """
-
-    def __init__(self, log: Log, mapping: Mapping, file: Path) -> None:
-        self.log, self.mapping, self.file = log, mapping, file
-        self.notes: list[str] = []
-        self.from_bag = log.kind not in ("CSV", "Parquet", "MATLAB")
-        self._clocks: dict[tuple[str, str], tuple[LogClock, NDArray[np.intp], Array]] = {}
-        self._origin: LogClock | None = None
-
-    def trace(self, joint: str, name: str, signal: SignalColumn) -> Trace:
-        """The signal called `name` of a joint; the first one sets the log's time zero."""
+    traces: Traces = {}
+    notes: list[str] = []
+    from_bag = log.kind not in ("CSV", "Parquet", "MATLAB")
+    clocks: dict[tuple[str, str], tuple[NDArray[np.intp], Array]] = {}  # rows in order, and their times
+    origin: LogClock | None = None
+    for joint, name, signal in sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1])):
         place = f"joints.{joint}.{name}"
-        table = self.log.table_of(signal.column, self.file, place)
-        clock = clock_of(self.log, table, signal.time, self.mapping.time, self.file, place)
+        table = log.table_of(signal.column, file, place)
+        clock = clock_of(log, table, signal.time, mapping.time, file, place)
+        origin = origin or clock
         key = (clock.table, clock.name)
-        if key not in self._clocks:
-            self._origin = self._origin or clock
-            seconds = clock.seconds(self._origin)
+        if key not in clocks:
+            seconds = clock.seconds(origin)
             called = clock.name or clock.table or "time"
-            rows, notes = rows_in_order(seconds, called, self.from_bag, self.log.file)
-            self.notes += notes
-            self._clocks[key] = clock, rows, seconds[rows]
-        clock, rows, time = self._clocks[key]
+            rows, done = rows_in_order(seconds, called, from_bag, log.file)
+            clocks[key] = rows, seconds[rows]
+            notes += done
+        rows, time = clocks[key]
         raw = np.asarray(table.columns[signal.column], dtype=float)[rows]
         known = np.isfinite(raw)
         count = int(np.count_nonzero(known))
         if count < SHORTEST:
-            found = f'"{signal.column}" has {count} values in {self.log.file.name}'
-            raise InputError(f"{found}, expected at least {SHORTEST}", file=self.file, place=place)
+            found = f'"{signal.column}" has {count} values in {log.file.name}'
+            raise InputError(f"{found}, expected at least {SHORTEST}", file=file, place=place)
         if not known.all():
             raw, time = raw[known], time[known]
-        return Trace(signal.column, clock.key, time, to_joint_side(raw, signal, self.mapping.joints[joint]))
+        values = to_joint_side(raw, signal, mapping.joints[joint])
+        traces[joint, name] = Trace(signal.column, clock.key, time, values)
+    return traces, notes
 
 
 def to_joint_side(raw: Array, signal: SignalColumn, joint: JointColumns) -> Array:
@@ -125,37 +118,22 @@ def to_joint_side(raw: Array, signal: SignalColumn, joint: JointColumns) -> Arra
     return raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
 
 
-Traces = dict[tuple[str, str], Trace]
-
-
 @dataclass(frozen=True, eq=False)
 class AssembledGroup:
-    """One group before it is written.
+    """One group before it is written."""
 
-    Attributes:
-        entry: the log's entry in the mapping.
-        kind: of the log.
-        table: its columns (N, n), time from 0.
-        traces: (joint, signal) -> its trace.
-        zero: [s] where the table's time 0 lies on the clock of the traces.
-        notes: what was done to the data, one sentence each.
-    """
-
-    entry: LogEntry
-    kind: str
-    table: GroupTable
+    entry: LogEntry  # in the mapping
+    kind: str  # of the log
+    table: GroupTable  # its columns (N, n), time from 0
     traces: Traces
-    zero: float
-    notes: tuple[str, ...]
+    zero: float  # [s] where the table's time 0 lies on the clock of the traces
+    notes: tuple[str, ...]  # what was done to the data, one sentence each
 
 
 def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> AssembledGroup:
     """The group that `entry` asks for. Errors name the mapping `file` and the key, or the log and the row."""
-    tracer = Tracer(log, mapping, file)
-    # θ of the first joint comes first: its clock is the group's
-    ordered = sorted(mapping.signals(), key=lambda item: SIGNALS.index(item[1]))
-    traces = {(joint, name): tracer.trace(joint, name, signal) for joint, name, signal in ordered}
-    notes = [*log.notes, *tracer.notes]
+    traces, notes = read_traces(log, mapping, file)
+    notes = [*log.notes, *notes]
     base = traces[mapping.names[0], "theta"]
     time = chosen_time(base, entry, log, file)
     values: dict[tuple[str, str], Array] = {}

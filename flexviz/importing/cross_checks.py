@@ -11,8 +11,7 @@ import numpy as np
 from flexviz.importing.column_names import ANGLE, size_of
 from flexviz.importing.delays import fit_filtered, low_pass
 from flexviz.importing.draft import Draft, DraftJoint
-from flexviz.importing.issues import Fix, Issue
-from flexviz.importing.mapping import AngleColumn, Mapping
+from flexviz.importing.mapping import AngleColumn, Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable
 from flexviz.robot import Robot

@@ -18,7 +18,7 @@ from flexviz import identification
 from flexviz.errors import FlexvizError
 from flexviz.importing.assembling import Trace, Traces
 from flexviz.importing.formats.base import SHORTEST
-from flexviz.importing.issues import Issue
+from flexviz.importing.mapping import Issue
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, Group, MeasurementSet
 from flexviz.progress import Progress, ProgressCallback, StopCallback
@@ -39,6 +39,11 @@ class ClockOffset:
     base: str
     delay: float  # [s] how much later than θ the link positions are stamped
     std: float  # [s] its standard error, from the joints' disagreement too
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is larger than drivers and the estimate's error explain."""
+        return abs(self.delay) >= max(LIMITS.clock_offset, LIMITS.clock_sigmas * self.std)
 
 
 class JointTraces(NamedTuple):

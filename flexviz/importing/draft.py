@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.importing.formats import LogSource
-from flexviz.importing.issues import Fix
-from flexviz.importing.mapping import SIGNALS, Mapping, parse
+from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
 from flexviz.robot import is_library_robot
 from flexviz.toml import key_text, value_text
 

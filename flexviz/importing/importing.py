@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import logging
-import os
-import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from flexviz.errors import InputError
+from flexviz.files import whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
 from flexviz.importing.formats import open_log
 from flexviz.importing.formats.base import ReadOptions, check_stop
-from flexviz.importing.issues import Issue
-from flexviz.importing.mapping import LogEntry, Mapping, read_mapping
-from flexviz.importing.plausibility import all_payloads, check_groups
-from flexviz.importing.thresholds import LIMITS
+from flexviz.importing.mapping import Issue, Mapping, read_mapping
+from flexviz.importing.plausibility import check_groups
 from flexviz.measurements import (
     GroupTable,
     MeasurementSet,
     check_free,
+    read_payloads,
     read_robot,
     read_set,
     sample_motion,
@@ -34,7 +30,7 @@ from flexviz.measurements import (
     wrong_time_unit,
 )
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never, part
-from flexviz.robot import Robot, is_library_robot
+from flexviz.robot import PayloadBody, Robot, is_library_robot
 from flexviz.robot_files import mesh_names, resolve_mesh
 from flexviz.statistics import NORMAL_95
 
@@ -44,27 +40,16 @@ ABOUT_UNITS = ("unit", "sign", "zero", "unexplained")  # with such an issue the 
 
 @dataclass(frozen=True)
 class Imported:
-    """Report of an import.
+    """Report of an import."""
 
-    Attributes:
-        folder: the set that was written; None where something is wrong or only a check was asked for.
-        mapping: the mapping file.
-        joints: the set's joints.
-        groups: the groups with notes on their data.
-        offsets: of the clocks of link positions, after the mapping's shifts.
-        delay: of the torque against the motion; None where it cannot be told.
-        issues: of the data.
-        warnings: from reading the new set.
-    """
-
-    folder: Path | None
-    mapping: str
+    folder: Path | None  # the set that was written; None where something is wrong, and after a check
+    mapping: str  # the mapping file
     joints: tuple[str, ...]
-    groups: tuple[AssembledGroup, ...]
-    offsets: tuple[ClockOffset, ...]
-    delay: DelayEstimate | None
+    groups: tuple[AssembledGroup, ...]  # with notes on their data
+    offsets: tuple[ClockOffset, ...]  # of the clocks of link positions, after the mapping's shifts
+    delay: DelayEstimate | None  # of the torque against the motion; None where it cannot be told
     issues: tuple[Issue, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...]  # from reading the new set
 
     @property
     def wrong(self) -> tuple[Issue, ...]:
@@ -129,36 +114,30 @@ def import_logs(
         check_free(target)
     folder = file.absolute().parent
     robot = read_robot(mapping.robot, mapping.names, folder, file)
-    all_payloads(mapping, robot, file)  # refuses wrong ones before the logs are read
+    payloads = {"none": (), **read_payloads(mapping, robot, file)}  # refuses wrong ones before logs are read
     groups = read_groups(mapping, file, folder, progress, should_stop)
     progress(Progress("comparing with the robot", 0.0))
-    found = check_groups(mapping, robot, groups, file)
+    found = check_groups(mapping, robot, [(payloads[g.table.payload], g.table) for g in groups])
     offsets = [o for g in groups for o in clock_offsets(g.entry.group, g.traces, mapping.names)]
     found += offset_issues(offsets, mapping)
     done = Imported(None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), ())
     if done.wrong and not accept:
         return done
-    parent = Path(tempfile.gettempdir()) if target is None else target.parent
     try:
-        parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".flexviz-import-", dir=parent) as temporary:
+        with whole_folder(target) if target else TemporaryDirectory(prefix="flexviz-import-") as new:
             progress(Progress("writing", 0.0))
             check_stop(should_stop)
-            new = Path(temporary) / (target.name if target else file.stem)
-            notes = write_groups(new, mapping, robot, groups, file, table_format)
-            measurements = read_back(new, target or Path(file.stem))
+            notes = write_groups(Path(new), mapping, robot, payloads, groups, table_format)
+            measurements = read_back(Path(new), target or Path(file.stem))
             delay = None
             if not any(issue.kind in ABOUT_UNITS for issue in found):
                 delay = torque_delay(measurements, progress, should_stop)
             check_stop(should_stop)
-            late = delay_issues(delay, measurements) if delay is not None else []
-            warnings = (*notes, *measurements.warnings)
-            done = replace(done, delay=delay, issues=(*found, *late), warnings=warnings)
-            if target is not None:
-                os.replace(new, target)
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror or error})", file=target) from None
-    return replace(done, folder=target)
+    late = delay_issues(delay, measurements) if delay is not None else []
+    warnings = (*notes, *measurements.warnings)
+    return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)
 
 
 def read_groups(
@@ -168,28 +147,21 @@ def read_groups(
     signals = [signal for _, _, signal in mapping.signals()]
     times = {signal.time for signal in signals} | {mapping.time.column}
     wanted = {signal.column for signal in signals} | {time for time in times if time is not None}
-    groups, count = [], len(mapping.logs)
+    groups, count = list[AssembledGroup](), len(mapping.logs)
     for i, entry in enumerate(mapping.logs):
         options = ReadOptions(wanted, entry.episode, part(progress, i / count, (i + 1) / count), should_stop)
-        groups.append(read_log(mapping, entry, i, options, file, folder))
+        try:
+            log = open_log(folder / entry.file, options)
+        except InputError as error:
+            if error.message != "file not found":
+                raise
+            place = f'log {i + 1} "{entry.group}", file'
+            raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
+        check_stop(should_stop)
+        groups.append(assemble(log, entry, mapping, file))
         if mapping.time.column is not None and mapping.time.unit == "s":
-            check_time(groups[-1].table, folder / entry.file, file)
+            check_time(groups[-1].table, log.file, file)
     return groups
-
-
-def read_log(
-    mapping: Mapping, entry: LogEntry, index: int, options: ReadOptions, file: Path, folder: Path
-) -> AssembledGroup:
-    """One log as a group."""
-    try:
-        log = open_log(folder / entry.file, options)
-    except InputError as error:
-        if error.message != "file not found":
-            raise
-        place = f'log {index + 1} "{entry.group}", file'
-        raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
-    check_stop(options.should_stop)
-    return assemble(log, entry, mapping, file)
 
 
 def check_time(table: GroupTable, log: Path, file: Path) -> None:
@@ -198,17 +170,15 @@ def check_time(table: GroupTable, log: Path, file: Path) -> None:
     speed = float(np.max(np.abs(sample_motion(table.time, table.theta, table.tau).v)))
     if unit := wrong_time_unit(step, speed):
         short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
-        message = (
-            f'the median step of {log.name} is {step:g}: is its time in {unit}? expected unit = "{short}"'
-        )
-        raise InputError(message, file=file, place="time.unit")
+        found = f"the median step of {log.name} is {step:g}: is its time in {unit}?"
+        raise InputError(f'{found} expected unit = "{short}"', file=file, place="time.unit")
 
 
 def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
     """Clocks of link positions that are off by more than a spring and friction explain."""
     found = []
     for offset in offsets:
-        if abs(offset.delay) < max(LIMITS.clock_offset, LIMITS.clock_sigmas * offset.std):
+        if not offset.significant:
             continue
         total = mapping.time.shift.get(offset.clock, 0.0) - offset.delay
         message = (
@@ -225,7 +195,12 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
 
 
 def write_groups(
-    new: Path, mapping: Mapping, robot: Robot, groups: list[AssembledGroup], file: Path, table_format: str
+    new: Path,
+    mapping: Mapping,
+    robot: Robot,
+    payloads: dict[str, tuple[PayloadBody, ...]],
+    groups: list[AssembledGroup],
+    table_format: str,
 ) -> list[str]:
     """Write the set into the folder `new`; notes on what its robot lacks."""
     source, files, notes = robot_files(robot)
@@ -234,7 +209,7 @@ def write_groups(
         robot=source,
         joints=mapping.names,
         groups=[group.table for group in groups],
-        payloads=all_payloads(mapping, robot, file),
+        payloads=payloads,
         torque_hold=mapping.torque_hold,
         initial_stiffness=mapping.initial.stiffness,
         initial_motor_inertia=mapping.initial.motor_inertia,
@@ -279,24 +254,12 @@ def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[
 
 def read_back(new: Path, target: Path) -> MeasurementSet:
     """Read the set that was written; errors and warnings name its final place."""
+    place = str(new.resolve())
     try:
-        with silenced("flexviz.measurements"):
-            measurements = read_set(new)
+        measurements = read_set(new, logged=False)
     except InputError as error:
-        text = error.message.replace(str(new), str(target))
-        file = None if error.file is None else error.file.replace(str(new.resolve()), str(target))
-        raise InputError(text, file=file, place=error.place) from None
-    warnings = tuple(w.replace(str(new.resolve()), str(target)) for w in measurements.warnings)
+        file = None if error.file is None else error.file.replace(place, str(target))
+        message = error.message.replace(str(new), str(target))
+        raise InputError(message, file=file, place=error.place) from None
+    warnings = tuple(warning.replace(place, str(target)) for warning in measurements.warnings)
     return replace(measurements, warnings=warnings)
-
-
-@contextmanager
-def silenced(name: str) -> Iterator[None]:
-    """Nothing is logged under this name: it would name a temporary folder."""
-    logger = logging.getLogger(name)
-    before = logger.disabled
-    logger.disabled = True
-    try:
-        yield
-    finally:
-        logger.disabled = before

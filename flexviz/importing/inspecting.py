@@ -17,11 +17,9 @@ from flexviz.importing.delays import ClockOffset, clock_offsets
 from flexviz.importing.draft import Draft, DraftJoint
 from flexviz.importing.formats import LogSource, find_logs, open_log
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
-from flexviz.importing.issues import Issue
-from flexviz.importing.mapping import NEEDED, SIGNALS
+from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
-from flexviz.importing.questions import Questions, Silent
-from flexviz.importing.thresholds import LIMITS
+from flexviz.importing.questions import Questions
 from flexviz.measurements import read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
@@ -41,17 +39,11 @@ TITLES = {
 
 @dataclass(frozen=True)
 class Inspection:
-    """A drafted mapping with its remaining issues.
-
-    Attributes:
-        draft: of the mapping.
-        issues: that remain.
-        offsets: of the clocks, before the draft corrected them.
-    """
+    """A drafted mapping with its remaining issues."""
 
     draft: Draft
     issues: tuple[Issue, ...]
-    offsets: tuple[ClockOffset, ...]
+    offsets: tuple[ClockOffset, ...]  # of the clocks, before the draft corrected them
 
 
 def inspect_logs(
@@ -66,7 +58,7 @@ def inspect_logs(
 
     `robot` is a URDF's path, `example-robot-data:<name>` or `robots:<name>`. Nothing is written.
     """
-    asked = questions or Silent()
+    asked = questions or Questions()
     sources = find_logs(paths)
     whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
     logs = [
@@ -205,8 +197,8 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
         return
     joints = list(draft.joints)
     question = "τ is a current: torque constant [Nm/A], of the motor before the gear"
-    constants = asked.numbers(question, len(joints), None)
-    gears = asked.numbers("gear ratio", len(joints), None) if constants else None
+    constants = asked.numbers(question, len(joints))
+    gears = asked.numbers("gear ratio", len(joints)) if constants else None
     if constants is None:
         draft.missing.append("torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet)")
     for i, joint in enumerate(joints):
@@ -236,7 +228,7 @@ def correct(
             offsets = shift_clocks(draft, groups)
         if find_scales(draft, robot, [group.table for group in groups]):
             continue
-        remaining = check_groups(mapping, robot, groups, guessed=True)
+        remaining = check_groups(mapping, robot, [((), group.table) for group in groups], guessed=True)
         certain = [issue for issue in remaining if issue.severity == "wrong" and issue.fixes]
         for issue in certain:
             draft.apply(issue.fixes, issue.message)
@@ -252,14 +244,14 @@ def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -
     tau = [joint for signal, joint in unknown if signal == "tau"]
     weak = [joint for joint in tau if "unit" not in draft.joints[joint].signals["tau"]]
     if far:
-        ratios = asked.numbers(f"gear ratio of {', '.join(far)}: theta turns too far", len(far), None)
+        ratios = asked.numbers(f"gear ratio of {', '.join(far)}: theta turns too far", len(far))
         for joint, ratio in zip(far, ratios or (), strict=False):
             draft.joints[joint].gear = ratio
             draft.joints[joint].signals["theta"]["side"] = "motor"
         return ratios is not None and set(ratios) != {1.0}
     if weak:
         question = f"tau of {', '.join(weak)} is no plausible torque. Is it a current? Torque constant [Nm/A]"
-        constants = asked.numbers(question, len(weak), None)
+        constants = asked.numbers(question, len(weak))
         for joint, constant in zip(weak, constants or (), strict=False):
             entry = draft.joints[joint]
             entry.torque_constant = constant
@@ -272,7 +264,7 @@ def shift_clocks(draft: Draft, groups: Sequence[AssembledGroup]) -> tuple[ClockO
     """Correct the clocks of link positions by the first log; the offsets of all logs."""
     found = [clock_offsets(g.entry.group, g.traces, tuple(draft.joints)) for g in groups]
     for offset in found[0] if found else []:
-        if abs(offset.delay) > max(LIMITS.clock_offset, LIMITS.clock_sigmas * offset.std):
+        if offset.significant:
             draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
             late = "late" if offset.delay > 0 else "early"
             size = f"{1e3 * abs(offset.delay):.4g} ± {1e3 * NORMAL_95 * offset.std:.2g} ms"

@@ -1,4 +1,4 @@
-"""The shape of a mapping file, and the checks between its keys.
+"""The shape of a mapping file, the checks between its keys, and issues that changes of it would resolve.
 
 A mapping says what each column of the logs is: which joint and signal, in which unit, on which side of the
 gear. Its payloads, start values and controller are written as in a measurement set.
@@ -6,6 +6,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -116,6 +117,33 @@ class Mapping(SetHeader):
         joints = self.joints.items()
         found = [(joint, name, getattr(entry, name)) for joint, entry in joints for name in SIGNALS]
         return [item for item in found if item[2] is not None]
+
+
+@dataclass(frozen=True)
+class Fix:
+    """A change of the mapping: `joints.<joint>.<signal>.<key> = value`."""
+
+    joint: str
+    signal: str
+    key: str
+    value: str | float | int
+
+
+@dataclass(frozen=True)
+class Issue:
+    """Something in the data that looks wrong or odd."""
+
+    kind: Literal["unit", "sign", "zero", "swapped", "delay", "clock", "unexplained"]
+    # "wrong": the data contradict the mapping, the set is not written unless the user insists;
+    # "odd": it may be intended
+    severity: Literal["wrong", "odd"]
+    joints: tuple[str, ...]  # all of them where it concerns the whole log
+    signal: str  # "theta", "tau", "q" or "theta_ref"
+    message: str  # one sentence with numbers
+    fixes: tuple[Fix, ...] = ()  # changes that would resolve it, where they are known
+
+    def __str__(self) -> str:
+        return f"{self.signal} of {', '.join(self.joints)}: {self.message}"
 
 
 def read_mapping(file: Path) -> Mapping:

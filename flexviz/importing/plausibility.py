@@ -7,35 +7,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flexviz.importing.assembling import AssembledGroup
 from flexviz.importing.cross_checks import check_optional_columns
-from flexviz.importing.issues import Issue
-from flexviz.importing.mapping import LogEntry, Mapping, parse
+from flexviz.importing.mapping import Issue, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_checks import check_torques
-from flexviz.importing.torque_model import TorqueModel
-from flexviz.measurements import GroupTable, MeasurementSet, body_entry, read_payloads
-from flexviz.robot import PayloadBody, Robot
+from flexviz.importing.torque_model import LoadedTable, TorqueModel
+from flexviz.measurements import GroupTable, MeasurementSet
+from flexviz.robot import Robot
 
 log = logging.getLogger(__name__)
 
 
 def check_groups(
-    mapping: Mapping,
-    robot: Robot,
-    groups: Sequence[AssembledGroup],
-    file: Path = Path("mapping"),
-    guessed: bool = False,
+    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False
 ) -> list[Issue]:
     """Units, signs, zero positions and mix-ups that the data contradict.
 
     `guessed`: the payloads are not known yet, so the group that is explained best alone decides.
     """
-    payloads = all_payloads(mapping, robot, file)
-    tables = [(payloads[group.entry.payload], group.table) for group in groups]
-    model = TorqueModel(robot, tables)
-    if guessed and len(tables) > 1:
-        model = max((TorqueModel(robot, [table]) for table in tables), key=TorqueModel.best_share)
+    model = TorqueModel(robot, groups)
+    if guessed and len(groups) > 1:
+        model = max((TorqueModel(robot, [group]) for group in groups), key=TorqueModel.best_share)
     found = check_torques(mapping, model)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
     found += [s for s in check_range(mapping, model) if (s.joints[0], "theta") not in known]
@@ -43,16 +35,11 @@ def check_groups(
     wrong_theta = {s.joints[0] for s in found if s.signal == "theta"}
     found = [s for s in found if s.kind != "unexplained" or not wrong_theta & set(s.joints)]
     known |= {(joint, "theta") for joint in wrong_theta}
-    for issue in check_optional_columns(mapping, [table for _, table in tables]):
+    for issue in check_optional_columns(mapping, [table for _, table in groups]):
         signals = ("theta", "tau") if issue.kind == "swapped" else ("theta",)
         if not any((issue.joints[0], signal) in known for signal in signals):
             found.append(issue)
     return found
-
-
-def all_payloads(mapping: Mapping, robot: Robot, file: Path) -> dict[str, tuple[PayloadBody, ...]]:
-    """Name of each payload -> its bodies; "none" always exists."""
-    return {"none": (), **read_payloads(mapping, robot, file)}
 
 
 def check_range(mapping: Mapping, model: TorqueModel) -> list[Issue]:
@@ -88,24 +75,11 @@ def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
 
 
 def issues_of_set(measurements: MeasurementSet, **keys: object) -> list[Issue]:
-    """Issues that an import would find in θ and τ of a set; link positions are ignored.
-
-    Args:
-        measurements: the set.
-        keys: of the mapping, the same on every joint.
-    """
-    groups = []
-    for group in measurements.groups:
-        table = replace(GroupTable.of(group), q=None, theta_ref=None)
-        entry = LogEntry.model_validate({"file": "a", "group": group.name, "payload": group.payload})
-        groups.append(AssembledGroup(entry, "CSV", table, {}, 0.0, ()))
-    return check_groups(mapping_of(measurements, **keys), measurements.robot, groups)
-
-
-def mapping_of(measurements: MeasurementSet, **keys: object) -> Mapping:
-    """A mapping that takes the set's columns unchanged, with these keys on every joint."""
-    payloads = measurements.payloads.items()
-    bodies = {name: {"bodies": [body_entry(body) for body in payload]} for name, payload in payloads}
+    """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
+    # a mapping that takes the set's columns unchanged
     joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
-    logs = [{"file": "a", "group": "a"}]
-    return parse({"robot": "x", "payloads": bodies, "logs": logs, "joints": joints}, Path("mapping"))
+    document = {"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": joints}
+    groups = [
+        (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
+    ]
+    return check_groups(parse(document, Path("mapping")), measurements.robot, groups)

@@ -1,44 +1,30 @@
-"""Questions to a person at a terminal, with defaults where nobody is asked."""
+"""Questions that an inspection asks, with defaults where nobody is there to answer."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
 
 
-class Questions(Protocol):
-    """Source of answers to questions."""
+class Questions:
+    """Answers to questions: the defaults, without asking anybody."""
 
     def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
         """The index of one of the options, or None for none of them."""
-        ...
+        return default
 
-    def numbers(self, question: str, count: int, default: float | None) -> list[float] | None:
+    def numbers(self, question: str, count: int) -> list[float] | None:
         """`count` positive numbers (one stands for all), or None where they are not known."""
-        ...
+        return None
 
     def several(self, question: str, options: Sequence[str]) -> list[int]:
         """The indices of some of the options."""
-        ...
-
-
-class Silent:
-    """Returns the defaults without asking."""
-
-    def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
-        return default
-
-    def numbers(self, question: str, count: int, default: float | None) -> list[float] | None:
-        return None if default is None else [default] * count
-
-    def several(self, question: str, options: Sequence[str]) -> list[int]:
         return []
 
 
-class Person:
+class Person(Questions):
     """Asks a person; `tell` shows a line, `ask` returns what was typed. Invalid answers are asked again."""
 
     def __init__(self, ask: Ask, tell: Callable[[str], None]) -> None:
@@ -53,12 +39,11 @@ class Person:
         (answer,) = self._ask("number", preset, lambda x: len(x) == 1 and x[0] in valid, wrong)
         return int(answer) - 1 if answer else None
 
-    def numbers(self, question: str, count: int, default: float | None) -> list[float] | None:
+    def numbers(self, question: str, count: int) -> list[float] | None:
         wanted = "one number" + (f", or {count} with commas" if count > 1 else "")
-        unknown = "" if default is not None else "; only Enter where it is not known"
         values = self._ask(
-            f"{question} ({wanted}{unknown})",
-            "" if default is None else f"{default:g}",
+            f"{question} ({wanted}; only Enter where it is not known)",
+            "",
             lambda x: len(x) in (0, 1, count) and all(0.0 < value < 1e9 for value in x),
             f"is not {wanted} above 0",
         )

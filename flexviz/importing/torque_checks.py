@@ -9,8 +9,7 @@ import numpy as np
 
 from flexviz.importing.column_names import CURRENT, TORQUE, size_of
 from flexviz.importing.cross_checks import ColumnChange, angle_changes, side_changes, unit_changes
-from flexviz.importing.issues import Fix, Issue
-from flexviz.importing.mapping import Mapping
+from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueFit, TorqueModel
 from flexviz.measurements import Array

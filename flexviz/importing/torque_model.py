@@ -23,7 +23,7 @@ from flexviz.robot import PayloadBody, Robot
 TORQUE_UNITS = np.geomspace(1e-4, 1e4, 49)  # [Nm] scales of τ that are tried
 LARGEST_SAMPLE = 600  # instants of all groups together
 
-Samples = Sequence[tuple[tuple[PayloadBody, ...], SampledMotion]]
+LoadedTable = tuple[Sequence[PayloadBody], GroupTable]  # a group and the payload that it carried
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class TorqueModel:
         usable: there is motion for long enough, and the robot's description has masses.
     """
 
-    def __init__(self, robot: Robot, groups: Sequence[tuple[tuple[PayloadBody, ...], GroupTable]]) -> None:
+    def __init__(self, robot: Robot, groups: Sequence[LoadedTable]) -> None:
         self.robot = robot
         samples = [(bodies, sample_motion(table.time, table.theta, table.tau)) for bodies, table in groups]
         total = sum(len(motion.q) for _, motion in samples)
