@@ -7,16 +7,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from flexviz.diagnosis import diagnose, maps_of
+from flexviz.diagnosis import BandwidthCheck, check_bandwidth, diagnose, maps_of
+from flexviz.equation import layout_of
 from flexviz.errors import Cancelled, InputError, choose_from
 from flexviz.files import write_whole
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.model import FlexibleModel
 from flexviz.observers import make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.recording import Recorded, RecordingFile, ending_tidily
-from flexviz.report import chosen_set, diagnosed_session, guarded, session_report
-from flexviz.session import OpenedSession, Session, is_session, open_session, save_session
+from flexviz.report import diagnosed_session, session_report
+from flexviz.session import (
+    Analysis,
+    OpenedSession,
+    Session,
+    is_session,
+    open_session,
+    save_session,
+    with_roles,
+)
 
 REPORT_SUFFIXES = {".html": "html", ".htm": "html", ".md": "md", ".json": "json"}
 
@@ -129,9 +139,30 @@ def _completed(
     diagnosis = analysis.diagnosis
     if guard and diagnosis is not None and diagnosis.guard is None and diagnosis.model is not None:
         progress(Progress("checking parameters against the observer's bandwidth"))
-        checked = replace(diagnosis, guard=guarded(measurements, analysis, diagnosis.model, should_stop))
-        return session.then("looked at the bandwidth", replace(analysis, diagnosis=checked))
+        found = guarded(measurements, analysis, diagnosis.model, should_stop)
+        checked = replace(analysis, diagnosis=replace(diagnosis, guard=found))
+        return session.then("looked at the bandwidth", checked)
     return session
+
+
+def guarded(
+    measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: StopCallback
+) -> BandwidthCheck:
+    """Bandwidth check of the final model of a diagnosis."""
+
+    def check() -> None:
+        if should_stop():
+            raise Cancelled
+
+    chosen = chosen_set(measurements, analysis)
+    layout = layout_of(chosen)
+    return check_bandwidth(chosen, layout, layout.vector(model), check=check)
+
+
+def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
+    """The set with the roles and effects of a session's state."""
+    chosen = with_roles(measurements, dict(analysis.roles))
+    return replace(chosen, effects=(*chosen.effects, *analysis.effects))
 
 
 def record(

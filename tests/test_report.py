@@ -17,8 +17,8 @@ from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.report import diagnosed_session, session_report
 from flexviz.report.content import gather
-from flexviz.report.html import HtmlWriter
-from flexviz.report.markdown import MarkdownWriter
+from flexviz.report.html import html
+from flexviz.report.markdown import markdown
 from flexviz.report.sections.summary import sentence
 from flexviz.report.writing import compose
 from flexviz.results import Note
@@ -307,7 +307,7 @@ def test_names_notes_and_results_are_only_text(tmp_path: Path) -> None:
 
 def test_the_document_is_the_same_in_both_languages(found: Both) -> None:
     document = compose(gather(found[1], found[0]), "today")
-    page, text = Tags(HtmlWriter().document(document)).text, MarkdownWriter().document(document)
+    page, text = Tags(html(document)).text, markdown(document)
     text = text.replace("\\", "")
     for words in ("Parameters of joints and effects", "Worth recording next:", "hardly distinguish", "today"):
         assert words in page and words in text

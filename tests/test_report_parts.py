@@ -16,7 +16,7 @@ from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
 from flexviz.charts.svg import draw_svg, log_ticks, stretches, ticks
 from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis
-from flexviz.report.sections.staircase import columns
+from flexviz.report.sections.errors import columns
 from flexviz.session import Session, is_session, open_session, save_session
 from tests.found import DIAGNOSIS, GUARD
 from tests.small_session import small_session

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -42,7 +41,7 @@ class Tile:
 class Tiles:
     """A row of tiles."""
 
-    tiles: tuple[Tile, ...]
+    tiles: Sequence[Tile]
 
 
 @dataclass(frozen=True)
@@ -56,17 +55,11 @@ class Cell:
 
 @dataclass(frozen=True)
 class ReportTable:
-    """A table.
+    """A table; `numbers` are indices of numeric columns, `dense` is small print for many columns."""
 
-    Attributes:
-        head: column titles.
-        numbers: indices of the numeric columns.
-        dense: small print, for many columns.
-    """
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    numbers: tuple[int, ...] = ()
+    head: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    numbers: Sequence[int] = ()
     caption: str = ""
     dense: bool = False
 
@@ -75,7 +68,7 @@ class ReportTable:
 class Items:
     """A bulleted list."""
 
-    items: tuple[str, ...]
+    items: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -94,8 +87,8 @@ class Section:
     """A titled section; its subsections follow its blocks."""
 
     title: str
-    blocks: tuple[Block, ...]
-    parts: tuple[Section, ...] = ()
+    blocks: Sequence[Block]
+    parts: Sequence[Section] = ()
 
 
 @dataclass(frozen=True)
@@ -104,9 +97,19 @@ class ReportDocument:
 
     title: str
     subtitle: str
-    tags: tuple[str, ...]
-    sections: tuple[Section, ...]
+    tags: Sequence[str]
+    sections: Sequence[Section]
     footer: str
+
+
+def section(title: str, *blocks: Block | None, parts: Sequence[Section] = ()) -> Section:
+    """A section of the blocks that are not None."""
+    return Section(title, [block for block in blocks if block is not None], parts)
+
+
+def explanation(text: str) -> Paragraph:
+    """A quiet paragraph."""
+    return Paragraph(text, quiet=True)
 
 
 def table(
@@ -117,55 +120,5 @@ def table(
     dense: bool = False,
 ) -> ReportTable:
     """A table of texts and cells."""
-    cells = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
-    return ReportTable(tuple(head), cells, tuple(numbers), caption, dense)
-
-
-class ReportWriter(ABC):
-    """Base of the output formats: one method per kind of block."""
-
-    @abstractmethod
-    def document(self, document: ReportDocument) -> str:
-        """The whole text."""
-
-    @abstractmethod
-    def section(self, title: str, level: int, contents: Sequence[str]) -> str:
-        """A section with its written blocks and parts."""
-
-    @abstractmethod
-    def paragraph(self, block: Paragraph) -> str: ...
-    @abstractmethod
-    def callout(self, block: Callout) -> str: ...
-    @abstractmethod
-    def tiles(self, block: Tiles) -> str: ...
-    @abstractmethod
-    def table(self, block: ReportTable) -> str: ...
-    @abstractmethod
-    def chart(self, block: Chart) -> str: ...
-    @abstractmethod
-    def items(self, block: Items) -> str: ...
-    @abstractmethod
-    def listing(self, block: Listing) -> str: ...
-
-    def walk(self, section: Section, level: int = 2) -> str:
-        """A section with its blocks and subsections as text."""
-        blocks = [self._block(block) for block in section.blocks]
-        parts = [self.walk(part, min(level + 1, 6)) for part in section.parts]
-        return self.section(section.title, level, [*blocks, *parts])
-
-    def _block(self, block: Block) -> str:
-        match block:
-            case Paragraph():
-                return self.paragraph(block)
-            case Callout():
-                return self.callout(block)
-            case Tiles():
-                return self.tiles(block)
-            case ReportTable():
-                return self.table(block)
-            case Chart():
-                return self.chart(block)
-            case Items():
-                return self.items(block)
-            case Listing():
-                return self.listing(block)
+    cells = [[c if isinstance(c, Cell) else Cell(c) for c in row] for row in rows]
+    return ReportTable(head, cells, numbers, caption, dense)

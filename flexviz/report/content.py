@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.diagnosis import Step as DiagnosisStep
-from flexviz.errors import Cancelled
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
-from flexviz.model import FlexibleModel
-from flexviz.session import Analysis, ModelStep, Session, with_roles
+from flexviz.session import Analysis, ModelStep, Session
 from flexviz.wording import effect_text_name
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import BandwidthCheck
 
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisRound:
-    """One diagnosis of the session.
-
-    Attributes:
-        model: the diagnosed model with its errors.
-        diagnosis: None if it is not kept any more.
-        added: texts of the effects added since the preceding diagnosis.
-    """
+    """A diagnosed model, its diagnosis if that is still kept, and the effects added since the last one."""
 
     model: ModelStep
     diagnosis: Diagnosis | None
@@ -81,6 +68,17 @@ class ReportContent:
         return tuple(out)
 
     @property
+    def found(self) -> list[Finding]:
+        """The added effects that a diagnosis found."""
+        return [finding for _, finding in self.added if finding is not None]
+
+    @property
+    def proposed(self) -> tuple[Finding, ...]:
+        """The effect that the diagnosis proposes, if any."""
+        diagnosis = self.diagnosis
+        return diagnosis.findings[:1] if diagnosis is not None and diagnosis.verdict == "missing" else ()
+
+    @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
         """Parameters of the present model, from the identification if there is one, else the diagnosis."""
         source = self.identification or self.diagnosis
@@ -131,48 +129,16 @@ def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Ses
     """The session that diagnosing a set in the app would give, with one state per step."""
     session = Session.of(measurements)
     analysis, effects = session.analysis, ()
+    final = {"maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": ()}
     for index, step in enumerate(diagnosis.steps):
+        label = "looked for the missing effect"
         if step.added is not None:
             effects = (*effects, step.added.text)
+            label = f"added {effect_text_name(step.added.text)}"
         later = diagnosis.steps[index + 1 :]
         found = diagnosis.findings if index == 0 else tuple(s.added for s in later[:1] if s.added is not None)
-        if later:  # these fields describe the final model
-            answer = replace(
-                diagnosis, maps=(), where=(), free_curve=None, guard=None, parameters=(), notes=()
-            )
-        else:
-            answer = diagnosis
+        answer = replace(diagnosis, **final) if later else diagnosis  # they describe the final model
         answer = replace(answer, verdict=step.verdict, findings=found, steps=(step,))
         analysis = replace(analysis, effects=effects).with_diagnosis(answer)
-        label = (
-            f"added {effect_text_name(step.added.text)}"
-            if step.added is not None
-            else "looked for the missing effect"
-        )
         session = session.then(label, analysis)
     return session
-
-
-# -- checks computed for the report --------------------------------------------------------------------------
-
-
-def chosen_set(measurements: MeasurementSet, analysis: Analysis) -> MeasurementSet:
-    """The set with the roles and effects of this state."""
-    chosen = with_roles(measurements, dict(analysis.roles))
-    return replace(chosen, effects=(*chosen.effects, *analysis.effects))
-
-
-def guarded(
-    measurements: MeasurementSet, analysis: Analysis, model: FlexibleModel, should_stop: Callable[[], bool]
-) -> BandwidthCheck:
-    """Bandwidth check of the final model of a diagnosis."""
-    from flexviz.diagnosis import check_bandwidth
-    from flexviz.equation import layout_of
-
-    def check() -> None:
-        if should_stop():
-            raise Cancelled
-
-    chosen = chosen_set(measurements, analysis)
-    layout = layout_of(chosen)
-    return check_bandwidth(chosen, layout, layout.vector(model), check=check)

@@ -5,10 +5,13 @@ All text is escaped on insertion; the content security policy forbids the browse
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
 
 from flexviz.charts import COLOURS, Chart, css, draw_svg, rgb
 from flexviz.report.blocks import (
+    Block,
     Callout,
     Cell,
     Items,
@@ -16,10 +19,9 @@ from flexviz.report.blocks import (
     Paragraph,
     ReportDocument,
     ReportTable,
-    ReportWriter,
+    Section,
     Tiles,
 )
-from flexviz.report.style import CSS
 from flexviz.wording import escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
@@ -31,77 +33,75 @@ PAGE_WIDTH, PAGE_WIDTH_DENSE = 84, 104  # [characters] on A4, in normal and in s
 MAX_LABEL = 30  # [characters] of a callout's label
 
 
-class HtmlWriter(ReportWriter):
-    """HTML writer; figures are numbered in reading order."""
+def html(document: ReportDocument) -> str:
+    """The whole page; figures are numbered in reading order."""
+    style = Path(__file__).with_name("style.css").read_text(encoding="utf-8").partition("\n")[2]
+    tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
+    figures = count(1)
+    body = "".join(_section(section, 2, figures) for section in document.sections)
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(document.title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
+        f'<header><h1>{escape(document.title)}</h1><p class="sub">{escape(document.subtitle)}</p>'
+        f"{f'<p>{tags}</p>' if tags else ''}</header>\n"
+        f"{body}<footer>{escape(document.footer)}</footer>\n</main>\n</body>\n</html>\n"
+    )
 
-    def __init__(self) -> None:
-        self._figures = 0
 
-    def document(self, document: ReportDocument) -> str:
-        """The whole page."""
-        tags = "".join(f'<span class="tag">{escape(tag)}</span>' for tag in document.tags)
-        body = "".join(self.walk(section) for section in document.sections)
-        return (
-            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-            f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
-            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>{escape(document.title)}</title>\n<style>{CSS}</style>\n</head>\n<body>\n<main>\n"
-            f'<header><h1>{escape(document.title)}</h1><p class="sub">{escape(document.subtitle)}</p>'
-            f"{f'<p>{tags}</p>' if tags else ''}</header>\n"
-            f"{body}<footer>{escape(document.footer)}</footer>\n</main>\n</body>\n</html>\n"
-        )
+def _section(section: Section, level: int, figures: Iterator[int]) -> str:
+    lines = [f"<h{level}>{escape(section.title)}</h{level}>"] if section.title else []
+    lines += [_block(block, figures) for block in section.blocks]
+    lines += [_section(part, level + 1, figures) for part in section.parts]
+    return "\n".join(["<section>", *lines, "</section>"])
 
-    def section(self, title: str, level: int, contents: Sequence[str]) -> str:
-        heading = f"<h{level}>{escape(title)}</h{level}>\n" if title else ""
-        body = "".join(content + "\n" for content in contents)
-        return f"<section>\n{heading}{body}</section>"
 
-    def paragraph(self, block: Paragraph) -> str:
-        kind = ' class="quiet"' if block.quiet else ""
-        return f"<p{kind}>{escape(block.text)}</p>"
+def _block(block: Block, figures: Iterator[int]) -> str:
+    match block:
+        case Paragraph():
+            kind = ' class="quiet"' if block.quiet else ""
+            return f"<p{kind}>{escape(block.text)}</p>"
+        case Callout():
+            label, colon, rest = block.text.partition(":")
+            labelled = colon and len(label) < MAX_LABEL
+            shown = f"<b>{escape(label)}:</b>{escape(rest)}" if labelled else escape(block.text)
+            role = ' role="note"' if block.tone == "warn" else ""
+            return f'<p class="callout {escape(block.tone)}"{role}>{shown}</p>'
+        case Tiles():
+            cells = "".join(
+                f'<div><dt>{escape(t.label)}</dt><dd class="value">{escape(t.value)}</dd>'
+                f'<dd class="note">{escape(t.note)}</dd></div>'
+                for t in block.tiles
+            )
+            return f'<dl class="tiles">{cells}</dl>'
+        case Chart():
+            figure = next(figures)
+            caption = f"<b>Figure {figure}. {escape(block.title)}.</b> {escape(block.description)}"
+            return f"<figure>{draw_svg(block, f'f{figure}')}<figcaption>{caption}</figcaption></figure>"
+        case Items():
+            return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
+        case Listing():
+            return f"<pre><code>{escape(block.text)}</code></pre>"
+        case ReportTable():
+            return _table(block)
 
-    def callout(self, block: Callout) -> str:
-        label, colon, rest = block.text.partition(":")
-        labelled = colon and len(label) < MAX_LABEL
-        shown = f"<b>{escape(label)}:</b>{escape(rest)}" if labelled else escape(block.text)
-        role = ' role="note"' if block.tone == "warn" else ""
-        return f'<p class="callout {escape(block.tone)}"{role}>{shown}</p>'
 
-    def tiles(self, block: Tiles) -> str:
-        cells = "".join(
-            f'<div><dt>{escape(t.label)}</dt><dd class="value">{escape(t.value)}</dd>'
-            f'<dd class="note">{escape(t.note)}</dd></div>'
-            for t in block.tiles
-        )
-        return f'<dl class="tiles">{cells}</dl>'
-
-    def chart(self, block: Chart) -> str:
-        self._figures += 1
-        caption = f"<b>Figure {self._figures}. {escape(block.title)}.</b> {escape(block.description)}"
-        picture = draw_svg(block, f"f{self._figures}")
-        return f"<figure>{picture}<figcaption>{caption}</figcaption></figure>"
-
-    def items(self, block: Items) -> str:
-        return f"<ul>{''.join(f'<li>{escape(item)}</li>' for item in block.items)}</ul>"
-
-    def listing(self, block: Listing) -> str:
-        return f"<pre><code>{escape(block.text)}</code></pre>"
-
-    def table(self, block: ReportTable) -> str:
-        widths, dense = column_widths(block)
-        kinds = [' class="n"' if i in block.numbers else "" for i in range(len(block.head))]
-        head = "".join(
-            f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
-            for kind, width, title in zip(kinds, widths, block.head, strict=True)
-        )
-        rows = "".join(
-            f"<tr>{''.join(_cell(cell, i in block.numbers) for i, cell in enumerate(row))}</tr>"
-            for row in block.rows
-        )
-        caption = f"<caption>{escape(block.caption)}</caption>" if block.caption else ""
-        kind = " ".join(["dense"] * dense + ["short"] * (len(block.rows) <= SHORT_TABLE))
-        body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
-        return f'<div class="wide"><table class="{kind}">{caption}{body}</table></div>'
+def _table(table: ReportTable) -> str:
+    widths, dense = column_widths(table)
+    kinds = [' class="n"' if i in table.numbers else "" for i in range(len(table.head))]
+    head = "".join(
+        f'<th scope="col"{kind} style="min-width:{width}ch">{escape(title)}</th>'
+        for kind, width, title in zip(kinds, widths, table.head, strict=True)
+    )
+    rows = "".join(
+        f"<tr>{''.join(_cell(cell, i in table.numbers) for i, cell in enumerate(row))}</tr>"
+        for row in table.rows
+    )
+    caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
+    kind = " ".join(["dense"] * dense + ["short"] * (len(table.rows) <= SHORT_TABLE))
+    body = f"<thead><tr>{head}</tr></thead><tbody>{rows}</tbody>"
+    return f'<div class="wide"><table class="{kind}">{caption}{body}</table></div>'
 
 
 def column_widths(table: ReportTable) -> tuple[list[int], bool]:

@@ -1,12 +1,12 @@
-"""A report as Markdown; charts become their descriptions."""
+"""A report as Markdown; charts become their descriptions, values are escaped."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 
 from flexviz.charts import Chart
 from flexviz.report.blocks import (
+    Block,
     Callout,
     Cell,
     Items,
@@ -14,61 +14,56 @@ from flexviz.report.blocks import (
     Paragraph,
     ReportDocument,
     ReportTable,
-    ReportWriter,
+    Section,
     Tiles,
 )
+from flexviz.wording import markdown_escape
 
-SPECIAL = re.compile(r"([\\`*_{}\[\]<>#|~])")
+
+def markdown(document: ReportDocument) -> str:
+    """The whole text."""
+    parts = [f"# {plain(document.title)}", plain(document.subtitle)]
+    if document.tags:
+        parts.append(" · ".join(f"*{plain(tag)}*" for tag in document.tags))
+    parts += [_section(section, 2) for section in document.sections]
+    return "\n\n".join([*parts, "---", plain(document.footer)]) + "\n"
 
 
-class MarkdownWriter(ReportWriter):
-    """Markdown writer; values are escaped."""
+def _section(section: Section, level: int) -> str:
+    heading = [f"{'#' * level} {plain(section.title)}"] if section.title else []
+    parts = [_section(part, level + 1) for part in section.parts]
+    return "\n\n".join([*heading, *map(_block, section.blocks), *parts])
 
-    def document(self, document: ReportDocument) -> str:
-        """The whole text."""
-        parts = [f"# {plain(document.title)}", plain(document.subtitle)]
-        if document.tags:
-            parts.append(" · ".join(f"*{plain(tag)}*" for tag in document.tags))
-        parts += [self.walk(section) for section in document.sections]
-        return "\n\n".join([*parts, "---", plain(document.footer)]) + "\n"
 
-    def section(self, title: str, level: int, contents: Sequence[str]) -> str:
-        heading = [f"{'#' * level} {plain(title)}"] if title else []
-        return "\n\n".join([*heading, *contents])
-
-    def paragraph(self, block: Paragraph) -> str:
-        return plain(block.text)
-
-    def callout(self, block: Callout) -> str:
-        return f"> **{plain(block.text)}**"
-
-    def tiles(self, block: Tiles) -> str:
-        return "\n".join(
-            f"- {plain(t.label)}: **{plain(t.value)}**" + (f" ({plain(t.note)})" if t.note else "")
-            for t in block.tiles
-        )
-
-    def chart(self, block: Chart) -> str:
-        return f"*{plain(block.title)}.* {plain(block.description)}"
-
-    def items(self, block: Items) -> str:
-        return "\n".join(f"- {plain(item)}" for item in block.items)
-
-    def listing(self, block: Listing) -> str:
-        fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", block.text)), default=0))
-        return f"{fence}{block.language}\n{block.text}\n{fence}"
-
-    def table(self, block: ReportTable) -> str:
-        rule = ["---:" if i in block.numbers else "---" for i in range(len(block.head))]
-        lines = [f"| {' | '.join(plain(title) or ' ' for title in block.head)} |", f"|{'|'.join(rule)}|"]
-        lines += [f"| {' | '.join(_cell(cell) for cell in row)} |" for row in block.rows]
-        title = [f"*{plain(block.caption)}*", ""] if block.caption else []
-        return "\n".join([*title, *lines])
+def _block(block: Block) -> str:
+    match block:
+        case Paragraph():
+            return plain(block.text)
+        case Callout():
+            return f"> **{plain(block.text)}**"
+        case Tiles():
+            return "\n".join(
+                f"- {plain(t.label)}: **{plain(t.value)}**" + (f" ({plain(t.note)})" if t.note else "")
+                for t in block.tiles
+            )
+        case Chart():
+            return f"*{plain(block.title)}.* {plain(block.description)}"
+        case Items():
+            return "\n".join(f"- {plain(item)}" for item in block.items)
+        case Listing():
+            fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", block.text)), default=0))
+            return f"{fence}{block.language}\n{block.text}\n{fence}"
+        case ReportTable():
+            rule = ["---:" if i in block.numbers else "---" for i in range(len(block.head))]
+            head = " | ".join(plain(title) or " " for title in block.head)
+            lines = [f"| {head} |", f"|{'|'.join(rule)}|"]
+            lines += [f"| {' | '.join(map(_cell, row))} |" for row in block.rows]
+            return "\n".join([*([f"*{plain(block.caption)}*", ""] if block.caption else []), *lines])
 
 
 def plain(text: str) -> str:
     """Text on one line with Markdown characters escaped."""
-    return SPECIAL.sub(r"\\\1", " ".join(text.split()))
+    return markdown_escape(" ".join(text.split()))
 
 
 def _cell(cell: Cell) -> str:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from flexviz import __version__
 from flexviz.files import as_json
 from flexviz.report.content import ReportContent
-from flexviz.report.sections.staircase import group_rows
+from flexviz.report.sections.effects import next_experiments
+from flexviz.report.sections.errors import group_rows
 from flexviz.report.sections.summary import sentence, warnings
-from flexviz.report.sections.telling_apart import next_experiments
 
 FORMAT = 1
 
@@ -17,7 +19,6 @@ def numbers(content: ReportContent, when: str) -> str:
     analysis, measurements = content.analysis, content.measurements
     # the steps of the present model alone; the whole staircase follows
     diagnosis = None if content.diagnosis is None else content.diagnosis.to_dict(steps=False)
-    found = [finding for _, finding in content.added if finding is not None]
     document = {
         "format": FORMAT,
         "flexviz": __version__,
@@ -29,25 +30,23 @@ def numbers(content: ReportContent, when: str) -> str:
             "name": measurements.name,
             "path": str(measurements.path),
             "sha256": content.fingerprint.sha256,
-            "files": [
-                {"name": f.name, "sha256": f.sha256, "bytes": f.bytes} for f in content.fingerprint.files
-            ],
+            "files": [asdict(file) for file in content.fingerprint.files],
         },
         "session": None if content.folder is None else str(content.folder),
         "settings": {
-            "joints": list(content.joints),
+            "joints": content.joints,
             "roles": dict(analysis.roles),
-            "effects": list(analysis.effects),
+            "effects": analysis.effects,
             "observer": analysis.observer,
             "bandwidth": analysis.bandwidth,
             "refine": analysis.refine,
         },
         "staircase": [
             {
-                "added": list(one.added),
-                "rms": list(one.model.step.rms),
-                "rms_validation": _list(one.model.step.rms_validation),
-                "noise_floor": list(one.model.step.noise_floor),
+                "added": one.added,
+                "rms": one.model.step.rms,
+                "rms_validation": one.model.step.rms_validation,
+                "noise_floor": one.model.step.noise_floor,
                 "verdict": one.model.step.verdict,
             }
             for one in content.rounds
@@ -63,13 +62,9 @@ def numbers(content: ReportContent, when: str) -> str:
         "diagnosis": diagnosis,
         "identification": None if content.identification is None else content.identification.to_dict(),
         "guard": None if diagnosis is None else diagnosis["guard"],
-        "next_experiments": next_experiments(content, found),
+        "next_experiments": next_experiments(content, content.found),
         "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],
         "notes": [{"when": note.when, "text": note.text} for note in content.session.notes],
         "recordings": [str(file) for file in content.session.recordings],
     }
     return as_json(document)
-
-
-def _list(values: tuple[float, ...] | None) -> list[float] | None:
-    return None if values is None else list(values)

@@ -10,17 +10,15 @@ from flexviz.errors import InputError, choose_from
 from flexviz.measurements import MeasurementSet
 from flexviz.report.blocks import ReportDocument, Section
 from flexviz.report.content import ReportContent, gather, shown_time
-from flexviz.report.html import HtmlWriter
-from flexviz.report.markdown import MarkdownWriter
+from flexviz.report.html import html
+from flexviz.report.markdown import markdown
 from flexviz.report.numbers import numbers
-from flexviz.report.sections.effects import effects
+from flexviz.report.sections.effects import effects, telling_apart
+from flexviz.report.sections.errors import staircase, where
 from flexviz.report.sections.guard import guard
 from flexviz.report.sections.parameters import parameters
 from flexviz.report.sections.reproduce import reproduce
-from flexviz.report.sections.staircase import staircase
 from flexviz.report.sections.summary import summary
-from flexviz.report.sections.telling_apart import telling_apart
-from flexviz.report.sections.where import where
 from flexviz.session import Session, now
 from flexviz.wording import plural
 
@@ -56,21 +54,19 @@ def session_report(
     when = now()
     if kind == "json":
         return numbers(content, when)
-    writer = HtmlWriter() if kind == "html" else MarkdownWriter()
-    return writer.document(compose(content, shown_time(when)))
+    write = html if kind == "html" else markdown
+    return write(compose(content, shown_time(when)))
 
 
 def compose(content: ReportContent, when: str) -> ReportDocument:
     """The report's sections in reading order."""
-
     measurements = content.measurements
-    tags = ["simulated data"] if measurements.simulated else []
     seconds = sum(group.duration for group in measurements.groups)
     return ReportDocument(
         f"What was found about {measurements.name}",
         f"{measurements.robot.name}, {plural(measurements.n, 'joint')}; "
         f"{plural(len(measurements.groups), 'group')}, {seconds:.0f} s recorded; report of {when}",
-        tuple(tags),
-        tuple(section for make in SECTIONS if (section := make(content)) is not None),
+        ["simulated data"] if measurements.simulated else [],
+        [section for make in SECTIONS if (section := make(content)) is not None],
         f"Written by flexviz {__version__} on {when}.",
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
 from flexviz.session import Analysis
@@ -41,7 +42,7 @@ def error_text(result: Identification | None) -> str:
     return "the model has no error to show"
 
 
-def total_rms(per_joint: np.ndarray) -> float:
+def total_rms(per_joint: ArrayLike) -> float:
     """Root mean square over the joints' rms values [Nm]."""
     return float(np.sqrt(np.mean(np.square(per_joint))))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import math
+import re
 from collections.abc import Sequence
 
 
@@ -44,6 +45,11 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 def escape(text: object) -> str:
     """Untrusted text, safe inside HTML."""
     return html.escape(str(text), quote=True)
+
+
+def markdown_escape(text: str) -> str:
+    """Text with its Markdown characters escaped."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", text)
 
 
 def listed(names: Sequence[str]) -> str:

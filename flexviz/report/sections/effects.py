@@ -1,16 +1,51 @@
-"""Effects added and candidates ranked, with the evidence."""
+"""Effects added and proposed, those that the data cannot distinguish, and experiments that would."""
 
 from __future__ import annotations
 
-from flexviz.diagnosis import Finding
-from flexviz.effects import EFFECTS
-from flexviz.report.blocks import FIGURE_HEIGHT, Block, Cell, Paragraph, ReportTable, Section, table
+from collections.abc import Sequence
+
+from flexviz.diagnosis import Finding, ResidualLocation
+from flexviz.effects import EFFECTS, Effect
+from flexviz.report.blocks import (
+    FIGURE_HEIGHT,
+    Block,
+    Cell,
+    Items,
+    Paragraph,
+    ReportTable,
+    Section,
+    explanation,
+    section,
+    table,
+)
 from flexviz.report.content import ReportContent
-from flexviz.view import evidence_chart
-from flexviz.wording import absorbed_list, effect_text_name, finding_name, share_text, values_text
+from flexviz.view import evidence_chart, parameter_names
+from flexviz.wording import (
+    ALONG,
+    INERTIAL,
+    absorbed_list,
+    effect_text_name,
+    effect_title,
+    finding_name,
+    share_text,
+    values_text,
+    where_text,
+)
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
 MAX_CANDIDATES = 6  # listed per model
+MAX_LOCATIONS = 4  # of unexplained residual
+MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
+FOLLOW = {
+    "position": "slow motion of {joint} over its whole range, in both directions",
+    "position × direction": "slow motion of {joint} over its whole range, in both directions",
+    "velocity": "{joint} at many constant speeds, very slow ones included, in both directions",
+    "acceleration": "the same path of {joint} at clearly different accelerations",
+    "load": "the same motion of {joint} with two payloads, or in poses of opposite gravity load",
+    "time": "the same motion repeated for long, from a cold start; and once more after a pause",
+    "group": "every group once more, to see whether the residual recurs",
+    "frequency": "{joint} at rest with its drive on, and fast motion of the other joints, to find vibrations",
+}
 
 
 def effects(content: ReportContent) -> Section | None:
@@ -18,54 +53,47 @@ def effects(content: ReportContent) -> Section | None:
     if content.diagnosis is None:
         return None
     parts = [_added(name, finding) for name, finding in content.added]
-    proposed = content.diagnosis.findings if content.diagnosis.verdict == "missing" else ()
-    parts += [_part(f"Proposed: {finding_name(f)}", f) for f in proposed[:1]]
-    blocks: list[Block] = []
-    if not parts:
-        blocks.append(Paragraph("No effect was added and none is proposed."))
+    parts += [_part(f"Proposed: {finding_name(f)}", f) for f in content.proposed]
     ranking = _ranking(content)
-    if ranking is not None:
-        blocks += [
-            Paragraph(
-                "Candidates tried on each model, best first. A candidate “explains” the share of the "
-                "held-out error above the noise that it removes after refitting.",
-                quiet=True,
-            ),
-            ranking,
-        ]
-    return Section("Which effects", tuple(blocks), tuple(parts))
+    candidates = explanation(
+        "Candidates tried on each model, best first. A candidate “explains” the share of the "
+        "held-out error above the noise that it removes after refitting."
+    )
+    return section(
+        "Which effects",
+        None if parts else Paragraph("No effect was added and none is proposed."),
+        *(() if ranking is None else (candidates, ranking)),
+        parts=parts,
+    )
 
 
 def _added(name: str, finding: Finding | None) -> Section:
-    if finding is None:
-        return Section(
-            f"Added: {effect_text_name(name)}",
-            (Paragraph("Added by hand, or by a diagnosis that is not in the session any more."),),
-        )
-    return _part(f"Added: {finding_name(finding)}", finding)
+    if finding is not None:
+        return _part(f"Added: {finding_name(finding)}", finding)
+    unknown = "Added by hand, or by a diagnosis that is not in the session any more."
+    return section(f"Added: {effect_text_name(name)}", Paragraph(unknown))
 
 
 def _part(title: str, finding: Finding) -> Section:
-    blocks: list[Block] = [
-        Paragraph(
-            (f"{values_text(finding)}. " if finding.parameters else "")
-            + f"Explains {share_text(finding.score)} of the held-out error above the noise; confidence "
-            f"{share_text(finding.confidence)}.",
-        )
-    ]
+    values = f"{values_text(finding)}. " if finding.parameters else ""
     effect = EFFECTS.get(finding.effect)
-    if effect is not None:
-        words = f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
-        blocks.append(Paragraph(words, quiet=True))
     moved = [a for a in finding.absorbed if abs(a.deviations) >= MIN_DEVIATIONS]
-    if moved:
-        blocks.append(
-            Paragraph(f"Before it was added, other parameters absorbed it: {absorbed_list(moved)}.")
-        )
+    absorbed = f"Before it was added, other parameters absorbed it: {absorbed_list(moved)}."
     chart = evidence_chart(finding, height=FIGURE_HEIGHT)
-    if chart.series:
-        blocks.append(chart)
-    return Section(title, tuple(blocks))
+    return section(
+        title,
+        Paragraph(
+            f"{values}Explains {share_text(finding.score)} of the held-out error above the noise; confidence "
+            f"{share_text(finding.confidence)}."
+        ),
+        None if effect is None else explanation(_law(effect)),
+        Paragraph(absorbed) if moved else None,
+        chart if chart.series else None,
+    )
+
+
+def _law(effect: Effect) -> str:
+    return f"{effect.explanation} Law: {effect.equation}. {effect.signature}"
 
 
 def _ranking(content: ReportContent) -> ReportTable | None:
@@ -86,7 +114,77 @@ def _ranking(content: ReportContent) -> ReportTable | None:
                     "added" if added else "",
                 ]
             )
-    if not rows:
-        return None
     head = ("tried on", "rank", "effect", "value ± 95 %", "explains", "confidence", "")
-    return table(head, rows, (1, 4, 5), "Candidates")
+    return table(head, rows, (1, 4, 5), "Candidates") if rows else None
+
+
+def telling_apart(content: ReportContent) -> Section | None:
+    """Ties, confirmations and recommended experiments; None without a diagnosis."""
+    if content.diagnosis is None:
+        return None
+    found = [*content.found, *content.proposed]
+    weak = [p for p in content.parameters if p.identifiable != "yes" and p.name not in INERTIAL]
+    names = (
+        f"Parameters of joints and effects that these data do not determine well: {parameter_names(weak)}."
+    )
+    steps = next_experiments(content, found)
+    return section(
+        "What could not be told apart, and what would decide",
+        _ties(found),
+        Paragraph(names) if weak else None,
+        *((Paragraph("Worth recording next:"), Items(steps)) if steps else ()),
+    )
+
+
+def _ties(found: Sequence[Finding]) -> Block:
+    rows = [
+        [
+            finding_name(f),
+            effect_title(tie.effect) + where_text(tie.joint),
+            share_text(min(abs(tie.correlation), 1.0)),
+            tie.breaks or "no motion is known that distinguishes them",
+        ]
+        for f in found
+        for tie in f.inseparable_from
+    ]
+    if not rows:
+        return Paragraph("No two effects are alike in these data.")
+    head = ("found", "hard to tell from", "similarity", "distinguished by")
+    return table(head, rows, (2,), "Effects that these data hardly distinguish")
+
+
+def next_experiments(content: ReportContent, found: Sequence[Finding]) -> list[str]:
+    """One sentence per experiment, the most urgent first."""
+    out = [
+        f"{finding_name(f)}, or {effect_title(tie.effect)}{where_text(tie.joint)}? {tie.breaks}"
+        for f in found
+        for tie in f.inseparable_from
+        if tie.breaks
+    ]
+    diagnosis = content.diagnosis
+    if diagnosis is not None and diagnosis.verdict == "unknown":
+        out += [_follow(place) for place in _places(diagnosis.where)]
+    names = [f.effect for f in found] or [text.partition(":")[0] for text, _ in content.added]
+    for name in dict.fromkeys(names):
+        effect = EFFECTS.get(name)
+        if effect is not None:
+            confirm = effect.confirm[:1].lower() + effect.confirm[1:]
+            out.append(f"To confirm {effect_text_name(name)}: {confirm}")
+    return list(dict.fromkeys(out))
+
+
+def _places(where: Sequence[ResidualLocation]) -> list[ResidualLocation]:
+    """The leading variable of each joint with a structured residual."""
+    first: dict[str, ResidualLocation] = {}
+    for place in where:
+        if place.explained >= MIN_EXPLAINED and place.variable in FOLLOW:
+            best = first.get(place.joint)
+            if best is None or place.explained > best.explained:
+                first[place.joint] = place
+    return list(first.values())[:MAX_LOCATIONS]
+
+
+def _follow(place: ResidualLocation) -> str:
+    motion = FOLLOW[place.variable].format(joint=place.joint)
+    along = ALONG.get(place.variable, place.variable)
+    return f"To find the residual's dependence on {along} of {place.joint}: {motion}."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
-from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.blocks import Cell, Paragraph, ReportTable, Section, explanation, section, table
 from flexviz.report.content import ReportContent
 from flexviz.wording import number, plain_name, unit_text
 
@@ -19,23 +19,21 @@ def guard(content: ReportContent) -> Section | None:
     name = "What moves with the observer's bandwidth"
     found = content.diagnosis.guard
     if found is None:
-        why = "Not examined: use the option --guard of flexviz diagnose or flexviz report."
-        return Section(name, (Paragraph(why, quiet=True),))
-    low, high = (number(float(value), 3) for value in (found.bandwidths[0], found.bandwidths[-1]))
-    blocks: list[Block] = [
-        Paragraph(
+        option = "Not examined: use the option --guard of flexviz diagnose or flexviz report."
+        return section(name, explanation(option))
+    low, high = number(found.bandwidths[0], 3), number(found.bandwidths[-1], 3)
+    holds = "Nothing changes: residuals and parameters stay within their uncertainty."
+    return section(
+        name,
+        explanation(
             f"The same model was fitted with the observer ({found.observer}) at {len(found.bandwidths)} "
             f"bandwidths from {low} to {high} rad/s. Changes with the bandwidth are observer error, not "
-            "physics of the robot.",
-            quiet=True,
-        )
-    ]
-    if not found.texts():
-        blocks.append(Paragraph("Nothing changes: residuals and parameters stay within their uncertainty."))
-    blocks.append(_joints(found))
-    if found.parameters:
-        blocks.append(_parameters(found))
-    return Section(name, tuple(blocks))
+            "physics of the robot."
+        ),
+        None if found.texts() else Paragraph(holds),
+        _joints(found),
+        _parameters(found) if found.parameters else None,
+    )
 
 
 def _joints(found: BandwidthCheck) -> ReportTable:
@@ -45,15 +43,14 @@ def _joints(found: BandwidthCheck) -> ReportTable:
         rows.append(
             [
                 joint,
-                number(float(found.rms[found.in_use, j]), 3),
-                number(float(np.nanmax(found.change[:, j])), 3),
-                number(float(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j])), 3),
+                number(found.rms[found.in_use, j], 3),
+                number(np.nanmax(found.change[:, j]), 3),
+                number(max(np.nanmax(found.change_noise[:, j]), found.noise_floor[j]), 3),
                 Cell("part is observer error" if moves else "holds", strong=moves),
             ]
         )
-    band = number(found.band, 3)
     head = ("joint", "residual [Nm]", "largest change [Nm]", "noise explains [Nm]", "verdict")
-    caption = f"Residuals at fixed parameters, compared below {band} rad/s"
+    caption = f"Residuals at fixed parameters, compared below {number(found.band, 3)} rad/s"
     return table(head, rows, (1, 2, 3), caption)
 
 
@@ -61,12 +58,11 @@ def _parameters(found: BandwidthCheck) -> ReportTable:
     order = sorted(found.parameters, key=lambda p: (p.trusted, -p.moved))
     rows = []
     for p in order[:MAX_PARAMETERS]:
-        place = ", ".join(part for part in (p.joint, p.place) if part) or "–"
         rows.append(
             [
                 p.name if p.joint is None and ":" in p.name else plain_name(p.name),  # or a combination
-                place,
-                number(float(p.values[found.in_use])),
+                ", ".join(part for part in (p.joint, p.place) if part) or "–",
+                number(p.values[found.in_use]),
                 *_span(p),
                 unit_text(p.unit),
                 number(p.moved, 2),
@@ -75,14 +71,10 @@ def _parameters(found: BandwidthCheck) -> ReportTable:
         )
     head = ("parameter", "joint", "in use", "least", "largest", "unit", "moves by (std. errors)", "verdict")
     more = len(order) - MAX_PARAMETERS
-    caption = "Parameters fitted at each bandwidth" + (
-        f"; {more} more that do not change" if more > 0 else ""
-    )
-    return table(head, rows, (2, 3, 4, 6), caption, dense=True)
+    others = f"; {more} more that do not change" if more > 0 else ""
+    return table(head, rows, (2, 3, 4, 6), f"Parameters fitted at each bandwidth{others}", dense=True)
 
 
 def _span(p: ParameterCurve) -> tuple[str, str]:
     values = p.values[np.isfinite(p.values)]
-    if not values.size:
-        return "–", "–"
-    return number(float(values.min())), number(float(values.max()))
+    return (number(values.min()), number(values.max())) if values.size else ("–", "–")

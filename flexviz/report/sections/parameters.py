@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from flexviz.identification import Combination, ParameterEstimate
-from flexviz.report.blocks import Block, Cell, Paragraph, ReportTable, Section, table
+from flexviz.report.blocks import Cell, ReportTable, Section, explanation, section, table
 from flexviz.report.content import ReportContent
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
@@ -20,13 +20,13 @@ def parameters(content: ReportContent) -> Section | None:
     found = content.parameters
     if not found:
         return None
-    main = [p for p in found if p.name not in INERTIAL]
-    blocks: list[Block] = [Paragraph(source(content), quiet=True), _main(main)]
-    parts = []
     inertial = [p for p in found if p.name in INERTIAL]
-    if inertial:
-        parts.append(Section("Inertias", tuple(_inertias(content, inertial))))
-    return Section("Parameters", tuple(blocks), tuple(parts))
+    return section(
+        "Parameters",
+        explanation(source(content)),
+        _main([p for p in found if p.name not in INERTIAL]),
+        parts=[_inertias(content, inertial)] if inertial else (),
+    )
 
 
 def source(content: ReportContent) -> str:
@@ -34,18 +34,20 @@ def source(content: ReportContent) -> str:
     found = content.identification
     if found is not None:
         how = f"Identified with the observer {found.observer_name}" + (", refined" if found.refined else "")
-        groups = f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
+        how += f" on {plural(len(found.groups), 'group')} ({', '.join(found.groups)})"
     else:
-        how, groups = "Fitted by the diagnosis, weighted by the measurement noise", ""
+        how = "Fitted by the diagnosis, weighted by the measurement noise"
     return (
-        f"{how}{groups}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
+        f"{how}. ± is half of a 95 % interval. Motor quantities are expressed at the joint. The data "
         "determine a parameter ● well, ◐ weakly or ○ not at all; the last column lists correlated parameters."
     )
 
 
-def interval(value: float, std: float | None) -> tuple[str, str]:
+def interval(p: ParameterEstimate | Combination) -> tuple[Cell, str]:
     """A value and half of its 95 % interval."""
-    return with_error(value, None if std is None or not math.isfinite(std) else NORMAL_95 * std)
+    known = p.std is not None and math.isfinite(p.std)
+    value, half = with_error(p.value, NORMAL_95 * p.std if known else None)
+    return Cell(value, strong=True), half
 
 
 def place_of(p: ParameterEstimate) -> str:
@@ -62,16 +64,11 @@ def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
     rows = []
     places = list(dict.fromkeys(place_of(p) for p in found))
     for p in sorted(found, key=lambda p: places.index(place_of(p))):
-        value, half = interval(p.value, p.std)
         ties = ", ".join(map(tied, p.tied_to[:MAX_TIES])) + (" …" if len(p.tied_to) > MAX_TIES else "")
         mark = grade(p) + (", at its bound" if p.at_bound else "")
-        rows.append(
-            [place_of(p), plain_name(p.name), Cell(value, strong=True), half, unit_text(p.unit), mark, ties]
-        )
-    return table(
-        ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to"), rows, (2, 3),
-        "Parameters of joints and effects",
-    )  # fmt: skip
+        rows.append([place_of(p), plain_name(p.name), *interval(p), unit_text(p.unit), mark, ties])
+    head = ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to")
+    return table(head, rows, (2, 3), "Parameters of joints and effects")
 
 
 def tied(name: str) -> str:
@@ -80,43 +77,30 @@ def tied(name: str) -> str:
     return plain_name(parameter) + (f" of {joint}" if joint else "")
 
 
-def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> list[Block]:
-    blocks: list[Block] = []
+def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> Section:
     combinations = content.identification.combinations if content.identification is not None else ()
-    if combinations:
-        good = sum(c.identifiable == "yes" for c in combinations)
-        blocks.append(
-            Paragraph(
-                f"Motion determines only combinations of the inertial parameters: {good} of "
-                f"{len(combinations)} are identifiable.",
-                quiet=True,
-            )
-        )
-        blocks.append(_combinations(combinations))
-    blocks.append(_matrix(content, found))
-    return blocks
-
-
-def _combinations(found: Sequence[Combination]) -> ReportTable:
-    rows = []
-    for c in found:
-        value, half = interval(c.value, c.std)
-        rows.append([c.name, Cell(value, strong=True), half, unit_text(c.unit), grade(c)])
+    matrix = _matrix(content, found)
+    if not combinations:
+        return section("Inertias", matrix)
+    good = sum(c.identifiable == "yes" for c in combinations)
+    only = explanation(
+        f"Motion determines only combinations of the inertial parameters: {good} of {len(combinations)} are "
+        "identifiable."
+    )
+    rows = [[c.name, *interval(c), unit_text(c.unit), grade(c)] for c in combinations]
     head = ("combination", "value", "± 95 %", "unit", "determined")
-    return table(head, rows, (1, 2), "Identifiable combinations of inertial parameters", dense=True)
+    title = "Identifiable combinations of inertial parameters"
+    return section("Inertias", only, table(head, rows, (1, 2), title, dense=True), matrix)
 
 
 def _matrix(content: ReportContent, found: Sequence[ParameterEstimate]) -> ReportTable:
     by_place = {(p.joint, p.name): p for p in found}
     rows = []
     for joint in content.joints:
-        row: list[str | Cell] = [joint]
+        row = [joint]
         for name in INERTIAL:
             p = by_place.get((joint, name))
             row.append("–" if p is None else f"{number(p.value, 3)} {MARKS.get(p.identifiable, '')}")
         rows.append(row)
-    return table(
-        ("link moved by", *INERTIAL_HEAD), rows, range(1, 11),
-        "Inertial parameters in the joint frame [kg, kg m, kg m²]; values without ● are not unique",
-        dense=True,
-    )  # fmt: skip
+    caption = "Inertial parameters in the joint frame [kg, kg m, kg m²]; values without ● are not unique"
+    return table(("link moved by", *INERTIAL_HEAD), rows, range(1, 11), caption, dense=True)

@@ -6,9 +6,22 @@ import platform
 import shlex
 from importlib.metadata import PackageNotFoundError, version
 
+import numpy as np
+
 from flexviz import __version__
 from flexviz.effects import loaded_files
-from flexviz.report.blocks import Block, Cell, Items, Listing, Paragraph, ReportTable, Section, table
+from flexviz.report.blocks import (
+    Block,
+    Cell,
+    Items,
+    Listing,
+    Paragraph,
+    ReportTable,
+    Section,
+    explanation,
+    section,
+    table,
+)
 from flexviz.report.content import ReportContent, shown_time
 from flexviz.session import Analysis
 from flexviz.wording import number, plural
@@ -20,14 +33,12 @@ USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}
 def reproduce(content: ReportContent) -> Section:
     """Data, settings, history, command."""
     parts = [
-        Section("Data", (_groups(content), _files(content))),
-        Section("Settings", (_settings(content),)),
-        Section("Again", tuple(_again(content))),
+        section("Data", _groups(content), _files(content)),
+        section("Settings", _settings(content)),
+        section("Again", *_again(content)),
+        section("History", *_history(content)),
     ]
-    history = _history(content)
-    if history:
-        parts.append(Section("History", tuple(history)))
-    return Section("To reproduce", (), tuple(parts))
+    return section("To reproduce", parts=[part for part in parts if part.blocks])
 
 
 def _groups(content: ReportContent) -> ReportTable:
@@ -59,14 +70,11 @@ def _files(content: ReportContent) -> ReportTable:
 
 
 def _settings(content: ReportContent) -> ReportTable:
-    analysis, measurements = content.analysis, content.measurements
+    analysis, measurements, robot = content.analysis, content.measurements, content.measurements.robot
     versions = [f"{name} {_version(name)}" for name in LIBRARIES]
     rows = [
         ["measurement set", str(measurements.path)],
-        [
-            "robot",
-            f"{measurements.robot.name} ({measurements.robot.source}), {plural(measurements.n, 'joint')}",
-        ],
+        ["robot", f"{robot.name} ({robot.source}), {plural(measurements.n, 'joint')}"],
         ["effects of the set", ", ".join(measurements.effects) or "none"],
         ["effects added", ", ".join(analysis.effects) or "none"],
         ["fitted groups", ", ".join(analysis.groups_with("fit")) or "none"],
@@ -75,8 +83,8 @@ def _settings(content: ReportContent) -> ReportTable:
     ]
     if content.identification is not None:
         found = content.identification
-        bandwidth = analysis.bandwidth
-        shown = "default" if bandwidth is None else _numbers(bandwidth) + " rad/s"
+        bandwidth = np.atleast_1d(analysis.bandwidth or ())
+        shown = f"{', '.join(f'{value:g}' for value in bandwidth)} rad/s" if bandwidth.size else "default"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
@@ -104,16 +112,14 @@ def _again(content: ReportContent) -> list[Block]:
         blocks += [Paragraph("Everything from the data:"), Listing(again, "sh")]
     else:
         blocks += [Paragraph("Everything from the data, in Python:"), Listing(program(content), "python")]
-    blocks.append(Paragraph("Check that the data are unchanged:", quiet=True))
-    blocks.append(Listing(_check(content), "sh"))
-    return blocks
+    return [*blocks, explanation("Check that the data are unchanged:"), Listing(_check(content), "sh")]
 
 
 def _uses_defaults(content: ReportContent) -> bool:
     """Whether the groups have the set's roles and every effect was found, not added by hand."""
     analysis = content.analysis
     plain = Analysis.start(content.measurements).roles == analysis.roles
-    found = [name for name, finding in content.added if finding is not None]
+    found = [finding.text for finding in content.found]
     return plain and list(analysis.effects) == found and content.identification is None
 
 
@@ -164,18 +170,10 @@ def _history(content: ReportContent) -> list[Block]:
         rows = [[shown_time(step.when) or "–", step.label, step.version or "–"] for step in steps]
         blocks.append(table(("when", "what", "flexviz"), rows))
     if content.session.notes:
-        blocks.append(Paragraph("Notes:"))
-        blocks.append(Items(tuple(note.text + _when(note.when) for note in content.session.notes)))
+        times = [f" ({shown_time(note.when)})" if note.when else "" for note in content.session.notes]
+        notes = [note.text + time for note, time in zip(content.session.notes, times, strict=True)]
+        blocks += [Paragraph("Notes:"), Items(notes)]
     return blocks
-
-
-def _when(when: str) -> str:
-    return f" ({shown_time(when)})" if when else ""
-
-
-def _numbers(bandwidth: float | tuple[float, ...]) -> str:
-    values = bandwidth if isinstance(bandwidth, tuple) else (bandwidth,)
-    return ", ".join(f"{value:g}" for value in values)
 
 
 def _version(name: str) -> str:

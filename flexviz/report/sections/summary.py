@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from flexviz.diagnosis import Step
-from flexviz.report.blocks import Block, Callout, Paragraph, Section, Tile, Tiles, Tone
+from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
 from flexviz.view import total_rms
 from flexviz.wording import INERTIAL, effect_text_name, number, plural, verdict_text
@@ -15,19 +15,18 @@ TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unkn
 
 def summary(content: ReportContent) -> Section:
     """Verdict, warnings and key figures."""
-    blocks: list[Block] = []
     diagnosis = content.diagnosis
+    verdict = Callout("Not diagnosed yet: the model may be incomplete.", "unknown")
     if diagnosis is not None:
-        blocks.append(Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown")))
-    else:
-        blocks.append(Callout("Not diagnosed yet: the model may be incomplete.", "unknown"))
-    blocks += [Callout(warning, "warn") for warning in warnings(content)]
-    tiles = numbers(content)
-    if tiles:
-        blocks.append(Tiles(tuple(tiles)))
-    if diagnosis is not None:
-        blocks += [Paragraph(_sentence(note.text, content.joints), quiet=True) for note in diagnosis.notes]
-    return Section("Summary", tuple(blocks))
+        verdict = Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown"))
+    notes = () if diagnosis is None else diagnosis.notes
+    return section(
+        "Summary",
+        verdict,
+        *(Callout(warning, "warn") for warning in warnings(content)),
+        Tiles(numbers(content)),
+        *(explanation(_sentence(note.text, content.joints)) for note in notes),
+    )
 
 
 def sentence(content: ReportContent) -> str:
@@ -39,7 +38,7 @@ def sentence(content: ReportContent) -> str:
     return f"{words} {fall(content.steps)}".strip() if names else words
 
 
-def fall(steps: tuple[Step, ...]) -> str:
+def fall(steps: Sequence[Step]) -> str:
     """How far the error fell, as a sentence."""
     if len(steps) < 2:
         return ""
@@ -51,7 +50,7 @@ def fall(steps: tuple[Step, ...]) -> str:
 
 def error_of(step: Step) -> float:
     """Rms error of the held-out groups, else of the fitted ones, over all joints [Nm]."""
-    return total_rms(np.asarray(step.rms if step.rms_validation is None else step.rms_validation))
+    return total_rms(step.rms if step.rms_validation is None else step.rms_validation)
 
 
 def numbers(content: ReportContent) -> list[Tile]:
@@ -64,13 +63,13 @@ def numbers(content: ReportContent) -> list[Tile]:
         note = "rms torque, all joints" + ("; groups that were not fitted" if held_out else "")
         tiles.append(Tile("Error", f"{' → '.join(shown)} Nm", note))
         if steps[-1].noise_floor:
-            floor = number(total_rms(np.asarray(steps[-1].noise_floor)), 3)
+            floor = number(total_rms(steps[-1].noise_floor), 3)
             tiles.append(Tile("Noise floor", f"{floor} Nm", "expected from measurement noise alone"))
     elif content.identification is not None:
         found = content.identification.residual
         values = found.rms if found.rms_validation is None else found.rms_validation
         note = "fitted groups" if found.rms_validation is None else "groups that were not fitted"
-        tiles.append(Tile("Error", f"{number(total_rms(np.asarray(values)), 3)} Nm", f"rms torque; {note}"))
+        tiles.append(Tile("Error", f"{number(total_rms(values), 3)} Nm", f"rms torque; {note}"))
     own = len(content.measurements.effects)
     beside = f"beside {plural(own, 'effect')} of the set" if own else ""
     tiles.append(Tile("Effects added", str(len(content.analysis.effects)), beside))
@@ -100,9 +99,8 @@ def warnings(content: ReportContent) -> list[str]:
     found = content.identification
     if found is not None and not found.converged:
         out.append(f"The identification did not converge: {found.message}")
-    out += [
-        _sentence(warning, (warning,)) for warning in content.measurements.warnings if not content.changed
-    ]
+    if not content.changed:
+        out += [_sentence(warning, (warning,)) for warning in content.measurements.warnings]
     return out
 
 

@@ -1,0 +1,145 @@
+"""The error of each group after every added effect, and where the final model fails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexviz.charts import Chart
+from flexviz.diagnosis import Diagnosis, ResidualMap, Step
+from flexviz.report.blocks import FIGURE_HEIGHT, Cell, ReportTable, Section, explanation, section, table
+from flexviz.report.content import ReportContent
+from flexviz.report.sections.summary import fall
+from flexviz.view import (
+    MAP_COLUMNS,
+    free_chart,
+    leading_map,
+    map_chart,
+    map_of,
+    notable,
+    spectrum_chart,
+    staircase_chart,
+    total_rms,
+)
+from flexviz.wording import effect_text_name, number
+
+MAX_MODELS = 7  # columns per table
+
+
+def staircase(content: ReportContent) -> Section | None:
+    """The error step by step, as chart and tables; None without a diagnosis."""
+    steps = content.steps
+    if not steps:
+        return None
+    many = len(steps) > 1
+    added = [", ".join(map(effect_text_name, one.added)) or "nothing" for one in content.rounds]
+    own = (*content.measurements.effects, *content.rounds[0].model.effects)
+    first = f", with {', '.join(map(effect_text_name, own))}" if own else ""
+    return section(
+        "How the error fell" if many else "The error",
+        _chart(steps) if many else None,
+        explanation(
+            "Rms of the torque residual over all joints, in one frequency band for all models. Held-out "
+            f"groups are never fitted. Model 0 is the model of the set{first}"
+            f"{''.join(f'; {k} adds {name}' for k, name in enumerate(added) if k)}."
+        ),
+        _groups(steps),
+        _joints(content, steps) if len(content.joints) > 1 else None,
+    )
+
+
+def _chart(steps: Sequence[Step]) -> Chart:
+    chart = staircase_chart(steps)
+    return replace(chart, description=f"{fall(steps)} {chart.description}", height=FIGURE_HEIGHT)
+
+
+def _groups(steps: Sequence[Step]) -> ReportTable:
+    shown = columns(len(steps))
+    rows = [[name, used, *(number(values[k], 3) for k in shown)] for name, used, values in group_rows(steps)]
+    if all(step.noise_floor for step in steps):
+        floors = (number(total_rms(steps[k].noise_floor), 3) for k in shown)
+        rows.append(["noise floor", "", *floors])
+    head = ("group", "used to", *(f"model {k}" for k in shown))
+    return table(head, rows, range(2, len(head)), "Rms residual [Nm] of each group, all joints")
+
+
+def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
+    """(group, "fit" or "validate", error at each step [Nm]); NaN for steps without the group."""
+    out = []
+    for name, _, held_out in steps[-1].groups:
+        found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
+        values = [float("nan") if rms is None else total_rms(rms) for rms in found]
+        out.append((name, "validate" if held_out else "fit", values))
+    return out or [("all", "fit", [total_rms(step.rms) for step in steps])]
+
+
+def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
+    held_out = all(step.rms_validation is not None for step in steps)
+    shown = columns(len(steps))
+    errors = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
+    floor = steps[-1].noise_floor
+    rows = [
+        [joint, *(number(errors[k][j], 3) for k in shown), number(floor[j], 3) if floor else "–"]
+        for j, joint in enumerate(content.joints)
+    ]
+    head = ("joint", *(f"model {k}" for k in shown), "noise floor")
+    what = "held-out groups" if held_out else "fitted groups"
+    return table(head, rows, range(1, len(head)), f"Rms residual [Nm] of each joint, {what}")
+
+
+def columns(count: int) -> list[int]:
+    """The models shown in a table: the first and the last ones."""
+    if count <= MAX_MODELS:
+        return list(range(count))
+    return [0, *range(count - MAX_MODELS + 1, count)]
+
+
+def where(content: ReportContent) -> Section | None:
+    """Residual map of all joints, the worst joint's leading curve and spectrum; None if they are not kept."""
+    diagnosis = content.diagnosis
+    if diagnosis is None or not diagnosis.maps:
+        return None
+    return section(
+        "Where the model fails",
+        explanation(
+            "Share of each joint's residual that follows each variable, cross-validated over stretches of "
+            "time, so that noise scores about 0. In a joint whose residual is at its noise level nothing is "
+            "left to explain, whatever the shares."
+        ),
+        _map(content, diagnosis.maps),
+        *(replace(chart, height=FIGURE_HEIGHT) for chart in _curves(diagnosis) if chart.series),
+    )
+
+
+def _curves(diagnosis: Diagnosis) -> list[Chart]:
+    worst = diagnosis.where[0].joint if diagnosis.where else diagnosis.maps[0].joint
+    lead = leading_map(diagnosis.maps, worst)
+    spectrum = None if lead is None else map_of(diagnosis.maps, lead.joint, "frequency")
+    return [
+        *([] if lead is None else [map_chart(lead)]),
+        *([] if spectrum is None else [spectrum_chart(spectrum)]),
+        free_chart(diagnosis.free_curve),
+    ]
+
+
+def _map(content: ReportContent, maps: Sequence[ResidualMap]) -> ReportTable:
+    rows = []
+    last = content.steps[-1] if content.steps else None
+    for j, joint in enumerate(content.joints):
+        row: list[str | Cell] = [joint, "–"]
+        if last is not None and last.noise_floor:
+            error = (last.rms_validation or last.rms)[j]
+            row[1] = f"{number(error / max(last.noise_floor[j], 1e-300), 2)} ×"
+        for variable in MAP_COLUMNS:
+            found = map_of(maps, joint, variable)
+            if found is None or not np.isfinite(found.explained):
+                row.append("–")
+                continue
+            share = min(max(found.explained, 0.0), 1.0)
+            row.append(Cell(f"{100 * share:.0f} %", share, notable(found)))
+        rows.append(row)
+    head = ("joint", "residual / noise", *MAP_COLUMNS)
+    caption = "Share of each joint's residual that follows each variable; bold: clearly more than chance"
+    return table(head, rows, range(1, len(head)), caption)
