@@ -46,8 +46,7 @@ class Autosave:
     """
 
     def __init__(self, root: Callable[[], Path], failed: Callable[[str], None] = lambda text: None) -> None:
-        self._root = root
-        self._failed = failed
+        self._root, self._failed = root, failed
         self._change = threading.Condition()
         self._waiting: tuple[Session, MeasurementSet] | None = None
         self._due = 0.0
@@ -62,7 +61,6 @@ class Autosave:
         self.flush()
         with self._change:
             self._release()
-            self._folder, self._inherited = None, []
 
     def keep(self, session: Session, measurements: MeasurementSet, delay: float = 0.0) -> None:
         """Schedule this state to be written within `delay` [s]; only the latest one is written."""
@@ -95,12 +93,10 @@ class Autosave:
         with self._change:
             self._waiting = None
             self._change.wait_for(lambda: not self._busy)
-            folders, self._inherited = [*self._inherited, self._folder], []
+            folders = [*self._inherited, *([self._folder] if self._folder else [])]
             self._release()
-            self._folder = None
         for folder in folders:
-            if folder is not None:
-                _remove(folder)
+            _remove(folder)
 
     def close(self) -> None:
         """Write the pending state and stop the thread."""
@@ -123,10 +119,9 @@ class Autosave:
                 (session, measurements), self._waiting, self._busy = self._waiting, None, True
             try:
                 self._write(session, measurements)
-            except (FlexvizError, OSError) as error:
-                self._failed(one_line(f"unsaved work cannot be kept: {error}"))
             except Exception as error:  # the next state may still be writable
-                self._failed(one_line(f"unsaved work cannot be kept: {type(error).__name__}: {error}"))
+                kind = "" if isinstance(error, FlexvizError | OSError) else f"{type(error).__name__}: "
+                self._failed(one_line(f"unsaved work cannot be kept: {kind}{error}"))
             finally:
                 with self._change:
                     self._busy = False
@@ -155,9 +150,10 @@ class Autosave:
         return folder
 
     def _release(self) -> None:
+        """Let go of the folders written so far."""
         if self._lock is not None:
             os.close(self._lock)
-            self._lock = None
+        self._lock, self._folder, self._inherited = None, None, []
 
 
 def find_unsaved(root: Path, of: Path, session: Path | None = None) -> Unsaved | None:

@@ -104,10 +104,7 @@ class SessionComparison:
             ],
             "parameters": [
                 {
-                    "name": row.name,
-                    "joint": row.key[1],
-                    "payload": row.key[2],
-                    "group": row.key[3],
+                    **dict(zip(("name", "joint", "payload", "group"), row.key, strict=True)),
                     "unit": row.unit,
                     "values": [None if e is None else e.value for e in row.estimates],
                     "std": [None if e is None else e.std for e in row.estimates],
@@ -129,12 +126,8 @@ def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
     if len(opened) < 2:
         raise InputError(f"{len(opened)} session to compare, expected two or more")
     found = [results(one) for one in opened]
-    sessions = _named(
-        [
-            summary(one, source_of(found, mine, VALUES), source_of(found, mine, ERRORS))
-            for one, mine in zip(opened, found, strict=True)
-        ]
-    )
+    every: set[Source] = set.intersection(*(usable(of_one) for of_one in found))
+    sessions = _named([summary(one, of_one, every) for one, of_one in zip(opened, found, strict=True)])
     keys = dict.fromkeys(key for one in sessions for key in one.parameters)
     rows = []
     for key in keys:
@@ -144,72 +137,59 @@ def compare(opened: Sequence[OpenedSession]) -> SessionComparison:
     return SessionComparison(tuple(sessions), tuple(rows))
 
 
-def summary(opened: OpenedSession, values: Source, errors: Source) -> SessionSummary:
-    """Final results of a session, with parameters and errors from the given sources."""
-    analysis, measurements = opened.session.analysis, opened.measurements
-    found = results(opened)
-    result, diagnosis = found.identification, found.diagnosis
-    rms: tuple[float, ...] = ()
-    rms_validation: tuple[float, ...] | None = None
-    floor: tuple[float, ...] = ()
-    if errors == "identification" and result is not None:
-        residual = result.residual
-        rms, rms_validation, floor = residual.rms, residual.rms_validation, residual.noise_floor
-    elif errors == "diagnosis" and diagnosis is not None and diagnosis.steps:
-        step = diagnosis.steps[-1]
-        rms, rms_validation, floor = step.rms, step.rms_validation, step.noise_floor
-    fitted = result if values == "identification" else diagnosis if values == "diagnosis" else None
-    parameters = fitted.parameters if fitted is not None else ()
-    return SessionSummary(
-        opened.folder.resolve().name,
-        measurements.name,
-        fingerprint(measurements).sha256,
-        opened.changed,
-        diagnosis.verdict if diagnosis is not None else "",
-        (*measurements.effects, *analysis.effects),
-        result.observer_name if result is not None else "",
-        result.refined if result is not None else False,
-        values,
-        errors,
-        measurements.joints,
-        rms,
-        rms_validation or (),
-        floor,
-        {(p.name, p.joint, p.payload, p.group): p for p in parameters},
-    )
-
-
-@dataclass(frozen=True)
-class Results:
-    """Results of the current settings, or the last ones if the data have changed."""
-
-    identification: Identification | None
-    diagnosis: Diagnosis | None
-
-    def has(self, source: Source) -> bool:
-        """Whether this source has values."""
-        if source == "identification":
-            return self.identification is not None
-        return self.diagnosis is not None and bool(self.diagnosis.parameters)
-
-
-def results(opened: OpenedSession) -> Results:
-    """Results of the current settings of a session."""
+def results(opened: OpenedSession) -> dict[Source, Any]:
+    """The results of the current settings by their kind, or the last ones if the data have changed."""
     analysis = opened.session.analysis
     older = bool(opened.changed)  # nothing is up to date then, and `changed` is reported
-    return Results(
-        analysis.identification if analysis.up_to_date or older else None,
-        analysis.diagnosis if analysis.diagnosis_up_to_date or older else None,
+    found: dict[Source, Any] = {}
+    if analysis.identification is not None and (analysis.up_to_date or older):
+        found["identification"] = analysis.identification
+    if analysis.diagnosis is not None and (analysis.diagnosis_up_to_date or older):
+        found["diagnosis"] = analysis.diagnosis
+    return found
+
+
+def summary(opened: OpenedSession, found: dict[Source, Any], every: set[Source]) -> SessionSummary:
+    """Final results of a session; a source in `every`, which all sessions have, is preferred."""
+    measurements = opened.measurements
+    result: Identification | None = found.get("identification")
+    diagnosis: Diagnosis | None = found.get("diagnosis")
+    values = source_of(VALUES, usable(found), every)
+    errors = source_of(ERRORS, usable(found), every)
+    fitted = found.get(values)
+    measured: Any = None
+    if errors == "identification" and result is not None:
+        measured = result.residual
+    elif errors == "diagnosis" and diagnosis is not None and diagnosis.steps:
+        measured = diagnosis.steps[-1]
+    return SessionSummary(
+        name=opened.folder.resolve().name,
+        set_name=measurements.name,
+        set_sha256=fingerprint(measurements).sha256,
+        changed=opened.changed,
+        verdict=diagnosis.verdict if diagnosis is not None else "",
+        effects=(*measurements.effects, *opened.session.analysis.effects),
+        observer=result.observer_name if result is not None else "",
+        refined=result.refined if result is not None else False,
+        source=values,
+        errors_from=errors,
+        joints=measurements.joints,
+        rms=measured.rms if measured else (),
+        rms_validation=measured.rms_validation or () if measured else (),
+        noise_floor=measured.noise_floor if measured else (),
+        parameters={(p.name, p.joint, p.payload, p.group): p for p in fitted.parameters} if fitted else {},
     )
 
 
-def source_of(found: Sequence[Results], one: Results, order: Sequence[Source]) -> Source:
+def usable(found: dict[Source, Any]) -> set[Source]:
+    """The sources that have values."""
+    return {source for source, result in found.items() if result.parameters}
+
+
+def source_of(order: Sequence[Source], mine: set[Source], every: set[Source]) -> Source:
     """The first source in `order` that all sessions have, else the first that this one has."""
-    for source in order:
-        if all(other.has(source) for other in found):
-            return source
-    for source in order:
-        if one.has(source):
+    for source in (*[source for source in order if source in every], *order):
+        if source in mine:
             return source
     return ""
 
@@ -225,9 +205,8 @@ def deviations(first: ParameterEstimate | None, last: ParameterEstimate | None) 
 def _named(found: list[SessionSummary]) -> list[SessionSummary]:
     """Number the sessions whose folders have the same name."""
     names = [one.name for one in found]
+    numbered = [f"{name} ({names[: i + 1].count(name)})" for i, name in enumerate(names)]
     return [
-        replace(one, name=f"{one.name} ({names[: i + 1].count(one.name)})")
-        if names.count(one.name) > 1
-        else one
-        for i, one in enumerate(found)
+        replace(one, name=new) if names.count(one.name) > 1 else one
+        for one, new in zip(found, numbered, strict=True)
     ]

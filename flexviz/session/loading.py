@@ -10,9 +10,15 @@ import numpy as np
 
 from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
-from flexviz.session import results
-from flexviz.session.document import OLD_ARRAYS, SESSION_FILE, Document, read_document
-from flexviz.session.reference import SetReference, read_reference
+from flexviz.session.document import (
+    OLD_ARRAYS,
+    SESSION_FILE,
+    Document,
+    SetReference,
+    read_document,
+    read_reference,
+)
+from flexviz.session.packing import Unpacker, read_arrays, read_npz
 from flexviz.session.saving import save_session
 from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
 
@@ -59,12 +65,16 @@ def open_session(path: str | Path) -> OpenedSession:
     Raises:
         InputError: naming the file, for anything that is wrong.
     """
-    path = Path(path)
-    if not is_session(path):
+    if not is_session(Path(path)):
         measurements = read_set(path)
         return OpenedSession(measurements.path, measurements, Session.of(measurements))
-    folder = path.parent if path.name == SESSION_FILE else path
+    folder = _folder_of(path)
     return open_with(folder, read_measurements(folder))
+
+
+def _folder_of(path: str | Path) -> Path:
+    path = Path(path)
+    return path.parent if path.name == SESSION_FILE else path
 
 
 def read_measurements(folder: Path) -> MeasurementSet:
@@ -92,7 +102,7 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
             except FileNotFoundError:
                 if not left or file.stat().st_mtime_ns == before:
                     raise
-        opened = _unpacked(document, arrays, folder, measurements)
+        return _unpacked(document, arrays, folder, measurements)
     except InputError as error:
         raise InputError(f"not a usable session: {error}", file=file) from None
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
@@ -100,13 +110,11 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
         raise InputError(
             f"not a usable session ({what}: {getattr(error, 'strerror', None) or error})", file=file
         ) from None
-    return opened
 
 
 def relocate(path: str | Path, place: str | Path) -> OpenedSession:
     """Open a session whose measurement set has moved to `place`; save it to keep the new location."""
-    path = Path(path)
-    folder = path.parent if path.name == SESSION_FILE else path
+    folder = _folder_of(path)
     if (folder / FILE_NAME).is_file():
         raise InputError("the session carries its measurement set and cannot use another one", file=folder)
     return open_with(folder, read_set(place))
@@ -116,17 +124,15 @@ def _arrays(document: Document, folder: Path) -> list[np.ndarray]:
     arrays: list[np.ndarray] = []
     for entry in document["arrays"]:
         if entry.get("file") == OLD_ARRAYS:
-            arrays += results.read_npz(folder / OLD_ARRAYS)
+            arrays += read_npz(folder / OLD_ARRAYS)
         else:
-            arrays += results.read(folder, entry)
+            arrays += read_arrays(folder, entry)
     return arrays
 
 
 def _unpacked(
     document: Document, arrays: list[np.ndarray], folder: Path, measurements: MeasurementSet
 ) -> OpenedSession:
-    from flexviz.session.packing import Unpacker
-
     changed = SetReference.from_json(document["set"]).changes(measurements)
     if changed:
         text = (
@@ -135,23 +141,18 @@ def _unpacked(
         measurements = replace(measurements, warnings=(text, *measurements.warnings))
     unpacker = Unpacker(measurements.path, arrays, document.get("shared", []))
 
-    def steps(name: str) -> list[SessionStep]:
-        return [
-            _checked(unpacker.unpack(step), measurements, document, bool(changed))
-            for step in document.get(name, [])
-        ]
+    def step(packed: Any) -> SessionStep:
+        return _checked(unpacker.unpack(packed), measurements, document, bool(changed))
 
-    present = _checked(unpacker.unpack(document["present"]), measurements, document, bool(changed))
     notes = unpacker.unpack(document["notes"])
     recordings = document["recordings"]
-    if not all(isinstance(note, SessionNote) for note in notes) or not all(
-        isinstance(r, str) for r in recordings
-    ):
+    typed = all(isinstance(note, SessionNote) for note in notes)
+    if not typed or not all(isinstance(file, str) for file in recordings):
         raise InputError("its notes or recordings are not in the expected form")
     session = Session(
-        present,
-        tuple(steps("past")[-HISTORY:]),
-        tuple(steps("future")[:HISTORY]),
+        step(document["present"]),
+        tuple(step(packed) for packed in document.get("past", [])[-HISTORY:]),
+        tuple(step(packed) for packed in document.get("future", [])[:HISTORY]),
         notes,
         tuple((folder / file).resolve() for file in recordings),
     )
@@ -164,11 +165,8 @@ def _checked(step: Any, measurements: MeasurementSet, document: Document, change
     from flexviz.effects import EFFECTS, choose_effects
     from flexviz.observers import make_observer
 
-    if (
-        not isinstance(step, SessionStep)
-        or not isinstance(step.analysis, Analysis)
-        or not isinstance(step.label, str)
-    ):
+    typed = isinstance(step, SessionStep) and isinstance(step.analysis, Analysis)
+    if not typed or not isinstance(step.label, str):
         raise InputError("a step of the history is not in the expected form")
     analysis = step.analysis
     if analysis.path != measurements.path:

@@ -1,12 +1,17 @@
-"""Conversion of results to JSON and arrays and back, for the classes listed here; nothing is executed.
+"""Results of a session as JSON and arrays, for the classes listed here; nothing is executed.
 
-A dataclass becomes {"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; results that
-several steps share are written once and referred to as {"@": number}.
+The arrays of a result are one file, named by its content and written once. A dataclass becomes
+{"=": its name, field: value, …}, an array {"#": its number}, a tuple a list; results that several steps share
+are written once and referred to as {"@": number}.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import math
+import re
+import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from itertools import pairwise
@@ -29,6 +34,7 @@ from flexviz.diagnosis import (
 )
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
+from flexviz.files import remove_parts, write_whole
 from flexviz.identification import (
     Combination,
     Identification,
@@ -52,6 +58,9 @@ KINDS: dict[str, type] = {
 NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
 MAX_DEPTH = 40  # of nested values
+FOLDER = "results"
+LARGEST_ARRAYS = 2 * 2**30  # [bytes] of one result, uncompressed
+_FILE = re.compile(rf"{FOLDER}/([0-9a-f]{{32}})\.npz")
 
 
 class Packer:
@@ -96,14 +105,12 @@ class Packer:
         if not isinstance(value, SHARED):
             return self._fields(value)
         if id(value) not in self._numbers:
-            outermost = self._depth == 0
-            if outermost:
-                self._bounds.append(len(self.arrays))
+            begin = len(self.arrays)
             self._depth += 1
             packed = self._fields(value)
             self._depth -= 1
-            if outermost:
-                self._bounds.append(len(self.arrays))
+            if not self._depth:
+                self._bounds += [begin, len(self.arrays)]
             self._kept.append(value)  # keeps its id unique
             self._numbers[id(value)] = len(self.shared)
             self.shared.append(packed)
@@ -147,11 +154,8 @@ class Unpacker:
             return float(inner)
         if mark == "/" and isinstance(inner, str):
             return self._folder if inner == "." else Path(inner)
-        if (
-            mark == "{"
-            and isinstance(inner, list)
-            and all(isinstance(p, list) and len(p) == 2 for p in inner)
-        ):
+        pairs = isinstance(inner, list) and all(isinstance(p, list) and len(p) == 2 for p in inner)
+        if mark == "{" and pairs:
             return {self.unpack(k, depth + 1): self.unpack(v, depth + 1) for k, v in inner}
         raise InputError(f"unknown kind of entry {mark!r}")
 
@@ -162,12 +166,8 @@ class Unpacker:
             raise InputError(f"{name!r} is not a class of a session")
         known = {field.name: field for field in fields(kind) if field.init}
         given = {key: self.unpack(v, depth + 1) for key, v in value.items() if key in known}
-        missing = [
-            key
-            for key, field in known.items()
-            if key not in given and field.default is MISSING and field.default_factory is MISSING
-        ]
-        if missing:
+        needed = [k for k, f in known.items() if f.default is MISSING and f.default_factory is MISSING]
+        if missing := [key for key in needed if key not in given]:
             raise InputError(f"{name} lacks {', '.join(missing)}: written by another version")
         try:
             return kind(**given)
@@ -177,5 +177,71 @@ class Unpacker:
 
 def _index(number: Any, of: Sequence[Any]) -> int:
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < len(of):
-        raise InputError("reference {number!r} is out of range")
+        raise InputError(f"reference {number!r} is out of range")
     return number
+
+
+# -- files of arrays -------------------------------------------------------------------------------------
+
+
+def digest(arrays: Sequence[np.ndarray]) -> str:
+    """Hash of types, shapes and contents of the arrays, 32 hexadecimal digits."""
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(f"{array.dtype.str}{array.shape};".encode())
+        found.update(np.ascontiguousarray(array).data)
+    return found.hexdigest()[:32]
+
+
+def write_arrays(folder: Path, arrays: Sequence[np.ndarray]) -> dict[str, Any]:
+    """Write arrays to a session folder unless they are there already; returns their entry."""
+    for array in arrays:
+        if array.dtype.hasobject:
+            raise InputError("an array of objects cannot be saved in a session")
+    name = f"{FOLDER}/{digest(arrays)}.npz"
+    if not (folder / name).is_file():
+        (folder / FOLDER).mkdir(exist_ok=True)
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **{f"a{i}": array for i, array in enumerate(arrays)})  # type: ignore[arg-type]
+        write_whole(folder / name, buffer.getvalue())
+    return {"file": name, "count": len(arrays)}
+
+
+def read_arrays(folder: Path, entry: Any) -> list[np.ndarray]:
+    """The arrays of an entry made by `write_arrays`; InputError if damaged, OSError if missing."""
+    name, count = entry.get("file"), entry.get("count")
+    found = _FILE.fullmatch(name) if isinstance(name, str) else None
+    if found is None or not isinstance(count, int):
+        raise InputError("an entry in its list of arrays is not in the expected form")
+    arrays = read_npz(folder / name, count)
+    if digest(arrays) != found[1]:
+        raise InputError("its content does not match its name", file=folder / name)
+    return arrays
+
+
+def read_npz(file: Path, count: int | None = None) -> list[np.ndarray]:
+    """The arrays a0, a1, … of a file; `count`: expected number of arrays, if known."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            if sum(info.file_size for info in archive.infolist()) > LARGEST_ARRAYS:
+                raise InputError(
+                    f"larger than {LARGEST_ARRAYS:,} bytes, expected arrays of one result", file=file
+                )
+        with np.load(file, allow_pickle=False) as npz:
+            if count is not None and len(npz.files) != count:
+                raise InputError(f"has {len(npz.files)} arrays, expected {count}", file=file)
+            return [npz[f"a{i}"] for i in range(len(npz.files))]
+    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, NotImplementedError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"is damaged ({type(error).__name__}: {error})", file=file) from None
+
+
+def remove_others(folder: Path, keep: Sequence[dict[str, Any]]) -> None:
+    """Remove the files of results that are no longer used, and leftovers of interrupted saves."""
+    names = {entry["file"] for entry in keep}
+    for file in (folder / FOLDER).glob("*.npz"):
+        if f"{FOLDER}/{file.name}" not in names:
+            file.unlink(missing_ok=True)
+    if (folder / FOLDER).is_dir():
+        remove_parts(folder / FOLDER)

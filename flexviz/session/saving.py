@@ -25,13 +25,12 @@ from flexviz import __version__
 from flexviz.errors import InputError
 from flexviz.files import remove_parts, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
-from flexviz.session import results
-from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE
-from flexviz.session.reference import SetReference, read_reference
+from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
+from flexviz.session.packing import FOLDER, Packer, remove_others, write_arrays
 from flexviz.session.state import Session, now
 
 LEFT_OUT = shutil.ignore_patterns(
-    ".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, OLD_ARRAYS, results.FOLDER, "__pycache__"
+    ".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, OLD_ARRAYS, FOLDER, "__pycache__"
 )
 
 
@@ -40,10 +39,8 @@ def save_session(
 ) -> Path:
     """Save a session to `folder` and return the folder.
 
-    Args:
-        session, measurements: what to save.
-        folder: new or empty, or a session folder of the same set, which is overwritten.
-        carry: copy the measurement set into a new folder instead of referring to it.
+    It must be new or empty, or a session folder of the same set, which is overwritten. With `carry` the
+    measurement set is copied into a new folder instead of being referred to.
     """
     renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
     if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -78,14 +75,12 @@ def _same_set(folder: Path, measurements: MeasurementSet) -> None:
 
 def _write(session: Session, measurements: MeasurementSet, folder: Path, final: Path) -> None:
     """Write to `folder`, which will be renamed to `final`."""
-    from flexviz.session.packing import Packer  # a heavy import
-
     carried = (folder / "measurements.toml").is_file()
     packer = Packer(measurements.path)
     steps: dict[str, Any] = {"present": packer.pack(session.present)}
     steps |= {name: [packer.pack(step) for step in getattr(session, name)] for name in ("past", "future")}
     notes = packer.pack(session.notes)
-    arrays = [results.write(folder, part) for part in packer.parts()]
+    arrays = [write_arrays(folder, part) for part in packer.parts()]
     document = {
         "format": FORMAT,
         "flexviz": __version__,
@@ -99,7 +94,7 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
         "arrays": arrays,
     }
     write_whole(folder / SESSION_FILE, json.dumps(document, allow_nan=False).encode())
-    results.remove_others(folder, arrays)
+    remove_others(folder, arrays)
     remove_parts(folder, SESSION_FILE)
     (folder / OLD_ARRAYS).unlink(missing_ok=True)
 
