@@ -24,7 +24,7 @@ from flexviz.recording.drawings import step_names
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.viewers import free_port, rerun_program
 from flexviz.simulation.run import Run
-from flexviz.view.residual_maps import MAP_COLUMNS
+from flexviz.view.residuals import MAP_COLUMNS
 from tests.found import DIAGNOSIS
 from tests.recorded import Read, blueprint_of
 from tests.small_session import small_session

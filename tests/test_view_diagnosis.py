@@ -18,13 +18,22 @@ from flexviz.diagnosis.result import Absorbed, Evidence
 from flexviz.effects import EFFECTS
 from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
-from flexviz.view.effects import card_html, picture
+from flexviz.view.effects import card_html, finding_html, heading_html, picture, verdict_html
 from flexviz.view.fit_charts import NO_STEPS, staircase_charts, staircase_html
-from flexviz.view.residual_maps import MAP_COLUMNS, free_chart, free_html, map_charts, map_html, map_of
-from flexviz.view.residual_samples import ResidualSamples, range_html, stretches_of, time_residual
+from flexviz.view.residuals import (
+    MAP_COLUMNS,
+    ResidualSamples,
+    free_chart,
+    free_html,
+    map_charts,
+    map_html,
+    map_of,
+    range_html,
+    stretches_of,
+    time_residual,
+)
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
-from flexviz.view.verdict import finding_html, heading_html, verdict_html
 from flexviz.wording import effect_text_name, share_text, values_text, verdict_text
 
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")

@@ -15,7 +15,7 @@ from flexviz.app.uplot import columns, nearest
 from flexviz.charts.chart import MAX_POINTS, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
-from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, sample, scene_labels, with_replay
+from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.view.fit_charts import convergence_charts, progress_text
 from flexviz.view.time_charts import (
     numbers_html,
@@ -198,7 +198,8 @@ def test_motion_exaggerates_deflection_and_error() -> None:
 
 def test_sample_clips_to_the_ends() -> None:
     values = np.array([[1.0], [3.0]])
-    got = [float(sample(np.array([0.0, 2.0]), values, at)[0]) for at in (-1.0, 0.5, 9.0)]
+    motion = RobotMotion("g1", np.array([0.0, 2.0]), values, None, "unknown")
+    got = [float(motion.at(values, at)[0]) for at in (-1.0, 0.5, 9.0)]
     assert got == [1.0, 1.5, 3.0]
 
 

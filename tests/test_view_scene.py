@@ -12,8 +12,15 @@ from flexviz.app.playback import PlaybackClock
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
-from flexviz.scene.motion import measured_motion, scene_labels, with_replay
-from flexviz.scene.torque import ARC_ANGLE, ARC_PIECES, torque_arrow, torque_axes
+from flexviz.scene.motion import (
+    ARC_ANGLE,
+    ARC_PIECES,
+    measured_motion,
+    scene_labels,
+    torque_arrow,
+    torque_axes,
+    with_replay,
+)
 from flexviz.view.tables import MAX_NAMED, check_html
 
 

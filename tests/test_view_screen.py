@@ -12,8 +12,7 @@ import pytest
 from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
-from flexviz.scene.layout import scene_layout
-from flexviz.scene.shape import MAX_FACES, robot_shape, thinned_mesh
+from flexviz.scene.shape import MAX_FACES, robot_shape, scene_layout, thinned_mesh
 from flexviz.view import status
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
 from flexviz.wording import escape, number, plain_name, short_names, with_error

@@ -1,9 +1,25 @@
 """The 3D scene as plain data: robot shapes, motion, placement and torque arrows."""
 
-from flexviz.scene.layout import FIELD_OF_VIEW, LAYOUTS, SceneLayout, scene_layout
-from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
-from flexviz.scene.shape import RobotShape, geometry_mesh, robot_shape, thinned_mesh
-from flexviz.scene.torque import ARROW_RADIUS, torque_arrow, torque_axes
+from flexviz.scene.motion import (
+    ARROW_RADIUS,
+    RobotMotion,
+    measured_motion,
+    nice_factor,
+    scene_labels,
+    torque_arrow,
+    torque_axes,
+    with_replay,
+)
+from flexviz.scene.shape import (
+    FIELD_OF_VIEW,
+    LAYOUTS,
+    RobotShape,
+    SceneLayout,
+    geometry_mesh,
+    robot_shape,
+    scene_layout,
+    thinned_mesh,
+)
 
 __all__ = [
     "ARROW_RADIUS",

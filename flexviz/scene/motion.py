@@ -1,4 +1,4 @@
-"""Measured and simulated robot motion over time, with joint deflections."""
+"""Measured and simulated robot motion over time, with joint deflections and torque arrows."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.robot import Robot
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -16,39 +18,35 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 SAMPLE_RATE = 100.0  # [1/s] of the drawn motion; playback interpolates
 ROUND_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of the deflection
+ARC_PIECES = 16  # line segments of an arc
+ARC_ANGLE = 1.6 * np.pi  # [rad] for the largest torque
+ARROW_RADIUS = 0.16  # relative to the robot's reach
 
 
 @dataclass(frozen=True, eq=False)
 class RobotMotion:
-    """Drawn motion of one group: M instants, n joints.
+    """Drawn motion of one group: M instants, n joints. What is None is unknown."""
 
-    Attributes:
-        group: its name.
-        time: (M,) [s].
-        theta: (M, n) measured motor positions [rad].
-        deflection: (M, n) θ − q of the measured motion [rad]; None if unknown.
-        deflection_source: its origin, for the label.
-        model_theta, model_deflection: (M, n) the simulated model's θ and θ − q [rad]; None if unknown.
-        model_note: how the model was simulated, for the label.
-        link: (M, n) measured link positions q [rad], or None without link encoders.
-        torque: (M, n) measured torque [Nm].
-    """
+    group: str  # its name
+    time: Array  # (M,) [s]
+    theta: Array  # (M, n) measured motor positions [rad]
+    deflection: Array | None  # (M, n) θ − q of the measured motion [rad]
+    deflection_source: str  # its origin, for the label
+    model_theta: Array | None = None  # (M, n) of the simulated model [rad]
+    model_deflection: Array | None = None  # (M, n) its θ − q [rad]
+    model_note: str = ""  # how the model was simulated, for the label
+    link: Array | None = None  # (M, n) link positions q of link encoders [rad]
+    torque: Array | None = None  # (M, n) measured [Nm]
 
-    group: str
-    time: Array
-    theta: Array
-    deflection: Array | None
-    deflection_source: str
-    model_theta: Array | None = None
-    model_deflection: Array | None = None
-    model_note: str = ""
-    link: Array | None = None
-    torque: Array | None = None
-
-    @property
-    def duration(self) -> float:
-        """[s]"""
-        return float(self.time[-1] - self.time[0])
+    def at(self, values: Array, time: float) -> Array:
+        """values (M, n) linearly interpolated at one instant [s]: (n,)."""
+        right = int(np.searchsorted(self.time, time))
+        if right <= 0:
+            return values[0]
+        if right >= len(self.time):
+            return values[-1]
+        share = (time - self.time[right - 1]) / (self.time[right] - self.time[right - 1])
+        return (1.0 - share) * values[right - 1] + share * values[right]
 
     def pose(
         self, time: float, deflection: float = 0.0, error: float = 1.0, link_side: bool = False
@@ -59,32 +57,28 @@ class RobotMotion:
         simulated q are compared, if q is measured.
         """
         if link_side and self.link is not None:
-            return self._link_pose(time, error)
-        measured = sample(self.time, self.theta, time)
+            measured = self.at(self.link, time)
+            if self.model_theta is None or self.model_deflection is None:
+                return measured, measured
+            model = self.at(self.model_theta, time) - self.at(self.model_deflection, time)
+            return measured, measured + error * (model - measured)
+        measured = self.at(self.theta, time)
         drawn = measured
         if self.deflection is not None:
-            drawn = measured - deflection * sample(self.time, self.deflection, time)
+            drawn = measured - deflection * self.at(self.deflection, time)
         if self.model_theta is None:
             return drawn, measured
-        model = measured + error * (sample(self.time, self.model_theta, time) - measured)
+        model = measured + error * (self.at(self.model_theta, time) - measured)
         if self.model_deflection is not None:
-            model = model - deflection * sample(self.time, self.model_deflection, time)
+            model = model - deflection * self.at(self.model_deflection, time)
         return drawn, model
-
-    def _link_pose(self, time: float, error: float) -> tuple[Array, Array]:
-        assert self.link is not None
-        measured = sample(self.time, self.link, time)
-        if self.model_theta is None or self.model_deflection is None:
-            return measured, measured
-        theta, bent = (sample(self.time, v, time) for v in (self.model_theta, self.model_deflection))
-        return measured, measured + error * (theta - bent - measured)
 
     def torque_shares(self, time: float) -> Array:
         """(n,) torque at one instant relative to each joint's largest, −1 … 1."""
         if self.torque is None:
             return np.zeros(self.theta.shape[1])
         largest = np.abs(self.torque).max(axis=0)
-        return sample(self.time, self.torque, time) / np.where(largest > 0, largest, 1.0)
+        return self.at(self.torque, time) / np.where(largest > 0, largest, 1.0)
 
 
 def scene_labels(
@@ -112,17 +106,6 @@ def scene_labels(
     if motion.model_theta is None:
         return measured, f"{why}:\nshows the measured motor angle"
     return measured, f"identified, error ×{error:g}\ndeflection ×{deflection:g} (simulated)"
-
-
-def sample(time: Array, values: Array, at: float) -> Array:
-    """values (M, n) linearly interpolated at one instant: (n,)."""
-    right = int(np.searchsorted(time, at))
-    if right <= 0:
-        return values[0]
-    if right >= len(time):
-        return values[-1]
-    share = (at - time[right - 1]) / (time[right] - time[right - 1])
-    return (1.0 - share) * values[right - 1] + share * values[right]
 
 
 def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> RobotMotion:
@@ -199,3 +182,55 @@ def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:
     low = np.clip(np.arange(len(values)) - count // 2, 0, len(values))
     high = np.clip(low + count, 1, len(values))
     return (sums[high] - sums[low]) / (high - low)[:, None]
+
+
+# -- torque arrows ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueAxis:
+    """A joint axis in the frame of the link that it moves; it rotates from `across` to `along`."""
+
+    link: str
+    across: Array  # (3,) unit vectors normal to the axis
+    along: Array
+
+
+def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
+    """The axis of each joint of the set; None for prismatic joints and joints without a link."""
+    neutral = np.zeros(robot.n)
+    poses = robot.link_poses(neutral)
+    found: list[TorqueAxis | None] = []
+    for joint in range(robot.n):
+        link = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
+        if link is None:
+            found.append(None)
+            continue
+        turned = neutral.copy()
+        turned[joint] = 1e-4
+        rotation = poses[link][:3, :3].T @ robot.link_poses(turned)[link][:3, :3]
+        axis = Rotation.from_matrix(rotation).as_rotvec()
+        size = float(np.linalg.norm(axis))
+        if size < 1e-8:  # prismatic
+            found.append(None)
+            continue
+        axis /= size
+        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        across /= np.linalg.norm(across)
+        found.append(TorqueAxis(link, across, np.cross(axis, across)))
+    return tuple(found)
+
+
+def torque_arrow(axis: TorqueAxis, share: float, radius: float) -> NDArray[np.float32]:
+    """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of the largest angle."""
+    share = float(np.clip(share, -1.0, 1.0))
+    angle = np.linspace(0.0, share * ARC_ANGLE, ARC_PIECES + 1)
+    points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))
+    tip, direction = points[-1], points[-1] - points[-2]
+    size = float(np.linalg.norm(direction))
+    direction = direction / size if size > 0 else np.zeros(3)
+    outward = points[-1] / radius
+    head = min(0.35, 0.05 + abs(share)) * radius
+    barbs = [tip - head * direction + 0.6 * side * head * outward for side in (-1.0, 1.0)]
+    segments = [*np.stack([points[:-1], points[1:]], axis=1), *(np.stack([tip, barb]) for barb in barbs)]
+    return np.asarray(segments, dtype=np.float32)

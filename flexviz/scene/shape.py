@@ -1,4 +1,4 @@
-"""The robot's shape: one simplified mesh per rigid body, for drawing only.
+"""The robot's shape: one simplified mesh per rigid body, for drawing only; and its place on the stage.
 
 Collision geometry is preferred to visual geometry; large meshes are decimated. Robots without any geometry
 and links whose mesh is missing are drawn as capsules between joint frames.
@@ -19,40 +19,28 @@ from flexviz.robot_files import resolve_mesh
 
 Array = NDArray[np.float64]
 MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
+FIELD_OF_VIEW = np.radians(50.0)  # vertical
+LAYOUTS = ("Side by side", "Overlaid")
 
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
-    """Mesh of the rigid body that one joint moves.
+    """Mesh of the rigid body that one joint moves."""
 
-    Attributes:
-        joint: joint index; None for the base.
-        link: reference link of the vertices.
-        vertices: (V, 3) in the frame of `link` [m].
-        faces: (F, 3) vertex indices.
-    """
-
-    joint: int | None
-    link: str
-    vertices: Array
-    faces: NDArray[np.uint32]
+    joint: int | None  # its index; None for the base
+    link: str  # reference link of the vertices
+    vertices: Array  # (V, 3) in the frame of `link` [m]
+    faces: NDArray[np.uint32]  # (F, 3) vertex indices
 
 
 @dataclass(frozen=True, eq=False)
 class RobotShape:
-    """Meshes and size of a robot.
+    """Meshes and size of a robot."""
 
-    Attributes:
-        bodies: those that have a shape, the base first, then in the set's joint order.
-        tip: the link whose path is drawn as a trail.
-        reach: largest distance of a link from the base [m].
-        missing: why meshes of the URDF are not drawn, one sentence each.
-    """
-
-    bodies: tuple[BodyMesh, ...]
-    tip: str
-    reach: float
-    missing: tuple[str, ...] = ()
+    bodies: tuple[BodyMesh, ...]  # those that have a shape, the base first, then in the set's joint order
+    tip: str  # the link whose path is drawn as a trail
+    reach: float  # largest distance of a link from the base [m]
+    missing: tuple[str, ...] = ()  # why meshes of the URDF are not drawn, one sentence each
 
 
 def robot_shape(robot: Robot) -> RobotShape:
@@ -158,8 +146,7 @@ def thinned_mesh(mesh: Any, faces: int = MAX_FACES) -> Any:
             [np.bincount(index, mesh.vertices[:, k], count) / weight for k in range(3)], axis=1
         )
         triangles = index[mesh.faces]
-        triangles = triangles[(triangles[:, 0] != triangles[:, 1]) & (triangles[:, 1] != triangles[:, 2])
-                              & (triangles[:, 0] != triangles[:, 2])]  # fmt: skip
+        triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
         if len(triangles) <= faces:
             return trimesh.Trimesh(centres, triangles, process=False)
         cells = cells * 2 // 3
@@ -188,10 +175,87 @@ def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Arr
 def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
     """The link moved by the last joint of the tree that is farthest from that joint."""
     last = max(range(robot.n), key=lambda joint: int(robot.order[joint]))
-    links = _links_of(robot, last)
+    links = [link for link in robot.links if robot.joint_of_link(link) == last]
     first = poses[links[0]][:3, 3]
     return max(links, key=lambda link: float(np.linalg.norm(poses[link][:3, 3] - first)))
 
 
-def _links_of(robot: Robot, joint: int) -> list[str]:
-    return [link for link in robot.links if robot.joint_of_link(link) == joint]
+# -- the stage -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SceneLayout:
+    """Placement of the two robots of one measurement set."""
+
+    right: Array  # (3,) horizontal unit vector to the viewer's right
+    towards: Array  # (3,) unit vector from the scene to the viewer
+    centre: Array  # (3,) middle of one robot's motion [m], in its base frame
+    size: float  # half extent of that motion vertically in the view [m]
+    width: float  # the same along `right`
+    depth: float  # the same towards the viewer
+    floor: float  # height of the grid [m]
+
+    def offsets(self, layout: str) -> tuple[Array, Array]:
+        """Base positions (3,) of the measured and the identified robot [m]."""
+        if layout == "Overlaid":
+            return np.zeros(3), np.zeros(3)
+        apart = 1.12 * self.width * self.right
+        return -apart, apart
+
+    def label_places(self, layout: str) -> tuple[Array, Array]:
+        """Label positions (3,) of the measured and the identified robot [m]: above them, side by side."""
+        apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
+        above = self.centre + np.array([0.0, 0.0, 1.2 * self.size])
+        return above - apart, above + apart
+
+    def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
+        """Camera position and target (3,) that fit both robots into a canvas of width / height `aspect`.
+
+        The playback panel covers the lowest share `hidden` of the canvas.
+        """
+        half_width = self.width * (2.35 if layout != "Overlaid" else 1.15)
+        half_height = 1.35 * self.size / (1.0 - hidden)  # with the labels
+        half_height = max(half_height, half_width / aspect)
+        distance = half_height / np.tan(FIELD_OF_VIEW / 2) + self.depth
+        look = self.centre + np.array([0.0, 0.0, 0.12 * self.size - hidden * half_height])
+        return look + distance * self.towards, look
+
+
+def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:
+    """The layout for a motion through positions theta (M, n) [rad]."""
+    points, frames = _points(robot, shape, theta[:: max(len(theta) // 60, 1)])
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = (low + high) / 2
+    _, spread, axes = np.linalg.svd(frames - frames.mean(axis=0), full_matrices=False)
+    normal = axes[2]
+    in_vertical_plane = spread[2] < 0.05 * spread[0] and abs(normal[2]) < 0.3
+    if in_vertical_plane:  # seen face on
+        flat = np.array([normal[0], normal[1], 0.0]) / np.hypot(normal[0], normal[1])
+        flat = -flat if flat[1] > 0 or (flat[1] == 0 and flat[0] < 0) else flat
+        towards = 0.96 * flat + np.array([0.0, 0.0, 0.28])
+    else:
+        towards = np.array([0.75, -0.95, 0.5])
+    towards /= np.linalg.norm(towards)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    along = (points - centre) @ right
+    width = max(float(np.abs(along).max()), 0.25 * shape.reach)
+    size = max(float(np.abs((points - centre) @ np.cross(towards, right)).max()), 0.3 * shape.reach)
+    depth = float(np.abs((points - centre) @ towards).max())
+    return SceneLayout(
+        right, towards, centre, size, width, depth, float(min(0.0, low[2] - 0.02 * shape.reach))
+    )
+
+
+def _points(robot: Robot, shape: RobotShape, theta: Array) -> tuple[Array, Array]:
+    """Corners of all bodies' bounding boxes (P, 3) and origins of all links (L, 3) over the motion [m]."""
+    corners, frames = [], []
+    for q in theta:
+        poses = robot.link_poses(q)
+        frames += [pose[:3, 3] for pose in poses.values()]
+        for body in shape.bodies:
+            low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+            pose = poses[body.link]
+            for corner in (low, high, (low + high) / 2):
+                corners.append(pose[:3, :3] @ corner + pose[:3, 3])
+    return np.array(corners), np.array(frames)

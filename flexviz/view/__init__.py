@@ -6,7 +6,10 @@ from flexviz.view.effects import (
     card_html,
     effect_hint,
     effects_note,
+    finding_html,
+    heading_html,
     more_effects,
+    verdict_html,
     why_fixed,
 )
 from flexviz.view.fit_charts import (
@@ -19,23 +22,21 @@ from flexviz.view.fit_charts import (
     sweep_charts,
     sweep_html,
 )
-from flexviz.view.residual_maps import (
+from flexviz.view.residuals import (
     MAP_COLUMNS,
+    VARIABLES,
+    ResidualSamples,
     free_chart,
     free_html,
+    groups_html,
     leading_map,
     map_chart,
     map_charts,
     map_html,
     map_of,
     notable,
-    spectrum_chart,
-)
-from flexviz.view.residual_samples import (
-    VARIABLES,
-    ResidualSamples,
-    groups_html,
     range_html,
+    spectrum_chart,
     stretches_of,
     time_residual,
 )
@@ -66,7 +67,6 @@ from flexviz.view.time_charts import (
     signals_charts,
     states_charts,
 )
-from flexviz.view.verdict import finding_html, heading_html, verdict_html
 
 __all__ = [
     "COMMON_EFFECTS",

@@ -35,29 +35,22 @@ def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
         note = "Cost, step and parameters appear here, live, after Run (step 3, Identify)."
         return no_chart("cost", note), no_chart("step"), no_chart("parameters")
     count = max(len(iterations), 2)
-    x, axis = np.arange(1.0, count + 1.0), ChartAxis("iteration")
-    cost = positive([iteration.cost for iteration in iterations])
-    step = positive([iteration.step for iteration in iterations])
-    if len(step) > 1 and iterations[0].step <= 0:
-        step[0] = step[1]  # the start has no step
-    cost, step = np.resize(cost, count), np.resize(step, count)
-    log = ChartAxis(logarithmic=True)
+    x = np.arange(1.0, count + 1.0)
+    steps = [iteration.step for iteration in iterations]
+    if len(steps) > 1 and steps[0] <= 0:
+        steps[0] = steps[1]  # the start has no step
+    costs = [iteration.cost for iteration in iterations]
+
+    def falling(key: str, title: str, colour: str, values: Sequence[float]) -> Chart:
+        known = np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0)
+        y = np.resize(np.maximum(known, CONVERGENCE_FLOOR), count)
+        return Chart(key, title, axis, ChartAxis(logarithmic=True), (ChartSeries(key, colour, x, y),))
+
+    axis = ChartAxis("iteration")
     drawn = scaled_parameters(iterations, x)
     return (
-        Chart(
-            "cost",
-            "Cost (weights change between iterations)",
-            axis,
-            log,
-            (ChartSeries("cost", COLOURS.measured, x, cost),),
-        ),
-        Chart(
-            "step",
-            "Step (relative; values below 0.001 are drawn at 0.001)",
-            axis,
-            log,
-            (ChartSeries("step", COLOURS.model, x, step),),
-        ),
+        falling("cost", "Cost (weights change between iterations)", COLOURS.measured, costs),
+        falling("step", "Step (relative; values below 0.001 are drawn at 0.001)", COLOURS.model, steps),
         Chart("parameters", "Parameters / present value", axis, ChartAxis(), drawn, height=260),
     )
 
@@ -74,12 +67,13 @@ def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartS
     shares = np.clip(np.nan_to_num(values / scale), -5.0, 5.0)
     chosen = sorted(range(len(names)), key=lambda i: (rank(names[i]), i))[:MAX_PARAMETERS]
     colours = len(COLOURS.series)
-    return tuple(
-        ChartSeries(
-            short_parameter(names[i]), COLOURS.series[k % colours], x, shares[:, i], dash=DASHES[k // colours]
-        )
-        for k, i in enumerate(chosen)
-    )
+    drawn = []
+    for k, i in enumerate(chosen):
+        parameter, _, joint = names[i].partition(":")
+        label = f"{SYMBOLS.get(parameter, parameter)} {joint}".strip()  # "K panda_joint1"
+        colour, dash = COLOURS.series[k % colours], DASHES[k // colours]
+        drawn.append(ChartSeries(label, colour, x, shares[:, i], dash=dash))
+    return tuple(drawn)
 
 
 def rank(name: str) -> int:
@@ -88,17 +82,6 @@ def rank(name: str) -> int:
     if parameter in FIRST_DRAWN:
         return FIRST_DRAWN.index(parameter)
     return len(FIRST_DRAWN) + ("." not in parameter)
-
-
-def short_parameter(name: str) -> str:
-    """Legend label of "stiffness:panda_joint1": "K panda_joint1"."""
-    parameter, _, joint = name.partition(":")
-    return f"{SYMBOLS.get(parameter, parameter)} {joint}".strip()
-
-
-def positive(values: Sequence[float], floor: float = CONVERGENCE_FLOOR) -> Array:
-    """The values clipped to at least `floor`, for a logarithmic axis."""
-    return np.maximum(np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0), floor)
 
 
 def progress_text(iterations: Sequence[Iteration]) -> str:

@@ -104,17 +104,11 @@ def legend_html(
 
 @dataclass(frozen=True)
 class NextStep:
-    """Suggested next step.
+    """Suggested next step."""
 
-    Attributes:
-        step: step of the app; may be empty.
-        button: button to press; may be empty.
-        text: sentence for the step line (HTML).
-    """
-
-    step: str
-    button: str
-    text: str
+    step: str  # of the app; may be empty
+    button: str  # to press; may be empty
+    text: str  # sentence for the step line (HTML)
 
 
 def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
@@ -123,12 +117,11 @@ def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
         return NextStep(current, "", "Working: <b>Stop</b> ends it early.")
     if not analysis.groups_with("fit"):
         return NextStep("Data", "", "Next: set a group to <b>Fit</b> in step Data.")
+    where = "press" if current == "Diagnose" else "step Diagnose, then"
     if not analysis.diagnosis_up_to_date:
-        where = "press" if current == "Diagnose" else "step Diagnose, then"
         return NextStep("Diagnose", "find", f"Next: {where} <b>Find the missing effect</b>.")
     diagnosis = analysis.diagnosis
     if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
-        where = "press" if current == "Diagnose" else "step Diagnose, then"
         return NextStep("Diagnose", "add", f"Next: {where} <b>Add and refit</b> and watch the error fall.")
     if len(analysis.model_steps) > 1:
         return NextStep("", "", "Done: the tab <b>Compare</b> shows how the error fell.")

@@ -22,7 +22,7 @@ from flexviz.charts import (
 from flexviz.measurements import Group, Segment
 from flexviz.observers import Observer, make_observer
 from flexviz.scene import RobotMotion
-from flexviz.view.residual_samples import left_out
+from flexviz.view.residuals import left_out
 from flexviz.wording import finding_name, number
 
 if TYPE_CHECKING:
@@ -56,7 +56,6 @@ def model_torque(
     group: Group, joint: int, result: Identification | None
 ) -> tuple[Array, Array, Array] | None:
     """Time [s], model torque and residual [Nm] of one joint, (M,) each; None without a residual.
-
 
     The model torque is the measured torque minus the residual.
     """
@@ -106,17 +105,11 @@ def _error_chart(joint: int, name: str, motion: RobotMotion | None) -> Chart:
 
 @dataclass(frozen=True, eq=False)
 class ObserverNumbers:
-    """Properties of an observer.
+    """Properties of an observer."""
 
-    Attributes:
-        lag: delay of slow motion [s].
-        noise_gain: (5,) from noise of θ to noise of each derivative [1, 1/s, … 1/s⁴].
-        note: a remark on its phase.
-    """
-
-    lag: float
-    noise_gain: Array
-    note: str
+    lag: float  # delay of slow motion [s]
+    noise_gain: Array  # (5,) from noise of θ to noise of each derivative [1, 1/s, … 1/s⁴]
+    note: str  # on its phase
 
 
 def one_joint(segment: Segment, joint: int) -> Segment:

@@ -1,8 +1,9 @@
-"""Residual maps of a diagnosis: a table of all joints, and charts of one joint."""
+"""Where the residual lives: maps of all joints, charts of one joint, and the instants in a range."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,14 +20,17 @@ from flexviz.charts import (
     cividis,
     css,
     no_chart,
+    thin,
 )
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import escape, number, short_names
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import FreeCurve, ResidualMap
+    from flexviz.identification import Identification
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 MAP_COLUMNS = {
     "position": "pos.",
@@ -46,7 +50,14 @@ HEIGHT = 150  # [px] in the app
 SPECTRUM_FLOOR = 1e-9  # [Nm/√Hz] smallest value drawn on a logarithmic axis
 MIN_NOTABLE_SHARE = 0.05  # of a residual: smaller shares are not highlighted
 MAX_DOTS = 40  # a line with more bins has no dots
-CURVE_COLOURS = (COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque)
+CURVES = tuple(zip((COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque), DASHES, strict=True))
+EMPTY = (
+    "The residual against position, velocity, acceleration, load, time, group and frequency appears here, "
+    "with the noise floor, after Run (step 3, Identify) or Find the missing effect (step 4, Diagnose)."
+)
+UNITS = {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s²", "load": "Nm", "time": "s"}
+VARIABLES = tuple(UNITS)
+MAX_GROUPS = 12  # listed
 
 
 def map_of(maps: Sequence[ResidualMap], joint: str, variable: str) -> ResidualMap | None:
@@ -102,14 +113,11 @@ def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
 
     The chart against position has one curve per direction of motion if the direction matters.
     """
-    charts = []
-    for name in CHARTED:
-        one = _directed(maps, joint) if name == "position" else None
-        one = one or map_of(maps, joint, name)
-        charts.append(no_chart(name) if one is None else map_chart(one, name))
+    drawn = {name: map_of(maps, joint, name) for name in CHARTED}
+    drawn["position"] = _directed(maps, joint) or drawn["position"]
+    charts = [no_chart(name) if one is None else map_chart(one, name) for name, one in drawn.items()]
     spectrum = map_of(maps, joint, "frequency")
-    charts.append(no_chart("spectrum") if spectrum is None else spectrum_chart(spectrum))
-    return tuple(charts)
+    return (*charts, no_chart("spectrum") if spectrum is None else spectrum_chart(spectrum))
 
 
 def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
@@ -132,19 +140,15 @@ def map_chart(one: ResidualMap, key: str = "") -> Chart:
         return no_chart(key, f"The {key} of {one.joint} hardly changes.")
     mean, std, x = one.mean[:, known], one.std[:, known], np.nanmean(one.centres[:, known], axis=0)
     points = len(x) <= MAX_DOTS
-    styles = zip(one.curves, mean, CURVE_COLOURS, DASHES, strict=False)
     series = [
         ChartSeries(name or "mean residual", colour, x, y, 2.2, dash, points)
-        for name, y, colour, dash in styles
+        for name, y, (colour, dash) in zip(one.curves, mean, CURVES, strict=False)
     ]
     half = NORMAL_95 * np.nanmax(std, axis=0)
     share, error = (100 * max(value, 0.0) for value in (one.explained, NORMAL_95 * one.explained_std))
     words = f"{share:.0f} % ± {error:.0f} % of the residual of {one.joint} follows its {one.variable}"
-    if notable(one):
-        low, high = (number(edge, 3) for edge in one.range)
-        words += f", most of it from {low} to {high} {one.unit}."
-    else:
-        words += ": no more than chance."
+    low, high = (number(edge, 3) for edge in one.range)
+    words += f", most of it from {low} to {high} {one.unit}." if notable(one) else ": no more than chance."
     return Chart(
         key,
         f"Residual of {one.joint} against {key}, {share:.0f} %",
@@ -181,9 +185,6 @@ def spectrum_chart(one: ResidualMap) -> Chart:
     )
 
 
-# -- residual that no effect explains --------------------------------------------------------------------
-
-
 def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
     """The free curve fitted to a residual that no effect explains, with its 95 % interval."""
     if curve is None:
@@ -195,9 +196,8 @@ def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
         values, halves, names = values[first, columns][None], halves[first, columns][None], ("",)
     if np.count_nonzero(np.isfinite(values).all(axis=0)) < 2:
         return no_chart(FREE)
-    x, looks = curve.centres, list(zip(CURVE_COLOURS, DASHES, strict=True))
-    series, ribbons = [], []
-    for name, value, half, (colour, dash) in zip(names, values, halves, looks, strict=False):
+    x, series, ribbons = curve.centres, [], []
+    for name, value, half, (colour, dash) in zip(names, values, halves, CURVES, strict=False):
         series.append(ChartSeries(name or "free curve", colour, x, value, 2.2, dash))
         ribbons.append(Ribbon("95 %", colour, x, value - half, value + half))
     largest = number(float(np.nanmax(np.abs(values))), 3)
@@ -225,3 +225,125 @@ def free_html(curve: FreeCurve | None) -> str:
         f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
         f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.</div>"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSamples:
+    """The residual of one joint and the variables it may depend on, over all groups of a result."""
+
+    names: tuple[str, ...]  # of the groups
+    group: NDArray[np.int64]  # (N,) index into `names`
+    variables: dict[str, Array]  # name -> (N,), in the units of `UNITS`
+    residual: Array  # (N,) [Nm]
+    floor: float  # rms expected from measurement noise alone [Nm]; NaN if unknown
+
+    @classmethod
+    def of(cls, result: Identification | None, joint: int) -> ResidualSamples | None:
+        """The samples of one joint; None if the result has no residuals."""
+        if result is None:
+            return None
+        names: list[str] = []
+        rows: list[tuple[Array, ...]] = []
+        group: list[Array] = []
+        for name, series in result.residuals.items():
+            if len(series.time) < 5:
+                continue
+            time, q = np.asarray(series.time), np.asarray(series.q[:, joint])
+            velocity = np.gradient(q, time)
+            steps = np.diff(time, prepend=2 * time[0] - time[1])
+            near_gap = steps > 2.5 * np.median(steps)
+            near_gap |= np.roll(near_gap, -1) | np.roll(near_gap, 1)
+            acceleration, load = np.gradient(velocity, time), series.torque[:, joint]
+            columns = (q, velocity, acceleration, load, time, series.residual[:, joint])
+            rows.append(tuple(np.asarray(column)[~near_gap] for column in columns))
+            group.append(np.full(np.count_nonzero(~near_gap), len(names)))
+            names.append(name)
+        if not rows:
+            return None
+        columns = [np.concatenate(pieces) for pieces in zip(*rows, strict=True)]
+        floors = np.asarray(result.residual.noise_floor, dtype=float)
+        floor = float(floors[joint]) if joint < len(floors) else float("nan")
+        variables = dict(zip(VARIABLES, columns[:-1], strict=True))
+        return cls(tuple(names), np.concatenate(group).astype(np.int64), variables, columns[-1], floor)
+
+    def rows(self, group: str) -> Mask:
+        """Mask (N,) of the samples of a group."""
+        return self.group == (self.names.index(group) if group in self.names else -1)
+
+    def limits(self, variable: str) -> tuple[float, float] | None:
+        """Smallest and largest value of a variable, rounded outwards for the range slider."""
+        if variable not in self.variables:
+            return None
+        values = self.variables[variable]
+        low, high = float(values.min()), float(values.max())
+        if not high > low:
+            return None
+        digit = 10.0 ** (np.floor(np.log10(high - low)) - 1)
+        return float(np.floor(low / digit) * digit), float(np.ceil(high / digit) * digit)
+
+    def instants(self, variable: str, low: float, high: float, group: str) -> tuple[Array, Mask]:
+        """Times (M,) [s] in a group, and whether the variable is in the range there."""
+        rows = self.rows(group)
+        values = self.variables[variable][rows]
+        return self.variables["time"][rows], (values >= low) & (values <= high)
+
+
+def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart:
+    """One joint's residual over time in the shown group, with the noise ribbon."""
+    if found is None:
+        return no_chart("time", EMPTY)
+    rows = found.rows(shown)
+    time, residual = found.variables["time"][rows], found.residual[rows]
+    if len(time) < 2:
+        return no_chart("time", left_out(shown))
+    x, (values,) = thin(time, [residual])
+    half = np.full(len(x), NORMAL_95 * found.floor if np.isfinite(found.floor) else 0.0)
+    return Chart(
+        "time",
+        f"Residual of {name} against time, {shown}",
+        y=ChartAxis("residual", "Nm"),
+        series=(ChartSeries("residual", COLOURS.residual, x, values, 1.3),),
+        ribbons=(Ribbon("95 % of noise", COLOURS.reference, x, -half, half),),
+        playhead=True,
+        highlights=(),
+        height=HEIGHT,
+    ).spans(time[0], time[-1])
+
+
+def left_out(group: str) -> str:
+    """The reason for a group without residual."""
+    return f"{group} has no residual: the last Run ignored it (Ignore in step Data)."
+
+
+def stretches_of(time: Array, inside: Mask) -> tuple[tuple[float, float], ...]:
+    """The intervals of time (M,) in which all instants are inside."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])).astype(int)))
+    return tuple(
+        (float(time[first]), float(time[last - 1]))
+        for first, last in zip(edges[::2], edges[1::2], strict=True)
+    )
+
+
+def range_html(variable: str, low: float, high: float, inside: Mask) -> str:
+    """A sentence on the highlighted range."""
+    if not len(inside):
+        return ""
+    share = float(np.mean(inside))
+    return (
+        f'<div class="fv fv-dim">{escape(variable)} from {number(low, 3)} to {number(high, 3)} '
+        f"{UNITS[variable]}: {100 * share:.0f} % of the time in this group, orange in the plot over time and "
+        "on the robot's path.</div>"
+    )
+
+
+def groups_html(found: ResidualSamples | None, name: str) -> str:
+    """The rms of the residual in every group."""
+    if found is None:
+        return ""
+    cells = []
+    for index, group in enumerate(found.names[:MAX_GROUPS]):
+        part = found.residual[found.group == index]
+        rms = number(float(np.sqrt(np.mean(part**2))), 3)
+        cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')
+    floor = f" Noise floor {number(found.floor, 2)}." if np.isfinite(found.floor) else ""
+    return f'<div class="fv">Rms residual of {escape(name)} [Nm]: {"".join(cells)}{floor}</div>'
