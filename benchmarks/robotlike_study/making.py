@@ -19,11 +19,8 @@ from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
 from flexviz.measurements import GroupTable, write_set
 from flexviz.simulation import Plan, Run, fastest, make_plant, move, record
 
-LARGEST_PHASE = (
-    0.9  # [rad] of the fastest vibration per integration step; with 0.3 θ changes by less than 1e-9
-)
+LARGEST_PHASE = 0.9  # [rad] of the fastest vibration per integration step; a third of it moves θ by 1e-9 rad
 LARGEST_DECAY = 1.6  # [-] integration step times the fastest decay rate
-FILES = {"g1": "a", "g2": "b", "g3": "c"}
 
 
 def is_made(work: Path, case: RobotCase) -> bool:

@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 MARGIN = 0.05  # [rad] to the joint limits
 FASTEST = 0.7  # share of the velocity limits
+SHORTEST_RUN = 8.0  # [s] shorter groups see a part of a period
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ def random_motion(
     """A periodic motion or moves with pauses, as the given robots do."""
     if rng.random() < 0.5:
         return random_moves(robot, rng, centre=centre, reach=reach, duration=duration)
-    period = rng.uniform(0.6, 1.0) * max(duration, 1.0)
+    period = rng.uniform(0.6, 1.0) * max(duration, SHORTEST_RUN)
     return random_fourier(
         robot,
         int(rng.integers(2**31)),

@@ -30,7 +30,8 @@ WIDE = 1 / 3  # share of the robots with stiffness and motor inertia far from th
 BARE = 0.25  # share of the sets without any payload
 FILTERED = 0.5  # share of the sets that record a filtered current
 FILTER_HERTZ = (150.0, 500.0)
-ENCODER_BITS = (18, 22)  # at the joint side
+ENCODER_BITS = {18: 0.08, 19: 0.23, 20: 0.23, 21: 0.23, 22: 0.23}  # at the joint side → probability
+NOISELESS = 0.5  # share of the encoders without any noise but their resolution
 TORQUE_NOISE = (0.002, 0.012)  # standard deviation over that of the joint's torque
 TORQUE_STEP = 0.002  # resolution over the standard deviation of the joint's torque
 GROUPS = (("g1", "t1", "p1"), ("g2", "t2", "p2"), ("g3", "t3", "p3"))  # the last one is held out
@@ -182,11 +183,12 @@ def _controller(robot: Robot, motor: Array, centre: Array, rng: np.random.Genera
 
 def _sensors(torque: Array, rng: np.random.Generator) -> Sensors:
     """Encoder and torque sensor; `torque` (n,) is the standard deviation of each joint's torque [Nm]."""
-    step = 2 * np.pi / 2 ** int(rng.integers(ENCODER_BITS[0], ENCODER_BITS[1] + 1))
+    step = 2 * np.pi / 2 ** int(rng.choice(list(ENCODER_BITS), p=list(ENCODER_BITS.values())))
+    encoder = 0.0 if rng.random() < NOISELESS else rng.uniform(0.1, 0.6)  # [steps]
     noise = np.exp(rng.uniform(*np.log(TORQUE_NOISE)))
     hertz = rng.uniform(*FILTER_HERTZ) if rng.random() < FILTERED else 0.0
     return Sensors(
-        theta_noise=np.full(len(torque), step * rng.uniform(0.1, 0.6)),
+        theta_noise=np.full(len(torque), step * encoder),
         torque_noise=noise * torque,
         resolution=np.full(len(torque), step),
         torque_resolution=TORQUE_STEP * torque,
