@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError, choose_from
-from flexviz.robot_files import find_urdf, is_library_robot, mesh_names, read_urdf, resolve_mesh
-from flexviz.robot_settings import SETTINGS, RobotSettings, load_settings
+from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_robot, load_settings, read_urdf
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
 
@@ -41,11 +40,10 @@ class PayloadBody:
         object.__setattr__(self, "link", link)
         object.__setattr__(self, "mass", float(mass))
         for name, given, length in (("com", com, 3), ("inertia", inertia, 6)):
-            value = np.array(given, dtype=float)
+            value = _frozen(given)
             if value.shape != (length,):
                 found = f"{name} has shape {value.shape}, expected ({length},)"
                 raise InputError(f"payload body on {link}: {found}")
-            value.setflags(write=False)
             object.__setattr__(self, name, value)
 
     @property
@@ -66,6 +64,10 @@ class Robot:
         joints: names of the n moving joints; every other joint stays locked at neutral.
         model: Pinocchio's model of those joints (nq == nv == n), in Pinocchio's own order.
         order: (n,) Pinocchio's index of the set's joint i.
+        urdf: its text, continuous joints as revolute ones with wide limits.
+        lower_limit, upper_limit: (n,) position limits [rad].
+        velocity_limit: (n,) [rad/s].
+        effort_limit: (n,) [Nm].
     """
 
     name: str
@@ -75,6 +77,10 @@ class Robot:
     model: Any
     order: np.ndarray
     urdf: str
+    lower_limit: np.ndarray
+    upper_limit: np.ndarray
+    velocity_limit: np.ndarray
+    effort_limit: np.ndarray
 
     @staticmethod
     def load(source: str | Path, joints: Sequence[str] | None = None, base: Path | None = None) -> Robot:
@@ -103,7 +109,9 @@ class Robot:
         model = pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
         model.gravity.linear = np.array(GRAVITY)
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
-        return Robot(name, str(source), path, chosen, model, order, urdf)
+        positions = model.lowerPositionLimit, model.upperPositionLimit
+        limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, model.upperEffortLimit))
+        return Robot(name, str(source), path, chosen, model, order, urdf, *limits)
 
     @property
     def n(self) -> int:
@@ -134,7 +142,7 @@ class Robot:
     def cad_parameters(self) -> np.ndarray:
         """(n, 10) the URDF's inertias about the joint frames: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
         rows = [self.model.inertias[1 + i].toDynamicParameters() for i in range(self.n)]
-        return self._frozen(np.array(rows)[self.order])
+        return _frozen(np.array(rows)[self.order])
 
     def payload_parameters(self, bodies: Sequence[PayloadBody]) -> np.ndarray:
         """(n, 10) contribution of `bodies` to the inertial parameters, in the order of `cad_parameters`."""
@@ -183,7 +191,7 @@ class Robot:
     @cached_property
     def links(self) -> tuple[str, ...]:
         """Names of all links."""
-        return tuple(frame.name for frame in self.model.frames if frame.type == pin.FrameType.BODY)
+        return tuple(self._link_index)
 
     def joint_of_link(self, link: str) -> int | None:
         """Index of the set's joint that moves `link`, or None when it is fixed to the base."""
@@ -206,43 +214,22 @@ class Robot:
     def _link_index(self) -> dict[str, int]:
         return {f.name: i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY}
 
-    # -- drawing -------------------------------------------------------------------------------------
-
     @cached_property
-    def lower_limit(self) -> np.ndarray:
-        """(n,) lower position limits [rad]."""
-        return self._frozen(self.from_pin(self.model.lowerPositionLimit))
-
-    @cached_property
-    def upper_limit(self) -> np.ndarray:
-        """(n,) upper position limits [rad]."""
-        return self._frozen(self.from_pin(self.model.upperPositionLimit))
-
-    @cached_property
-    def velocity_limit(self) -> np.ndarray:
-        """(n,) velocity limits [rad/s]."""
-        return self._frozen(self.from_pin(self.model.velocityLimit))
-
-    def yourdf(self, collision: bool = False) -> Any:
-        """The robot as `yourdfpy.URDF` with its visual (and, if asked, collision) meshes loaded.
-
-        A mesh that does not exist is an InputError that names it.
-        """
+    def description(self) -> Any:
+        """The URDF as `yourdfpy.URDF`, without meshes."""
         import io
 
         import yourdfpy
 
-        for name in mesh_names(self.urdf):
-            resolve_mesh(name, self.urdf_path)
         return yourdfpy.URDF.load(
             io.BytesIO(self.urdf.encode()),
-            filename_handler=lambda fname: str(resolve_mesh(fname, self.urdf_path)),
-            build_collision_scene_graph=collision,
-            load_collision_meshes=collision,
+            build_scene_graph=False,
+            load_meshes=False,
+            build_collision_scene_graph=False,
         )
 
-    @staticmethod
-    def _frozen(x: np.ndarray) -> np.ndarray:
-        x = np.array(x, dtype=float)
-        x.setflags(write=False)
-        return x
+
+def _frozen(x: ArrayLike) -> np.ndarray:
+    array = np.array(x, dtype=float)
+    array.setflags(write=False)
+    return array

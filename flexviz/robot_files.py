@@ -1,7 +1,8 @@
-"""Find robot descriptions and their meshes.
+"""Find robot descriptions, their meshes, and ready-made settings of robots.
 
 A robot is given as the path of a URDF, as `example-robot-data:<name>` (the collection installed beside
 Pinocchio) or as `robots:<name>` (shipped with flexviz). Meshes are named by plain paths or `package://` ones.
+Settings are one TOML file per robot in `robots/`; lists have one value per joint, in the order of `joints`.
 """
 
 from __future__ import annotations
@@ -10,14 +11,20 @@ import re
 import sysconfig
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.resources import robots_dir
 
 EXAMPLE_ROBOT_DATA = "example-robot-data"
 SHIPPED = "robots"
+SETTINGS: tuple[str, ...] = ("planar_2r", "panda", "ur5")
 _SUFFIXES = ("_robot", "_description")
 
 
@@ -136,3 +143,34 @@ def _without_suffix(name: str) -> str:
     for suffix in _SUFFIXES:
         name = name.removesuffix(suffix)
     return name
+
+
+# -- settings ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class RobotSettings:
+    """Typical values of a robot with flexible joints, all at the joint side; arrays are (n,)."""
+
+    name: str
+    robot: str  # argument of `Robot.load`
+    joints: tuple[str, ...]
+    stiffness: np.ndarray  # [Nm/rad]
+    motor_inertia: np.ndarray  # [kg m²]
+    link_viscous_friction: np.ndarray  # [Nm s/rad]
+    motor_viscous_friction: np.ndarray  # [Nm s/rad]
+    kp: np.ndarray  # [Nm/rad] controller gains
+    kd: np.ndarray  # [Nm s/rad]
+    cycle: float  # [s] of the controller
+    theta_noise: np.ndarray  # [rad] standard deviation of the motor positions' noise
+    torque_noise: np.ndarray  # [Nm] of the torques'
+
+
+def load_settings(name: str) -> RobotSettings:
+    """The settings called "planar_2r", "panda" or "ur5"."""
+    if name not in SETTINGS:
+        raise InputError(f'settings "{name}" do not exist; {choose_from(name, SETTINGS)}')
+    table = toml.read(robots_dir() / f"{name}.toml")
+    joints = tuple(table.pop("joints"))
+    values: dict[str, Any] = {key: np.array(x) if isinstance(x, list) else x for key, x in table.items()}
+    return RobotSettings(name=name, joints=joints, **values)

@@ -9,6 +9,8 @@ from flexviz._pinocchio import pin
 from flexviz.errors import InputError
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
+from flexviz.robot_files import resolve_mesh
+from flexviz.scene import robot_shape
 
 ARM = [f"panda_joint{i}" for i in range(1, 8)]
 MIXED = [ARM[i] for i in (2, 0, 6, 1, 3, 5, 4)]
@@ -105,8 +107,8 @@ def test_link_poses() -> None:
 
 
 def test_drawing_loads_every_mesh() -> None:
-    urdf = Robot.load("example-robot-data:panda", ARM).yourdf()
-    assert len(urdf.scene.geometry) >= 10
+    shape = robot_shape(Robot.load("example-robot-data:panda", ARM))
+    assert len(shape.bodies) >= 8 and not shape.missing
 
 
 @pytest.mark.parametrize(
@@ -130,7 +132,7 @@ def test_bad_urdf_link_and_mesh(slider: Path) -> None:
     with pytest.raises(InputError, match='link "cat" does not exist; did you mean "cart"'):
         robot.joint_of_link("cat")
     with pytest.raises(InputError, match=r'mesh "package://nowhere/cart\.stl" not found'):
-        robot.yourdf()
+        resolve_mesh("package://nowhere/cart.stl", robot.urdf_path)
     (slider / "bad.urdf").write_text("<robot><link></robot>")
     with pytest.raises(InputError, match="not valid XML"):
         Robot.load("bad.urdf", base=slider)

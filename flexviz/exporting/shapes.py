@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import xml.etree.ElementTree as ElementTree
 from typing import Any
 
@@ -28,15 +27,7 @@ class Shapes:
     """
 
     def __init__(self, robot: Robot, folder: str) -> None:
-        import yourdfpy
-
-        self._robot, self._folder = robot, folder
-        self._urdf = yourdfpy.URDF.load(
-            io.BytesIO(robot.urdf.encode()),
-            build_scene_graph=False,
-            load_meshes=False,
-            build_collision_scene_graph=False,
-        )
+        self._robot, self._folder, self._urdf = robot, folder, robot.description
         self.assets: list[ElementTree.Element] = []
         self.files: dict[str, bytes] = {}
         self.missing: list[str] = []

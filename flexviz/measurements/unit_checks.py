@@ -176,7 +176,7 @@ class UnitCheck:
     def tau(self, largest: Array, stiffness: Array | None) -> None:
         """Refuse torques in mNm or kNm, or of the motor before the gear, by the largest ones (n,)."""
         rigid, joints = self.agreement(1.0), self.robot.joints
-        limits = self.robot.from_pin(self.robot.model.upperEffortLimit)
+        limits = self.robot.effort_limit
         strong = largest > UNITS.effort * np.where(limits > 0.0, limits, np.inf)
         deflection = largest / (np.inf if stiffness is None else stiffness)  # [rad]
         worst = int(np.argmax(largest))

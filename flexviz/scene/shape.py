@@ -6,7 +6,6 @@ and links whose mesh is missing are drawn as capsules between joint frames.
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,14 +44,7 @@ class RobotShape:
 
 def robot_shape(robot: Robot) -> RobotShape:
     """The robot's bodies from its URDF."""
-    import yourdfpy
-
-    urdf = yourdfpy.URDF.load(
-        io.BytesIO(robot.urdf.encode()),
-        build_scene_graph=False,
-        load_meshes=False,
-        build_collision_scene_graph=False,
-    )
+    urdf = robot.description
     poses = robot.link_poses(np.zeros(robot.n))
     reach = max(float(np.linalg.norm(pose[:3, 3])) for pose in poses.values()) or 1.0
     parts: dict[int | None, list[tuple[str, Any]]] = {}

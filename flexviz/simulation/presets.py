@@ -10,7 +10,7 @@ import numpy as np
 from flexviz.errors import InputError, choose_from
 from flexviz.model import FlexibleModel
 from flexviz.robot import PayloadBody, Robot
-from flexviz.robot_settings import RobotSettings, load_settings
+from flexviz.robot_files import RobotSettings, load_settings
 from flexviz.simulation.control import PDController
 from flexviz.simulation.plan import Plan, PlannedGroup, four_groups
 from flexviz.simulation.plant import Array
