@@ -16,7 +16,7 @@ from flexviz.cli import main
 from flexviz.effects import EFFECT_NAMES
 from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, identified_robot, write
-from flexviz.exporting.documents import model_of
+from flexviz.exporting.identified import model_of
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, fingerprint, read_set
 from flexviz.model import FlexibleModel

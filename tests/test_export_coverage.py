@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from flexviz.effects import EFFECT_NAMES, EFFECTS
+from flexviz.errors import InputError
 from flexviz.exporting import FORMATS, LeftOut, Written, coverage
 from flexviz.exporting.coverage import REGISTRIES, PerJoint, PerRow
 from tests import test_export_code, test_export_robot
@@ -67,3 +68,22 @@ def test_numbers_of_the_code_are_parameters_of_the_effect() -> None:
             assert list(code.columns) == known
         elif isinstance(code, PerJoint):
             assert code.parameter in known
+
+
+@pytest.mark.parametrize("target, template", [("c", "template.c"), ("python", "template.py")])
+def test_a_table_without_a_section_of_the_template_is_refused(
+    target: str, template: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    made_up = PerRow("made up", "made_up", {"amplitude": "amplitude", "order": "order", "phase": "phase"})
+    monkeypatch.setitem(REGISTRIES[target], "torque_ripple", made_up)
+    made = identified(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)
+    with pytest.raises(InputError, match=rf"{template}: has no section \[made_up\], .* for torque_ripple"):
+        FORMATS[target](made)
+
+
+def test_an_entry_of_code_that_writes_nothing_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(REGISTRIES["c"], "torque_ripple", Written("made up"))
+    with pytest.raises(InputError, match="torque_ripple:joint1: the code has no place for"):
+        identified(short_set("planar-2r", tmp_path), plan("planar-2r", "torque_ripple:joint1").model)

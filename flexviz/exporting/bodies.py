@@ -19,41 +19,7 @@ from flexviz.estimation import pseudo_inertia
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class LinkInertia:
-    """A link's inertia in the form of a URDF.
-
-    Attributes:
-        mass: [kg].
-        com: (3,) centre of mass in the link's frame [m].
-        rotation: (3, 3) axes of `inertia` in the link's frame.
-        inertia: (3, 3) about the centre of mass in those axes [kg m²].
-    """
-
-    mass: float
-    com: Array
-    rotation: Array
-    inertia: Array
-
-    @property
-    def dynamic(self) -> Array:
-        """(10,) m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the link's frame."""
-        along = self.rotation @ self.inertia @ self.rotation.T
-        about = along + self.mass * (self.com @ self.com * np.eye(3) - np.outer(self.com, self.com))
-        x, y, z = self.mass * self.com
-        upper = about[0, 0], about[0, 1], about[1, 1], about[0, 2], about[1, 2], about[2, 2]
-        return np.array([self.mass, x, y, z, *upper])
-
-    @staticmethod
-    def of(dynamic: Array, rotation: Array) -> LinkInertia:
-        """From parameters (10,) about the link's frame, with the inertia in the axes `rotation`."""
-        mass, com = float(dynamic[0]), dynamic[1:4] / dynamic[0]
-        xx, xy, yy, xz, yz, zz = dynamic[4:]
-        about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        central = about - mass * (com @ com * np.eye(3) - np.outer(com, com))
-        return LinkInertia(mass, com, rotation, rotation.T @ central @ rotation)
+TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +28,22 @@ class Carrier:
 
     Attributes:
         link: name.
-        inertia: new inertia.
+        inertia: new `pin.Inertia` in the link's frame.
+        rotation: (3, 3) axes of the URDF's inertia in the link's frame.
         others: links fixed to it.
         emptied: links among them that lose their inertia.
     """
 
     link: str
-    inertia: LinkInertia
+    inertia: Any
+    rotation: Array
     others: tuple[str, ...]
     emptied: tuple[str, ...]
+
+    @property
+    def tensor(self) -> Array:
+        """(3, 3) inertia about the centre of mass in the axes `rotation` [kg m²]."""
+        return self.rotation.T @ self.inertia.inertia @ self.rotation
 
 
 def carriers(robot: Robot, inertial: Array) -> list[Carrier]:
@@ -79,17 +52,18 @@ def carriers(robot: Robot, inertial: Array) -> list[Carrier]:
     return [_carrier(robot, i, inertial[i], given) for i in range(robot.n)]
 
 
-def _carrier(robot: Robot, i: int, whole: Array, given: dict[str, LinkInertia]) -> Carrier:
+def _carrier(robot: Robot, i: int, whole: Array, given: dict[str, tuple[Any, Array]]) -> Carrier:
     links = [link for link in robot.links if robot.joint_of_link(link) == i]
-    link = max(links, key=lambda name: given[name].mass if name in given else 0.0)  # the first of equals
+    link = max(links, key=lambda name: given[name][0].mass if name in given else 0.0)  # the first of equals
     others = [name for name in links if name != link]
-    rest = whole - sum((_moved(given[o].dynamic, placement(robot, o)) for o in others if o in given), start=0)
     emptied = [name for name in others if name in given]
-    if _physical(rest):
+    kept = (placement(robot, name).act(given[name][0]).toDynamicParameters() for name in emptied)
+    rest = whole - sum(kept, start=np.zeros(10))
+    if np.linalg.eigvalsh(pseudo_inertia(rest))[0] > 0.0:
         whole, emptied = rest, []
-    own = _moved(whole, placement(robot, link).inverse())
-    rotation = given[link].rotation if link in given else np.eye(3)
-    return Carrier(link, LinkInertia.of(own, rotation), tuple(others), tuple(emptied))
+    own = placement(robot, link).actInv(pin.Inertia.FromDynamicParameters(whole))
+    rotation = given[link][1] if link in given else np.eye(3)
+    return Carrier(link, own, rotation, tuple(others), tuple(emptied))
 
 
 def placement(robot: Robot, link: str) -> Any:
@@ -97,36 +71,21 @@ def placement(robot: Robot, link: str) -> Any:
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
-def link_inertias(urdf: str) -> dict[str, LinkInertia]:
-    """Link -> inertia in a URDF, for links with mass."""
+def link_inertias(urdf: str) -> dict[str, tuple[Any, Array]]:
+    """Link -> its `pin.Inertia` in a URDF and the axes (3, 3) of the tensor there, for links with mass."""
     found = {}
     for link in ElementTree.fromstring(urdf).findall("link"):
-        inertial = link.find("inertial")
-        mass = None if inertial is None else inertial.find("mass")
-        if inertial is None or mass is None or float(mass.get("value", 0)) <= 0.0:
-            continue
-        origin, tensor = inertial.find("origin"), inertial.find("inertia")
-        xyz, rpy = (_numbers(None if origin is None else origin.get(key)) for key in ("xyz", "rpy"))
-        xx, xy, xz, yy, yz, zz = (
-            0.0 if tensor is None else float(tensor.get(key, 0))
-            for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        mass, origin, tensor = (
+            {} if element is None else element.attrib
+            for element in (link.find(f"inertial/{name}") for name in ("mass", "origin", "inertia"))
         )
-        matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if float(mass.get("value", 0)) <= 0.0:
+            continue
+        xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
+        matrix = np.zeros((3, 3))
+        for name, (row, column) in TENSOR.items():
+            matrix[row, column] = matrix[column, row] = float(tensor.get(name, 0))
         rotation = np.array(pin.rpy.rpyToMatrix(rpy))
-        found[link.get("name", "")] = LinkInertia(float(mass.get("value", 0)), xyz, rotation, matrix)
+        inertia = pin.Inertia(float(mass["value"]), xyz, rotation @ matrix @ rotation.T)
+        found[link.get("name", "")] = inertia, rotation
     return found
-
-
-def _moved(dynamic: Array, placement: Any) -> Array:
-    """Parameters (10,) about another frame; `placement` is the pose of the old frame in the new one."""
-    if dynamic[0] == 0.0:
-        return np.zeros(10)
-    return np.array(placement.act(pin.Inertia.FromDynamicParameters(dynamic)).toDynamicParameters())
-
-
-def _physical(dynamic: Array) -> bool:
-    return bool(np.linalg.eigvalsh(pseudo_inertia(dynamic))[0] > 0.0)
-
-
-def _numbers(text: str | None) -> Array:
-    return np.array([float(part) for part in (text or "0 0 0").split()])

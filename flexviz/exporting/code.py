@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
+from flexviz.errors import InputError
 from flexviz.exporting.code_tables import INDICES, CodeArray, CodeRows, CodeTables, code_tables
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 
@@ -53,10 +54,10 @@ def c_code(identified: IdentifiedRobot) -> FormatFiles:
     exported = "const double NAME_torque_delay[NAME_JOINTS]"
     delay = arrays.pop("TORQUE_DELAY").replace("static const double TORQUE_DELAY[N]", exported)
     rows = [_c_rows(key, rows) for key, rows in tables.rows.items()]
-    top, code = (_HERE / "template.c").read_text(encoding="utf-8").split("/* code: */\n")
+    top, code = _template("template.c", "/* code: */\n", tables)
     top = top[top.index("#include") :]
     comment = _comment(_about(identified, tables, missing))
-    source = "\n".join((comment, top, *arrays.values(), *rows, delay, with_sections(code, tables.sections)))
+    source = "\n".join((comment, top, *arrays.values(), *rows, delay, code))
     header = (_HERE / "template.h").read_text(encoding="utf-8")
     listed = ", ".join(f"{i} {_ascii(joint)}" for i, joint in enumerate(identified.joints))
     header = header.replace("JOINT_NAMES", listed).replace("JOINT_COUNT", str(identified.robot.n))
@@ -69,8 +70,7 @@ def c_code(identified: IdentifiedRobot) -> FormatFiles:
 def python_code(identified: IdentifiedRobot) -> FormatFiles:
     """One module."""
     tables, missing = code_tables(identified), identified.left_out("python")
-    template = (_HERE / "template.py").read_text(encoding="utf-8")
-    code = with_sections(template.split("# code:\n")[1], tables.sections)
+    _, code = _template("template.py", "# code:\n", tables)
     about = "\n".join(_wrapped(_about(identified, tables, missing)))
     about = about.replace("\\", "\\\\").replace('"', "'")
     parts = [
@@ -87,7 +87,7 @@ def python_code(identified: IdentifiedRobot) -> FormatFiles:
 def _about(identified: IdentifiedRobot, tables: CodeTables, missing: list[str]) -> list[str]:
     lines = ["Inverse dynamics for feed-forward control.", *identified.heading, *EQUATIONS]
     lines += [text for name, text in NOTES.items() if name in tables.sections]
-    if identified.laws["delay"].any():
+    if identified.laws["torque_delay"].any():
         lines.append(DELAYED)
     return [*lines, "SPDX-License-Identifier: Apache-2.0", *(f"NOT CONTAINED: {text}" for text in missing)]
 
@@ -176,6 +176,19 @@ def _wrapped(lines: Iterable[str]) -> list[str]:
     for line in lines:
         out += [line] if line.startswith(" ") else textwrap.wrap(line, LINE_LENGTH) or [""]
     return out
+
+
+def _template(name: str, mark: str, tables: CodeTables) -> tuple[str, str]:
+    """What stands before and after `mark` in a template, with the sections that the robot needs.
+
+    Raises:
+        InputError: the template has no section for an effect, whose torque the code would miss.
+    """
+    top, code = (_HERE / name).read_text(encoding="utf-8").split(mark)
+    for table in tables.effects.keys() - section_names(code):
+        effect = tables.effects[table]
+        raise InputError(f"has no section [{table}], expected one for {effect}", file=_HERE / name)
+    return top, with_sections(code, tables.sections)
 
 
 def with_sections(text: str, kept: Collection[str]) -> str:

@@ -45,11 +45,15 @@ class CodeRows:
 
 @dataclass(frozen=True, eq=False)
 class CodeTables:
-    """Arrays and rows by template NAME, and the template sections that this robot needs."""
+    """Arrays and rows by template NAME, and the template sections that this robot needs.
+
+    `effects` maps those sections that belong to one effect to its name.
+    """
 
     arrays: Mapping[str, CodeArray]
     rows: Mapping[str, CodeRows]
     sections: frozenset[str]
+    effects: Mapping[str, str]
 
 
 def code_tables(identified: IdentifiedRobot) -> CodeTables:
@@ -71,17 +75,17 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
         "MOTOR_INERTIA": CodeArray(laws["motor_inertia"], "B [kg m^2]"),
         "MOTOR_VISCOUS": CodeArray(laws["motor_viscous"], "f_mv [Nm s/rad]"),
         "LINK_VISCOUS": CodeArray(laws["link_viscous"], "f_lv [Nm s/rad]"),
-        "TORQUE_DELAY": CodeArray(laws["delay"], "delay from commanded to applied torque [s]"),
     }
     rows: dict[str, CodeRows] = {}
-    for code in CODE.values():
-        if isinstance(code, PerJoint) and code.table != "delay" and laws[code.table].any():
-            arrays[code.table.upper()] = CodeArray(laws[code.table], code.meaning)
+    effects: dict[str, str] = {}
+    for effect, code in CODE.items():
+        if isinstance(code, PerJoint) and (code.always or laws[code.table].any()):
+            arrays |= {a.table.upper(): CodeArray(laws[a.table], a.meaning) for a in code.arrays}
+            effects |= {} if code.always else {code.table: effect}
         elif isinstance(code, PerRow) and laws.rows[code.table]:
             columns = (*code.joints, *code.columns.values())
             rows[code.table.upper()] = CodeRows(laws.rows[code.table], columns, code.meaning)
-    if "SPRING" in arrays:
-        arrays["SPRING_TORQUE"] = CodeArray(laws["spring_torque"], "minus its torque at q = 0 [Nm]")
+            effects[code.table] = effect
     sections = {name.lower() for name in (*arrays, *rows)}
     sections |= {"sign"} if sections & SIGNED else set()
     sections |= {"lists"} if rows.keys() - {"ERROR"} else set()
@@ -89,7 +93,7 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
     sections |= {"linear"} if "cubic" not in sections else set()
     if not sections & {"sign", "link_coulomb"}:
         del arrays["SIGN_VELOCITY"]
-    return CodeTables(arrays, rows, frozenset(sections))
+    return CodeTables(arrays, rows, frozenset(sections), effects)
 
 
 def _inertia_matrices(gamma: Array) -> Array:
@@ -101,8 +105,8 @@ def _inertia_matrices(gamma: Array) -> Array:
 def _tree(robot: Robot) -> dict[str, CodeArray]:
     """The kinematic tree."""
     n = robot.n
-    still, sine, cosine = (np.zeros((n, 3, 3)) for _ in range(3))
-    place, slide, turn, push = (np.zeros((n, 3)) for _ in range(4))
+    still, sine, cosine = np.zeros((3, n, 3, 3))
+    place, slide, turn, push = np.zeros((4, n, 3))
     for b in range(n):
         linear, angular = axis(robot, b)
         placement = robot.model.jointPlacements[1 + b]

@@ -5,24 +5,32 @@ YAML and JSON hold the parameters of any effect and need no registry.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 
 from flexviz.effects import EFFECTS, is_user_defined
+from flexviz.robot import PayloadBody
+from flexviz.simulation import scaled_body, tilted_gravity
+
+Values = Mapping[str, float]  # an effect's parameters by name
 
 
 @dataclass(frozen=True)
 class Written:
-    """An effect that a format contains.
-
-    Attributes:
-        meaning: its representation in the format.
-        missing: the part that is not reproduced, a clause; empty if complete.
-    """
+    """An effect that a format contains: its representation, and the part that is not reproduced, a clause."""
 
     meaning: str
     _: KW_ONLY
     missing: str = ""
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A second number per joint, computed from an effect's parameters."""
+
+    meaning: str
+    table: str
+    number: Callable[[Values], float]
 
 
 @dataclass(frozen=True)
@@ -32,10 +40,23 @@ class PerJoint(Written):
     Attributes:
         table: name in `Laws`, of the array and of the template section.
         parameter: the effect's parameter.
+        also: a second array of the same section.
+        always: part of every robot's code, zero or not; has no template section.
     """
 
     table: str
     parameter: str
+    also: Derived | None = None
+    always: bool = False
+
+    def number(self, values: Values) -> float:
+        """The joint's number."""
+        return values[self.parameter]
+
+    @property
+    def arrays(self) -> tuple[PerJoint | Derived, ...]:
+        """All arrays of the effect."""
+        return (self,) if self.also is None else (self, self.also)
 
 
 @dataclass(frozen=True)
@@ -54,6 +75,20 @@ class PerRow(Written):
 
 
 @dataclass(frozen=True)
+class OnPayload(Written):
+    """An effect that changes the payload's bodies."""
+
+    body: Callable[[PayloadBody, Values], PayloadBody]
+
+
+@dataclass(frozen=True)
+class OnGravity(Written):
+    """An effect that changes gravity [m/s²] in the base's frame."""
+
+    gravity: Callable[[Values], tuple[float, float, float]]
+
+
+@dataclass(frozen=True)
 class LeftOut:
     """An effect that a format does not contain, with the reason as a clause."""
 
@@ -67,10 +102,19 @@ RIGID = LeftOut("a URDF has rigid joints only")
 USER_DEFINED = LeftOut("a user-defined effect: its law exists only in its own file")
 EVENT = LeftOut("an event of one recording, not a property of the robot")
 UNREGISTERED = LeftOut("no export is registered for it")
-PAYLOAD = Written("mass and inertia of the payload")
+PAYLOAD = OnPayload(
+    "mass and inertia of the payload",
+    lambda body, values: scaled_body(body, 1.0 + values["relative_mass_error"]),
+)
+GRAVITY = OnGravity("gravity", lambda values: tilted_gravity(values["tilt_x"], values["tilt_y"]))
+SPRING_TORQUE = Derived(
+    "minus its torque at q = 0 [Nm]",
+    "spring_torque",
+    lambda values: values["stiffness"] * values["rest_angle"],
+)
 SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
 
-CODE: dict[str, Entry] = {
+CODE: dict[str, PerJoint | PerRow | OnPayload | OnGravity | LeftOut] = {
     "stiffness_hardening": PerJoint("cubic stiffness k3 [Nm/rad^3]", "cubic", "cubic_stiffness"),
     "backlash": PerJoint("backlash half width b [rad]", "half_width", "half_width"),
     "joint_damping": PerJoint("joint damping D [Nm s/rad]", "damping", "damping"),
@@ -82,8 +126,10 @@ CODE: dict[str, Entry] = {
     "torque_gain": PerJoint(
         "torque gain error g [-]: applied = (1 + g) commanded", "gain_error", "gain_error"
     ),
-    "torque_delay": PerJoint("delay from commanded to applied torque [s]", "delay", "delay"),
-    "cable_spring": PerJoint("spring on the link [Nm/rad]", "spring", "stiffness"),
+    "torque_delay": PerJoint(
+        "delay from commanded to applied torque [s]", "torque_delay", "delay", always=True
+    ),
+    "cable_spring": PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
     "stribeck_friction": PerRow(
         "Stribeck friction: f_s [Nm], v_s [rad/s]", "stribeck", {"stribeck": "stribeck", "velocity": "width"}
     ),
@@ -108,7 +154,7 @@ CODE: dict[str, Entry] = {
         ("joint", "other"),
     ),
     "payload_error": PAYLOAD,
-    "base_tilt": Written("gravity"),
+    "base_tilt": GRAVITY,
     "external_contact": EVENT,
 }
 FRICTION_IN_URDF = ("coulomb_friction", "link_coulomb_friction", "presliding_hysteresis")
@@ -156,10 +202,10 @@ MJCF: dict[str, Entry] = {
         "MuJoCo's inertia matrix is symmetric, this coupling acts in one direction only"
     ),
     "payload_error": PAYLOAD,
-    "base_tilt": Written("gravity"),
+    "base_tilt": GRAVITY,
     "external_contact": EVENT,
 }
-REGISTRIES = {"urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE}
+REGISTRIES: Mapping[str, Mapping[str, Entry]] = {"urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE}
 FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
 
 

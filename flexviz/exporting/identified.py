@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz import __version__
+from flexviz.effects import EFFECTS
+from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError, choose_from
 from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
-from flexviz.exporting.documents import model_of
 from flexviz.exporting.laws import Laws, laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import ParameterEntry, ResultDocument, Verdict
+from flexviz.results import ResultDocument, Verdict
 from flexviz.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ VERDICTS = {
     "nothing-missing": "nothing is missing from this model",
     "unknown": "something is missing from this model that no known effect explains",
 }
+VECTORS = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,28 +98,9 @@ class IdentifiedRobot:
         """(n, 10) inertial parameters about the joint frames, including the payload."""
         return self.model.inertial + self.robot.payload_parameters(self.laws.bodies)
 
-    @cached_property
-    def _parameters(self) -> dict[str, ParameterEntry]:
-        return {p.label: p for p in self.document.all_parameters}
-
     def grade(self, name: str, joint: str) -> str:
         """How well the data determine a parameter: "yes", "weak" or "no"."""
-        return self._parameters[f"{name}:{joint}"].identifiable
-
-    def estimate(self, effect: EffectValue, name: str) -> ParameterEntry | None:
-        """An effect's parameter among the result's parameters, or None."""
-        place = (effect.joint, effect.payload, effect.group)
-        return self._parameters.get(":".join(part for part in (f"{effect.effect}.{name}", *place) if part))
-
-    def std(self, effect: EffectValue, name: str) -> float | None:
-        """Standard error of an effect's parameter, from the result's parameters or its list of effects."""
-        if known := self.estimate(effect, name):
-            return known.std
-        place = (effect.effect, effect.joint, effect.group, effect.payload)
-        for listed in self.document.all_effects or ():
-            if (listed.effect, listed.joint, listed.group, listed.payload) == place:
-                return listed.parameters[name].std
-        return None
+        return self.document[name, joint].identifiable
 
     @cached_property
     def sha256(self) -> str:
@@ -214,3 +197,48 @@ def check_payload(measurements: MeasurementSet, payload: str | None) -> None:
     if payload is not None and payload not in measurements.payloads:
         valid = choose_from(payload, measurements.payloads)
         raise InputError(f'payload "{payload}" does not exist; {valid}', file=measurements.path)
+
+
+def model_of(document: ResultDocument, joints: Sequence[str], file: str | Path) -> FlexibleModel:
+    """The model with a document's parameters.
+
+    Raises:
+        InputError: a parameter is missing, given twice, or belongs to a joint that the set does not have.
+    """
+    given: dict[str, float] = {}
+    for p in document.all_parameters:
+        if p.joint is not None and p.joint not in joints:
+            found = f'parameter {p.name}: joint "{p.joint}" is not in the set'
+            raise InputError(f"{found}; {choose_from(p.joint, joints)}", file=file)
+        if p.label in given and "." not in p.name:
+            raise InputError(f"parameter {p.label} is given twice", file=file)
+        given[p.label] = p.value
+
+    def value(name: str, joint: str) -> float:
+        try:
+            return given[f"{name}:{joint}"]
+        except KeyError:
+            raise InputError(f"parameter {name} of {joint} is missing", file=file) from None
+
+    vectors = {name: np.array([value(name, j) for j in joints]) for name in VECTORS}
+    inertial = np.array([[value(name, j) for name in INERTIAL_NAMES] for j in joints])
+    values = []
+    for effect in document.all_effects:
+        parameters = {name: float(v.value) for name, v in effect.parameters.items()}
+        values.append(EffectValue(effect.effect, effect.joint, parameters, effect.group, effect.payload))
+        _check_effect(values[-1], file)
+    return FlexibleModel(tuple(joints), **vectors, inertial=inertial, effects=tuple(values))
+
+
+def _check_effect(value: EffectValue, file: str | Path) -> None:
+    known = EFFECTS.get(value.effect)
+    if known is None:
+        raise InputError(
+            f'effect "{value.effect}" does not exist; {choose_from(value.effect, EFFECTS, len(EFFECTS))}; '
+            "load a user-defined effect with --effects-from",
+            file=file,
+        )
+    names = [p.name for p in known.parameters]
+    if set(value.parameters) != set(names):
+        found = ", ".join(value.parameters) or "none"
+        raise InputError(f"effect {value.text}: parameters {found}, expected {', '.join(names)}", file=file)

@@ -9,10 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError
-from flexviz.exporting.coverage import CODE, EVENT, USER_DEFINED, LeftOut, PerJoint, PerRow
+from flexviz.exporting.coverage import (
+    CODE,
+    EVENT,
+    USER_DEFINED,
+    LeftOut,
+    OnGravity,
+    OnPayload,
+    PerJoint,
+    PerRow,
+)
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import GRAVITY, PayloadBody, Robot
-from flexviz.simulation import check_effect, neighbour, scaled_body, tilted_gravity
+from flexviz.simulation import check_effect, neighbour
 
 Array = NDArray[np.float64]
 Row = tuple[float, ...]
@@ -24,8 +33,7 @@ class Laws:
 
     Attributes:
         base: (n,) arrays: stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad].
-        tables: (n,) arrays of the `PerJoint` effects, by table, units as registered. The cable spring's
-            torque is spring q − spring_torque [Nm].
+        tables: (n,) arrays of the `PerJoint` effects, by table, units as registered.
         rows: rows of the `PerRow` effects, by table: joint indices, then the numbers.
         gravity: (3,) [m/s²] in the base's frame.
         bodies: the payload's bodies as identified.
@@ -55,36 +63,39 @@ def laws(
         InputError: an effect's joint does not exist, or a value is impossible, such as a stiffness of zero.
     """
     n = robot.n
-    tables = {code.table: np.zeros(n) for code in CODE.values() if isinstance(code, PerJoint)}
-    tables["spring_torque"] = np.zeros(n)
+    per_joint = [code for code in CODE.values() if isinstance(code, PerJoint)]
+    tables = {array.table: np.zeros(n) for code in per_joint for array in code.arrays}
     rows: dict[str, list[Row]] = {code.table: [] for code in CODE.values() if isinstance(code, PerRow)}
     gravity, carried = GRAVITY, tuple(bodies)
     for effect in model.effects:
-        name, p, code = effect.effect, effect.parameters, CODE.get(effect.effect, USER_DEFINED)
+        p, code = effect.parameters, CODE.get(effect.effect, USER_DEFINED)
         if isinstance(code, LeftOut) or not_of_robot(effect, payload):
             continue
         check_effect(effect, robot.joints)
-        if name == "payload_error":
-            carried = tuple(scaled_body(body, 1.0 + p["relative_mass_error"]) for body in carried)
-        elif name == "base_tilt":
-            gravity = tilted_gravity(p["tilt_x"], p["tilt_y"])
-        for i in range(n) if effect.joint is None else (robot.joints.index(effect.joint),):
-            if isinstance(code, PerJoint):
-                tables[code.table][i] += p[code.parameter]
-            elif isinstance(code, PerRow):
-                indices = (i, neighbour(robot, int(robot.order[i]))) if "other" in code.joints else (i,)
-                rows[code.table].append((*indices, *(p[k] for k in code.columns)))
-            if name == "cable_spring":
-                tables["spring_torque"][i] += p["stiffness"] * p["rest_angle"]
+        joints = range(n) if effect.joint is None else (robot.joints.index(effect.joint),)
+        match code:
+            case OnPayload():
+                carried = tuple(code.body(body, p) for body in carried)
+            case OnGravity():
+                gravity = code.gravity(p)
+            case PerJoint():
+                for array in code.arrays:
+                    tables[array.table][[*joints]] += array.number(p)
+            case PerRow():
+                for i in joints:
+                    indices = (i, neighbour(robot, int(robot.order[i]))) if "other" in code.joints else (i,)
+                    rows[code.table].append((*indices, *(p[k] for k in code.columns)))
+            case _:
+                raise InputError(
+                    f"{effect.text}: the code has no place for {code}, expected one in coverage.py"
+                )
     base = {
         "stiffness": model.stiffness,
         "motor_inertia": model.motor_inertia,
         "motor_viscous": model.motor_viscous_friction,
         "link_viscous": model.link_viscous_friction,
     }
-    found = Laws(base, tables, rows, gravity, carried)
-    _check(found, robot.joints)
-    return found
+    return _checked(Laws(base, tables, rows, gravity, carried), robot.joints)
 
 
 def not_of_robot(effect: EffectValue, payload: str | None) -> str:
@@ -96,17 +107,17 @@ def not_of_robot(effect: EffectValue, payload: str | None) -> str:
     return ""
 
 
-def _check(found: Laws, joints: Sequence[str]) -> None:
+def _checked(found: Laws, joints: Sequence[str]) -> Laws:
+    """The laws; raises InputError for an impossible value."""
     for i, joint in enumerate(joints):
-        for name, unit in (("stiffness", "Nm/rad"), ("motor_inertia", "kg m²")):
-            value = float(found[name][i])
+        for name, unit in (("stiffness", "Nm/rad"), ("motor inertia", "kg m²")):
+            value = float(found[name.replace(" ", "_")][i])
             if not (np.isfinite(value) and value > 0.0):
-                what = name.replace("_", " ")
-                raise InputError(f"{what} of {joint} is {value:g} {unit}, expected a positive number")
-        for name in ("cubic", "half_width", "damping"):
-            if found[name][i] < 0.0:
-                what, value = name.replace("_", " "), found[name][i]
-                raise InputError(f"{what} of {joint} is {value:g}, expected zero or a positive number")
+                raise InputError(f"{name} of {joint} is {value:g} {unit}, expected a positive number")
+        for name in ("cubic", "half width", "damping"):
+            value = float(found[name.replace(" ", "_")][i])
+            if value < 0.0:
+                raise InputError(f"{name} of {joint} is {value:g}, expected zero or a positive number")
         swing = sum(abs(a * n) for at, a, n, _ in found.rows["error"] if at == i)
         if swing >= 1.0:
             raise InputError(
@@ -115,7 +126,8 @@ def _check(found: Laws, joints: Sequence[str]) -> None:
             )
     for i, stiffness, coulomb in found.rows["presliding"]:
         if not (stiffness > 0.0 and coulomb > 0.0):
-            what = f"presliding_hysteresis of {joints[int(i)]}"
             raise InputError(
-                f"{what}: stiffness {stiffness:g} and friction {coulomb:g}, expected positive numbers"
+                f"presliding_hysteresis of {joints[int(i)]}: stiffness {stiffness:g} and friction "
+                f"{coulomb:g}, expected positive numbers"
             )
+    return found

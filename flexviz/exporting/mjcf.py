@@ -13,12 +13,14 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from math import ceil
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexviz._pinocchio import pin
-from flexviz.exporting.bodies import LinkInertia, placement
+from flexviz.exporting.bodies import placement
 from flexviz.exporting.code_tables import axis
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.shapes import Shapes
@@ -40,7 +42,7 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
     step, vibration = timestep(identified)
     root = Element("mujoco", model=name)
     _add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
-    option = _add(root, "option", timestep=repr(step), integrator="RK4", gravity=number_text(laws.gravity))
+    option = _add(root, "option", timestep=step, integrator="RK4", gravity=laws.gravity)
     _add(option, "flag", contact="disable")
     shapes = Shapes(robot, f"{name}_meshes")
     asset = _add(root, "asset")
@@ -59,7 +61,7 @@ def mjcf(identified: IdentifiedRobot) -> FormatFiles:
         ),
         *(
             f"torque_delay:{robot.joints[i]}: a negative delay cannot be simulated"
-            for i in np.flatnonzero(laws["delay"] < 0.0)
+            for i in np.flatnonzero(laws["torque_delay"] < 0.0)
         ),
         *shapes.missing,
     ]
@@ -119,13 +121,12 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
         joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
         parent = inside[int(robot.model.parents[1 + b]) - 1]
         motor = _frame(parent, names[joint], pose)
-        _add(motor, "inertial", pos="0 0 0", mass=repr(ROTOR_MASS), diaginertia=" ".join([ROTOR_INERTIA] * 3))
+        _add(motor, "inertial", pos="0 0 0", mass=ROTOR_MASS, diaginertia=" ".join([ROTOR_INERTIA] * 3))
         body = _frame(parent, children[joint], pose)
         _joints(identified, i, motor, body, names[joint])
-        inertia = LinkInertia.of(identified.inertial[i], np.eye(3))
+        inertia = pin.Inertia.FromDynamicParameters(identified.inertial[i])
         full = inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        com, mass = number_text(inertia.com), number_text(inertia.mass)
-        _add(body, "inertial", pos=com, mass=mass, fullinertia=number_text(full))
+        _add(body, "inertial", pos=inertia.lever, mass=inertia.mass, fullinertia=full)
         inside[b] = body
         for link in robot.links:
             if robot.joint_of_link(link) == i:
@@ -147,36 +148,34 @@ def _joints(identified: IdentifiedRobot, i: int, motor: Element, body: Element, 
     robot, laws, joint = identified.robot, identified.laws, identified.joints[i]
     linear, angular = axis(robot, int(robot.order[i]))
     kind = "hinge" if angular.any() else "slide"
-    shared = {"type": kind, "axis": number_text(angular + linear)}
-    dry = laws.sliding_friction(i)
-    damping = [laws["motor_viscous"][i], *([laws["quadratic"][i]] if laws["quadratic"][i] else [])]
-    found = {"armature": number_text(laws["motor_inertia"][i]), "damping": number_text(damping)}
-    if dry:
-        found |= {"frictionloss": number_text(dry), "solreffriction": FRICTION}
-    _add(motor, "joint", name=motor_name, **shared, **found)
-    more = {"damping": number_text(laws["link_viscous"][i])}
-    if laws["link_coulomb"][i]:
-        more |= {"frictionloss": number_text(laws["link_coulomb"][i]), "solreffriction": FRICTION}
+    shared = {"type": kind, "axis": angular + linear}
+    viscous, quadratic = laws["motor_viscous"][i], laws["quadratic"][i]
+    moving = {"armature": laws["motor_inertia"][i], "damping": [viscous, quadratic] if quadratic else viscous}
+    _add(motor, "joint", name=motor_name, **shared, **moving, **_dry_friction(laws.sliding_friction(i)))
+    more = {"damping": laws["link_viscous"][i], **_dry_friction(laws["link_coulomb"][i])}
     if laws["spring"][i]:
-        more |= {
-            "stiffness": number_text(laws["spring"][i]),
-            "springref": number_text(laws["spring_torque"][i] / laws["spring"][i]),
-        }
+        more |= {"stiffness": laws["spring"][i], "springref": laws["spring_torque"][i] / laws["spring"][i]}
     low, high = robot.lower_limit[i], robot.upper_limit[i]
     if low < high and (kind == "slide" or high - low < ENDLESS_RANGE):
-        more["range"] = number_text((low, high))
+        more["range"] = (low, high)
     _add(body, "joint", name=joint, **shared, **more)
+
+
+def _dry_friction(torque: float) -> dict[str, Any]:
+    return {"frictionloss": torque, "solreffriction": FRICTION} if torque else {}
 
 
 def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) -> None:
     laws = identified.laws
     tendon = _add(root, "tendon")
     for i, joint in enumerate(identified.joints):
-        stiffness = [laws["stiffness"][i], *([0.0, laws["cubic"][i]] if laws["cubic"][i] else [])]
-        slack = [-laws["half_width"][i], laws["half_width"][i]] if laws["half_width"][i] else [0.0]
-        more = {"damping": number_text(laws["damping"][i])} if laws["damping"][i] else {}
-        shared = {"stiffness": number_text(stiffness), "springlength": number_text(slack)}
-        fixed = _add(tendon, "fixed", name=f"{joint}_elastic", **shared, **more)
+        stiffness, cubic, gap = (laws[name][i] for name in ("stiffness", "cubic", "half_width"))
+        spring = {
+            "stiffness": [stiffness, 0.0, cubic] if cubic else stiffness,
+            "springlength": [-gap, gap] if gap else 0.0,
+        }
+        damping = {"damping": laws["damping"][i]} if laws["damping"][i] else {}
+        fixed = _add(tendon, "fixed", name=f"{joint}_elastic", **spring, **damping)
         _add(fixed, "joint", joint=names[joint], coef="1")
         _add(fixed, "joint", joint=joint, coef="-1")
 
@@ -185,29 +184,28 @@ def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str]
     laws = identified.laws
     actuator, sensor = _add(root, "actuator"), _add(root, "sensor")
     for i, joint in enumerate(identified.joints):
-        more = {}
-        if laws["delay"][i] > 0.0:
-            more = {
-                "delay": number_text(laws["delay"][i]),
-                "nsample": str(ceil(laws["delay"][i] / step - 1e-9) + 1),
-            }
+        delay, more = laws["torque_delay"][i], {}
+        if delay > 0.0:
+            more = {"delay": delay, "nsample": str(ceil(delay / step - 1e-9) + 1)}
         if laws["offset"][i]:
-            more |= {"biastype": "affine", "biasprm": number_text((-laws["offset"][i], 0.0, 0.0))}
-        gain = {"gaintype": "fixed", "gainprm": number_text(1.0 + laws["gain_error"][i])}
+            more |= {"biastype": "affine", "biasprm": (-laws["offset"][i], 0.0, 0.0)}
+        gain = {"gaintype": "fixed", "gainprm": 1.0 + laws["gain_error"][i]}
         _add(actuator, "general", name=joint, joint=names[joint], **gain, **more)
         for signal, place in (("theta", names[joint]), ("q", joint)):
             _add(sensor, "jointpos", name=f"{signal}_{joint}", joint=place)
             _add(sensor, "jointvel", name=f"{signal}_velocity_{joint}", joint=place)
 
 
-def _add(parent: Element, tag: str, **attributes: str) -> Element:
-    return ElementTree.SubElement(parent, tag, attributes)
+def _add(parent: Element, tag: str, **attributes: str | ArrayLike) -> Element:
+    """A new element; attributes are texts or numbers."""
+    texts = {k: v if isinstance(v, str) else number_text(v) for k, v in attributes.items()}
+    return ElementTree.SubElement(parent, tag, texts)
 
 
 def _frame(parent: Element, name: str, pose: object) -> Element:
     """A body in `parent` at a Pinocchio pose."""
     quaternion = pin.Quaternion(pose.rotation).coeffs()  # type: ignore[attr-defined]  # x y z w
-    place = {"pos": number_text(pose.translation)}  # type: ignore[attr-defined]
+    place = {"pos": pose.translation}  # type: ignore[attr-defined]
     if abs(quaternion[3]) < 1.0:
-        place["quat"] = number_text((quaternion[3], *quaternion[:3]))
+        place["quat"] = (quaternion[3], *quaternion[:3])
     return _add(parent, "body", name=name, **place)

@@ -78,37 +78,31 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         verdict=identified.verdict,
         parameters=document.all_parameters,
         base_parameters=document.base_parameters,
-        effects=effect_entries(identified),
+        effects=effect_entries(document),
         residual=document.residual,
     )
     return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}
 
 
-def effect_entries(identified: IdentifiedRobot) -> list[EffectEntry]:
+def effect_entries(document: ResultDocument) -> list[EffectEntry]:
     """The model's effects with their laws, values, standard errors and units."""
+    known = {p.label: p for p in document.all_parameters}
     entries = []
-    for effect in identified.model.effects:
+    for effect in document.all_effects:
         law = EFFECTS[effect.effect]
+        place = {"joint": effect.joint, "payload": effect.payload, "group": effect.group}
         values = {}
         for spec in law.parameters:
-            known = identified.estimate(effect, spec.name)
+            label = ":".join([f"{effect.effect}.{spec.name}", *filter(None, place.values())])
+            value, p = effect.parameters[spec.name], known.get(label)
             values[spec.name] = ValueEntry(
-                value=effect.parameters[spec.name],
-                std=identified.std(effect, spec.name),
+                value=value.value,
+                std=value.std if p is None else p.std,
                 unit=spec.unit,
-                identifiable=None if known is None else known.identifiable,
+                identifiable=None if p is None else p.identifiable,
             )
-        entries.append(
-            EffectEntry(
-                effect=effect.effect,
-                joint=effect.joint,
-                group=effect.group,
-                payload=effect.payload,
-                title=law.title,
-                equation=law.equation,
-                parameters=values,
-            )
-        )
+        about = {"title": law.title, "equation": law.equation, "parameters": values}
+        entries.append(effect.model_copy(update=place | about))
     return entries
 
 

@@ -39,25 +39,26 @@ class Shapes:
         for k, visual in enumerate(found.visuals if found is not None else ()):
             element = ElementTree.Element("geom", contype="0", conaffinity="0", group="2")
             if self._shape(element, visual.geometry, f"{link}_{k}"):
-                _place(element, visual.origin)
+                if visual.origin is not None:
+                    quaternion = pin.Quaternion(visual.origin[:3, :3].astype(float)).coeffs()  # x y z w
+                    element.set("pos", number_text(visual.origin[:3, 3]))
+                    element.set("quat", number_text((quaternion[3], *quaternion[:3])))
                 element.set("rgba", number_text(self._colour(visual.material)))
                 out.append(element)
         return out
 
     def _shape(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
-        if geometry.box is not None:
-            element.set("type", "box")
-            element.set("size", number_text(np.asarray(geometry.box.size) / 2))
-        elif geometry.cylinder is not None:
-            element.set("type", "cylinder")
-            element.set("size", number_text((geometry.cylinder.radius, geometry.cylinder.length / 2)))
-        elif geometry.sphere is not None:
-            element.set("type", "sphere")
-            element.set("size", number_text(geometry.sphere.radius))
-        elif geometry.mesh is not None:
+        if geometry.mesh is not None:
             return self._mesh(element, geometry, name)
+        if geometry.box is not None:
+            kind, size = "box", np.asarray(geometry.box.size) / 2
+        elif geometry.cylinder is not None:
+            kind, size = "cylinder", np.array([geometry.cylinder.radius, geometry.cylinder.length / 2])
+        elif geometry.sphere is not None:
+            kind, size = "sphere", geometry.sphere.radius
         else:
             return False
+        element.attrib |= {"type": kind, "size": number_text(size)}
         return True
 
     def _mesh(self, element: ElementTree.Element, geometry: Any, name: str) -> bool:
@@ -69,21 +70,10 @@ class Shapes:
         file = f"{self._folder}/{name}.stl"
         self.files[file] = mesh.export(file_type="stl")
         self.assets.append(ElementTree.Element("mesh", name=name, file=file, inertia="shell"))
-        element.set("type", "mesh")
-        element.set("mesh", name)
+        element.attrib |= {"type": "mesh", "mesh": name}
         return True
 
     def _colour(self, material: Any) -> Any:
         if material is not None and material.color is None:
             material = self._urdf._material_map.get(material.name)
-        if material is None or material.color is None:
-            return GREY
-        return material.color.rgba
-
-
-def _place(element: ElementTree.Element, origin: Any) -> None:
-    if origin is None:
-        return
-    quaternion = pin.Quaternion(np.asarray(origin, dtype=float)[:3, :3]).coeffs()  # x y z w
-    element.set("pos", number_text(np.asarray(origin)[:3, 3]))
-    element.set("quat", number_text((quaternion[3], *quaternion[:3])))
+        return GREY if material is None or material.color is None else material.color.rgba

@@ -13,13 +13,12 @@ from xml.dom import minidom
 
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError
-from flexviz.exporting.bodies import Carrier, carriers
+from flexviz.exporting.bodies import TENSOR, Carrier, carriers
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.robot_files import resolve_mesh
 
 GRADES = {"yes": "determined by the data", "weak": "weakly determined", "no": "prior (near CAD)"}
-TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 def urdf(identified: IdentifiedRobot) -> FormatFiles:
@@ -62,14 +61,11 @@ def _write_inertia(document: Any, link: Any, i: int, carrier: Carrier, identifie
         lines.append(f"the payload {identified.payload} is included")
     old = next(_children(link, "inertial"), None)
     origin = next(_children(old, "origin"), None) if old is not None else None
-    found, indent = carrier.inertia, _indent(link)
+    rpy, indent = origin.getAttribute("rpy") if origin is not None else "", _indent(link)
     parts = {
-        "origin": {
-            "xyz": number_text(found.com),
-            "rpy": (origin.getAttribute("rpy") if origin is not None else "") or "0 0 0",
-        },
-        "mass": {"value": number_text(found.mass)},
-        "inertia": {name: number_text(found.inertia[at]) for name, at in TENSOR.items()},
+        "origin": {"xyz": number_text(carrier.inertia.lever), "rpy": rpy or "0 0 0"},
+        "mass": {"value": number_text(carrier.inertia.mass)},
+        "inertia": {name: number_text(carrier.tensor[at]) for name, at in TENSOR.items()},
     }
     inertial = document.createElement("inertial")
     for name, attributes in parts.items():

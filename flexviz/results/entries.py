@@ -216,9 +216,21 @@ class ResultFields(ResultEntry):
         return list(self.model.parameters if self.model is not None else self.parameters or [])
 
     @property
-    def all_effects(self) -> list[EffectEntry] | None:
-        """Effects of the final model, or of the fit; None if only their parameters are listed."""
-        return self.effects if self.model is None else self.model.effects
+    def all_effects(self) -> list[EffectEntry]:
+        """Effects of the final model, or of the fit; if none are listed, those of its parameters."""
+        listed = self.effects if self.model is None else self.model.effects
+        if listed is not None:
+            return listed
+        found: dict[tuple[str | None, ...], dict[str, ValueEntry]] = {}
+        for p in self.all_parameters:
+            effect, dot, name = p.name.partition(".")
+            if dot:
+                values = found.setdefault((effect, p.joint, p.group, p.payload), {})
+                values[name] = ValueEntry(value=p.value, std=p.std, unit=p.unit)
+        return [
+            EffectEntry(effect=str(effect), joint=joint, group=group, payload=payload, parameters=values)
+            for (effect, joint, group, payload), values in found.items()
+        ]
 
     @property
     def final_verdict(self) -> Verdict | None:
