@@ -139,7 +139,7 @@ def test_shares_of_a_set_from_what_it_recorded(tmp_path: Path) -> None:
     groups = read_set(case_folder(tmp_path, case.name)).groups
     segment = next(g for g in groups if g.validation).segments[0]
     theta = segment.theta
-    v, a = (savgol_filter(theta, 15, 3, deriv=k, delta=segment.step, axis=0) for k in (1, 2))
+    v, a = (np.asarray(savgol_filter(theta, 15, 3, deriv=k, delta=segment.step, axis=0)) for k in (1, 2))
     load = segment.tau - np.array(truth["motor_inertia"]) * a - np.array(truth["viscous_motor"]) * v
     places = [truth["joints"].index(e["joint"]) for e in truth["effects"]]
     for i, e in zip(places, truth["effects"], strict=True):
