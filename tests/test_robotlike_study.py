@@ -20,13 +20,14 @@ from benchmarks.robotlike_study.cases import RobotCase, cases, parse_shares
 from benchmarks.robotlike_study.effects import DRAWS, NUMBERS
 from benchmarks.robotlike_study.judging import matches, score
 from benchmarks.robotlike_study.laws import LAWS as UNKNOWN_LAWS
-from benchmarks.robotlike_study.making import make, plan_of
+from benchmarks.robotlike_study.making import filter_delay, make, plan_of
 from benchmarks.robotlike_study.motions import random_moves
 from benchmarks.robotlike_study.report import calibration_rows, report
 from benchmarks.robotlike_study.shares import effect_torque, law_torque, share
 from flexviz._pinocchio import pin
 from flexviz.measurements import read_set
 from flexviz.model import EffectValue
+from flexviz.simulation import Sensors
 
 TINY = RobotCase("rl5-2r-009", "2r", 5, 1.2)
 
@@ -141,12 +142,13 @@ def test_shares_of_a_set_from_what_it_recorded(tmp_path: Path) -> None:
     theta = segment.theta
     v, a = (np.asarray(savgol_filter(theta, 15, 3, deriv=k, delta=segment.step, axis=0)) for k in (1, 2))
     load = segment.tau - np.array(truth["motor_inertia"]) * a - np.array(truth["viscous_motor"]) * v
-    places = [truth["joints"].index(e["joint"]) for e in truth["effects"]]
-    for i, e in zip(places, truth["effects"], strict=True):
+    hidden = [e for e in truth["effects"] if e["joint"] is not None]
+    places = [truth["joints"].index(e["joint"]) for e in hidden]
+    for i, e in zip(places, hidden, strict=True):
         if e["effect"] in MOTOR_EFFECTS:
             load[:, i] -= by_hand(e, theta[:, i], v[:, i], load[:, i])
     checked = set()
-    for i, e in zip(places, truth["effects"], strict=True):
+    for i, e in zip(places, hidden, strict=True):
         torque = by_hand(e, theta[:, i], v[:, i], load[:, i])
         if np.isfinite(torque).all():
             checked.add(e["effect"])
@@ -191,6 +193,22 @@ def test_torque_of_an_unknown_law() -> None:
     near = np.exp(-(((run.theta[:, 1] - 0.1) / 0.2) ** 2))
     expected = 1.2 * near * np.tanh(run.theta_velocity[:, 1] / 0.005)
     np.testing.assert_allclose(law_torque(plan, run, "joint2", law), expected, atol=1e-12)
+
+
+def test_the_delay_of_a_filtered_torque() -> None:
+    """The share against the difference between the filtered and the applied torque."""
+    plan, _ = plan_of(replace(TINY, duration=3.0))
+    bandwidth = 2 * np.pi * 200.0
+    applied = replace(plan, sensors=Sensors()).run(plan.groups[0])
+    seen = replace(plan, sensors=Sensors(torque_filter=bandwidth)).run(plan.groups[0])
+    entry = filter_delay(seen, bandwidth)
+    assert entry["parameters"]["delay"] == pytest.approx(-1 / 1256.637, rel=1e-4) and entry["joint"] is None
+    # an applied torque is seen from the middle of its hold on
+    held = np.column_stack(
+        [np.interp(seen.time, applied.time + applied.torque_hold / 2, column) for column in applied.tau.T]
+    )
+    difference = np.sqrt(((held - seen.tau) ** 2).mean(axis=0)) / seen.tau.std(axis=0)
+    assert entry["share"] == pytest.approx(difference.max(), rel=0.15)
 
 
 def effect(name: str, joint: str, part: float, **parameters: float) -> dict[str, Any]:

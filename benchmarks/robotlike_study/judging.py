@@ -29,12 +29,13 @@ class HiddenEffect:
     """An effect of the library that a set hides.
 
     Attributes:
+        joint: None for the delay of a filtered torque.
         share: rms torque over the spread of its joint's torque.
         found: whether the final model has it or a twin.
     """
 
     effect: str
-    joint: str
+    joint: str | None
     share: float
     found: bool
 

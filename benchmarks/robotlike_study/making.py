@@ -111,6 +111,8 @@ def truth(
             | {"kind": kind}
         )
     sensors = plan.sensors
+    if sensors.torque_filter:
+        hidden.append(filter_delay(run, sensors.torque_filter))
     return {
         "case": case.name,
         "robot": case.robot,
@@ -127,4 +129,23 @@ def truth(
         "theta_noise": np.asarray(sensors.theta_noise).tolist(),
         "torque_noise": np.asarray(sensors.torque_noise).tolist(),
         "torque_filter_hertz": sensors.torque_filter / (2 * np.pi),
+    }
+
+
+def filter_delay(run: Run, bandwidth: float) -> dict[str, Any]:
+    """What a first-order filter in the torque's record is in the library: a torque applied before it is seen.
+
+    Its share is that of the joint on which it matters most.
+    """
+    delay = -1.0 / bandwidth  # [s]
+    change = np.abs(delay) * np.gradient(run.tau, run.time, axis=0)
+    found = [share(change[:, i], float(run.tau[:, i].std())) for i in range(run.tau.shape[1])]
+    rms, part = max(found, key=lambda pair: pair[1])
+    return {
+        "effect": "torque_delay",
+        "joint": None,
+        "parameters": {"delay": delay},
+        "torque_rms": rms,
+        "share": part,
+        "all_parameters": {"delay": delay},
     }

@@ -45,12 +45,9 @@ def effect_torque(plan: Plan, group: PlannedGroup, run: Run, effect: EffectValue
 def law_torque(plan: Plan, run: Run, joint: str, law: ExtraLaw) -> Array:
     """(N,) torque of a law without own states along a motion [Nm]."""
     i = plan.robot.joints.index(joint)
-    pulls = [
-        law.pull(JointState(float(t), *(float(x[i]) for x in row), []))
-        for t, *row in zip(
-            run.time, run.theta, run.theta_velocity, run.q, run.q_velocity, run.tau_joint, strict=True
-        )
-    ]
+    columns = (run.time, *(x[:, i] for x in (run.theta, run.theta_velocity, run.q, run.q_velocity)))
+    rows = zip(*(x.tolist() for x in (*columns, run.tau_joint[:, i])), strict=True)
+    pulls = [law.pull(JointState._make((*row, ()))) for row in rows]
     return np.array([pull.motor + pull.link + pull.joint for pull in pulls])
 
 
