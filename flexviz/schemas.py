@@ -18,6 +18,7 @@ Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
 
+# pydantic's type of error -> what was expected, with the names in its context
 _EXPECTED = {
     "string_type": "a text in quotes",
     "string_too_short": "a text that is not empty",
@@ -28,6 +29,10 @@ _EXPECTED = {
     "dict_type": "a table",
     "model_type": "a table",
     "finite_number": "a finite number",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "less_than_equal": "a number of at most {le:g} s (is the unit right?)",
+    "literal_error": "{expected}",
 }
 
 
@@ -74,16 +79,9 @@ def input_error(error: ValidationError, data: dict[str, Any], file: Path, model:
         expected = context.get("min_length", context.get("max_length"))
         at_least = "at least " if len(location) == 1 else ""
         message = f"{context.get('actual_length')} values, expected {at_least}{expected}"
-    elif kind == "literal_error":
-        expected = context["expected"].replace("'", '"')
-        message = f"found {found}, expected {expected}"
     elif kind in _EXPECTED:
-        message = f"found {found}, expected {_EXPECTED[kind]}"
-    elif kind in ("greater_than", "greater_than_equal", "less_than_equal"):
-        limit = context.get("gt", context.get("ge", context.get("le")))
-        word = {"greater_than": "above", "greater_than_equal": "of at least"}.get(kind, "of at most")
-        unit = " s (is the unit right?)" if kind == "less_than_equal" else ""
-        message = f"found {found}, expected a number {word} {limit:g}{unit}"
+        expected = _EXPECTED[kind].format(**context).replace("'", '"')
+        message = f"found {found}, expected {expected}"
     else:
         message = f"found {found}: {first['msg']}"
     more = f" (and {len(errors) - 1} more to correct)" if len(errors) > 1 else ""

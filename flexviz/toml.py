@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -12,7 +12,6 @@ from typing import Any
 from flexviz.errors import InputError
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
 def read(file: Path) -> dict[str, Any]:
@@ -52,11 +51,8 @@ def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
 
 def _is_table(value: Any) -> bool:
     """Tables and lists of tables; lists of payload bodies stay inline."""
-    if isinstance(value, Mapping):
-        return True
-    return (
-        isinstance(value, list) and bool(value) and isinstance(value[0], Mapping) and "link" not in value[0]
-    )
+    first = value[0] if isinstance(value, list) and value else value
+    return isinstance(first, Mapping) and not (first is not value and "link" in first)
 
 
 def key_text(key: str) -> str:
@@ -66,27 +62,12 @@ def key_text(key: str) -> str:
 
 def value_text(value: Any) -> str:
     """A value on one line; tables inside it stay inline."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + "".join(_character(character) for character in value) + '"'
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise ValueError(f"{value} cannot be written as TOML")
-        return repr(value)
     if isinstance(value, list):
         return "[" + ", ".join(value_text(entry) for entry in value) + "]"
     if isinstance(value, Mapping):
-        return (
-            "{ " + ", ".join(f"{key_text(key)} = {value_text(entry)}" for key, entry in value.items()) + " }"
-        )
-    raise TypeError(f"{type(value).__name__} cannot be written as TOML")
-
-
-def _character(character: str) -> str:
-    if character in _ESCAPES:
-        return _ESCAPES[character]
-    code = ord(character)
-    return f"\\u{code:04x}" if code < 0x20 or code == 0x7F else character
+        entries = (f"{key_text(key)} = {value_text(entry)}" for key, entry in value.items())
+        return "{ " + ", ".join(entries) + " }"
+    if not isinstance(value, str | bool | int | float):
+        raise TypeError(f"{type(value).__name__} cannot be written as TOML")
+    # TOML writes these as JSON does, but for the character DEL
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
