@@ -56,20 +56,20 @@ VAGUE_WORDS: dict[Quantity, str] = {
     "torque": "t m u mom",
     "current": "i iq cur amp",
 }
-ROLE_WORDS = {
-    "reference": "ref reference des desired target cmd command commanded commands goal setpoint sp action "
-    "soll nominal d",
-    "motor": "motor motors mot rotor drive drives actuator qm",
-    "link": "link links output secondary arm ql",
-    "sensor": "sensor sensors ext external jts strain",
+REFERENCE_WORDS = "ref reference des desired target cmd command commanded commands goal setpoint sp action "
+ROLES = {
+    "reference": {*REFERENCE_WORDS.split(), "soll", "nominal", "d"},
+    "motor": set(["motor", "motors", "mot", "rotor", "drive", "drives", "actuator", "qm"]),
+    "link": set(["link", "links", "output", "secondary", "arm", "ql"]),
+    "sensor": set(["sensor", "sensors", "ext", "external", "jts", "strain"]),
 }
-ROLES = {role: set(text.split()) for role, text in ROLE_WORDS.items()}
-CLEAR: dict[str, Quantity] = {
-    word: quantity for quantity, text in CLEAR_WORDS.items() for word in text.split()
-}
-VAGUE: dict[str, Quantity] = {
-    word: quantity for quantity, text in VAGUE_WORDS.items() for word in text.split()
-}
+CLEAR = {word: quantity for quantity, text in CLEAR_WORDS.items() for word in text.split()}
+VAGUE = {word: quantity for quantity, text in VAGUE_WORDS.items() for word in text.split()}
+
+
+_UNITS: dict[Quantity, dict[str, float]] = {"torque": TORQUE, "current": CURRENT, "position": ANGLE}
+QUANTITY_OF = {unit: quantity for quantity, units in _UNITS.items() for unit in units}
+_UNIT_AT_END = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # in brackets
 
 
 @dataclass(frozen=True)
@@ -91,14 +91,8 @@ def words(name: str) -> list[str]:
 
 def without_unit(name: str) -> str:
     """A name without a unit in brackets at its end (but with MATLAB's and Python's indices)."""
-    stated = re.search(r"[\[(]([^\])]*)[\])]\s*$", name)
+    stated = _UNIT_AT_END.search(name)
     return name if stated is None or re.fullmatch(r"[\d:,\s]*", stated[1]) else name[: stated.start()]
-
-
-def quantity_of(unit: str | None) -> Quantity | None:
-    """The quantity that a unit measures."""
-    units: dict[Quantity, dict[str, float]] = {"torque": TORQUE, "current": CURRENT, "position": ANGLE}
-    return next((quantity for quantity, known in units.items() if unit in known), None)
 
 
 def meaning(said: Sequence[str], unit: str | None = None) -> Meaning:
@@ -107,26 +101,23 @@ def meaning(said: Sequence[str], unit: str | None = None) -> Meaning:
     clear: list[Quantity] = [CLEAR[word] for word in (*said, *pairs) if word in CLEAR]
     vague: list[Quantity] = [VAGUE[word] for word in said if word in VAGUE]
     quantity: Quantity = clear[-1] if clear else vague[-1] if vague else "other"
-    measured = quantity_of(unit)
+    measured = QUANTITY_OF.get(unit or "")
     # a stated unit says more than a single letter
     if measured and ((not clear and quantity != "velocity") or (quantity, measured) == ("torque", "current")):
         quantity = measured
-    spoken = set(said)
-    side: Side | None = None
-    if spoken & ROLES["motor"] or (quantity == "position" and "m" in spoken):
+    spoken, angle = set(said), quantity == "position"
+    side: Side | None = "motor" if "theta" in spoken else None
+    if spoken & ROLES["motor"] or (angle and "m" in spoken):
         side = "motor"
-    elif spoken & ROLES["link"] or (quantity == "position" and spoken & {"load", "l"}):
+    elif spoken & ROLES["link"] or (angle and spoken & {"load", "l"}):
         side = "link"
-    elif "theta" in spoken:
-        side = "motor"
     sensor = bool(spoken & ROLES["sensor"]) or "taujoint" in pairs
     return Meaning(quantity, bool(spoken & ROLES["reference"]), side, sensor, unit)
 
 
 def unit_in(text: str) -> str | None:
     """The unit that the end of a column's name states: "q1_deg", "I1 [A]"."""
-    bracketed = re.search(r"[\[(]([^\])]*)[\])]\s*$", text)
-    if bracketed:
+    if bracketed := _UNIT_AT_END.search(text):
         return known_unit(bracketed[1])
     last = re.split(r"[\s_./-]+", text.strip())[-1]
     return None if last.lower() in _NEED_BRACKETS or last == text.strip() else known_unit(last)

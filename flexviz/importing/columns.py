@@ -39,8 +39,7 @@ def find_families(
     named: dict[tuple[str, ...], dict[str, str]] = {}
     numbered: dict[tuple[str, ...], dict[int, str]] = {}
     for column, spoken in said.items():
-        found = joint_in(spoken, joints)
-        if found is not None:
+        if found := joint_in(spoken, joints):
             joint, stem = found
             named.setdefault(stem, {}).setdefault(joint, column)
             continue
@@ -58,17 +57,14 @@ def find_families(
             by_joint = {joint: free[number] for joint, number in order.items()}
             families.append(family(stem, by_joint, units, "number"))
             taken |= set(free.values())
-    families += in_order(left(columns, families), joints, units)
-    if len(joints) == 1:
-        for column in left(columns, families):
-            families.append(family(tuple(said[column]), {joints[0]: column}, units, "order"))
-    return sorted(families, key=lambda f: (-len(f.columns), f.found_by != "name"))
-
-
-def left(columns: Sequence[str], families: Sequence[ColumnFamily]) -> list[str]:
-    """Columns that belong to no family."""
     used = {column for known in families for column in known.columns.values()}
-    return [column for column in columns if column not in used]
+    left = [column for column in columns if column not in used]
+    ordered = in_order(left, joints, units)
+    if len(joints) == 1:
+        used = {column for known in ordered for column in known.columns.values()}
+        alone = (column for column in left if column not in used)
+        ordered += [family(tuple(said[c]), {joints[0]: c}, units, "order") for c in alone]
+    return sorted([*families, *ordered], key=lambda f: (-len(f.columns), f.found_by != "name"))
 
 
 def family(
@@ -88,13 +84,12 @@ def in_order(columns: Sequence[str], joints: Sequence[str], units: Mapping[str, 
         match = re.fullmatch(r"(.*/)([^/.]+)([/.][^/]*)", column)
         if match:
             found.setdefault((match[1], match[3]), {})[match[2]] = column
-    return [
-        family(
-            (*words(prefix), JOINT, *words(suffix)), dict(zip(joints, columns, strict=True)), units, "order"
-        )
-        for (prefix, suffix), columns in ((key, members.values()) for key, members in found.items())
-        if len(columns) == len(joints)
-    ]
+    families = []
+    for (prefix, suffix), members in found.items():
+        if len(members) == len(joints):
+            by_joint = dict(zip(joints, members.values(), strict=True))
+            families.append(family((*words(prefix), JOINT, *words(suffix)), by_joint, units, "order"))
+    return families
 
 
 def joint_in(spoken: Sequence[str], joints: Sequence[str]) -> tuple[str, tuple[str, ...]] | None:
