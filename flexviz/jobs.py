@@ -96,7 +96,6 @@ class LoadModules(Task[None]):
     names: tuple[str, ...]
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
-        """Import them one by one."""
         for name in self.names:
             if should_stop():
                 return

@@ -100,7 +100,7 @@ def test_a_viewer_that_goes_away_takes_nothing_with_it(
     use(app, "Live viewer", True)
     until(app, lambda: "Sent to 127.0.0.1:9876" in files_of(app)._note.content)
     assert "note" in Recording.told
-    recording: Any = files_of(app).recordings._open["viewer"].recording
+    recording: Any = files_of(app).recordings._wanted["viewer"].recording
     recording.lost_viewer = "connection refused"
     until(app, lambda: not files_of(app)._live.value)
     assert "the Rerun viewer has disconnected" in status(app)

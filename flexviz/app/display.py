@@ -60,7 +60,6 @@ class Display:
         self._store.select(joint=joint)
 
     def _build(self) -> None:
-        """Build the scene for a new set."""
         robot, shape = self._store.measurements.robot, self._store.opened.shape
         self._stage = scene_layout(robot, shape, self._store.motion.theta)
         self.playback.draw = None
@@ -91,7 +90,6 @@ class Display:
         return lambda time: motion.pose(time, deflection, view.error, view.link_side)
 
     def _draw(self) -> None:
-        """Draw the motion with labels and trails."""
         store, scene, motion, view = self._store, self.scene, self._store.motion, self._store.view
         if view.layout != self._layout:
             self._place()

@@ -59,7 +59,6 @@ class Dock:
         self._group.options = tuple(group.name for group in measurements.groups)
 
     def _refresh(self) -> None:
-        """Show the selection and enable the buttons."""
         store = self._store
         self._joint.value, self._group.value = store.joint_name, store.group.name
         for button, label, verb in (
@@ -81,7 +80,6 @@ class Dock:
             self._bar.value = 100.0 * min(max(activity.share, 0.0), 1.0)
 
     def _say(self) -> None:
-        """Write the status line."""
         store, message = self._store, self._store.message
         error = error_text(store.analysis.identification)
         self._status.content = status_html(store.step, message.text, error, message.tone)

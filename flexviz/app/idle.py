@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from flexviz.app.state import Changed, Derived, Turn
@@ -16,20 +16,12 @@ if TYPE_CHECKING:
     from flexviz.simulation import Run
 
 
-@dataclass(frozen=True, eq=False)
-class _UnderWay:
-    """A running task for one entry of a result: a group, or "maps"."""
-
-    derived: Derived
-    entry: str
-
-
 class IdleWork:
     """Computes what the current result lacks; restarts interrupted tasks."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._under_way: dict[type[IdleTask[Any]], _UnderWay] = {}
+        self._under_way: dict[type[IdleTask[Any]], tuple[Derived, str]] = {}  # result; group, or "maps"
         missing = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.ACTIVITY
         store.subscribe(missing, self._fill, Turn.WORK)
 
@@ -46,24 +38,22 @@ class IdleWork:
             derived.maps = maps
 
         if group not in derived.replays and group not in derived.failed:
-            replay = Replay(analysis.path, result.model, group)
-            self._start(replay, _UnderWay(derived, group), replayed, "simulated")
+            self._start(Replay(analysis.path, result.model, group), derived, group, replayed)
         if not store.maps and "maps" not in derived.failed and fitted is not None:
             settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
-            task = MapResiduals(settings, result.model)
-            self._start(task, _UnderWay(derived, "maps"), mapped, "mapped")
+            self._start(MapResiduals(settings, result.model), derived, "maps", mapped)
 
     def _start(
-        self, task: IdleTask[Result], entry: _UnderWay, keep: Callable[[Result], None], what: str
+        self, task: IdleTask[Result], derived: Derived, entry: str, keep: Callable[[Result], None]
     ) -> None:
-        """Start a task, unless it is already running."""
-        store, kind = self._store, type(task)
+        """Start a task for an entry of a result, unless it is already running."""
+        store, kind, running = self._store, type(task), (derived, entry)
         before = self._under_way.get(kind)
-        if before is not None and before.derived is entry.derived and before.entry == entry.entry:
+        if before is not None and before[0] is derived and before[1] == entry:
             return
 
         def end() -> None:
-            if self._under_way.get(kind) is entry:
+            if self._under_way.get(kind) is running:
                 del self._under_way[kind]
 
         def done(result: Result) -> None:
@@ -73,11 +63,12 @@ class IdleWork:
 
         def failed(reason: str) -> None:
             end()
-            entry.derived.failed.add(entry.entry)
-            if store.derived_of(entry.derived.result) is entry.derived:
+            derived.failed.add(entry)
+            if store.derived_of(derived.result) is derived:
+                what = "mapped" if entry == "maps" else "simulated"
                 store.fail(f"the identified model could not be {what}: {reason}")
                 store.tell(Changed.DERIVED)
 
         store.tasks.stop(kind)
-        self._under_way[kind] = entry
+        self._under_way[kind] = running
         store.tasks.start(task, done, failed=failed, stopped=end)

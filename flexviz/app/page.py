@@ -48,7 +48,6 @@ class Commands:
         self._touched = 0.0
 
     def add(self, command: Command) -> None:
-        """Add a command to the palette."""
         self.known[command.label] = command
         handle = self._server.gui.add_command(command.label, hotkey=command.hotkey, modifier=command.modifier)
 
@@ -159,7 +158,6 @@ class Page:
         self.rules.append(rule(handle._impl.uuid, *more))
 
     def set_dark(self, dark: bool) -> None:
-        """Light or dark theme."""
         self.gui.configure_theme(dark_mode=dark, show_share_button=False, show_logo=False)
 
     def alert(self, reason: str) -> None:

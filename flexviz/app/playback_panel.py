@@ -67,13 +67,11 @@ class PlaybackPanel:
         self._store.set_view(replace(self._store.view, **fields))
 
     def _span(self) -> None:
-        """Set the time span of a new group."""
         segments = self._store.group.segments
         self._time.min, self._time.max = float(segments[0].time[0]), float(segments[-1].time[-1])
         self._time.value = self._time.min
 
     def _refresh(self) -> None:
-        """Update the legend, and enable the controls."""
         store, motion, view = self._store, self._store.motion, self._store.view
         self._layout.value = view.layout
         if view.deflection is None:  # else the user may be moving the slider

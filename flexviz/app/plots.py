@@ -65,7 +65,6 @@ class PlotPanel:
         store.subscribe(Changed.TICK, self._move)
 
     def _draw_states(self) -> None:
-        """Draw the observer states of the selected joint and group."""
         store, analysis = self._store, self._store.analysis
         observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
         hold, now = store.measurements.torque_hold, store.clock.time
@@ -78,7 +77,6 @@ class PlotPanel:
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
-        """Draw the error after every model step."""
         store, models = self._store, self._store.analysis.model_steps
         self._compare.show(staircase_charts(models, store.joint, store.joint_name))
         self._steps.content = staircase_html(models)
@@ -93,7 +91,6 @@ class PlotPanel:
             self._convergence.show(convergence_charts(self._store.fit.iterations))
 
     def _move(self) -> None:
-        """Move the playheads."""
         self._signals.move(self._store.clock.time)
 
 
@@ -146,11 +143,9 @@ class ResidualTab:
         store.set_highlight(marked)
 
     def _move(self) -> None:
-        """Move the playhead."""
         self._charts.move(self._store.clock.time)
 
     def _marked(self) -> Highlight | None:
-        """The instants in the chosen range, or None."""
         key = self._variable.value
         if self._samples is None or self._samples.limits(key) is None:
             self._about.content = ""

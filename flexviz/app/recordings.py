@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
@@ -30,25 +30,39 @@ CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recordi
 
 
 class RecordedSession:
-    """What one recording has been told of the session, and the rest as it comes."""
+    """One recording, what it has been told of the session, and the rest as it comes.
 
-    def __init__(self, recording: LiveRecording, store: Store) -> None:
-        """Tell everything so far, including the iterations of a running fit."""
-        self.recording, self._store = recording, store
+    Attributes:
+        recording: None until it is open.
+    """
+
+    def __init__(self, kind: Kind, store: Store) -> None:
+        self.kind: Kind = kind
+        self.recording: LiveRecording | None = None
+        self._store = store
         self._result: Identification | None = None
         self._diagnosis: Diagnosis | None = None
         self._replays: set[str] = set()  # of that result
         self._maps: object = ()
-        self._fit: FitProgress | None = None if store.running else store.fit
-        self._iterations = len(store.fit.iterations)  # of that fit
+        self._fit: FitProgress | None = None
+        self._iterations = 0  # of that fit
+
+    def begin(self, recording: LiveRecording) -> None:
+        """Tell everything so far, including the iterations of a running fit."""
+        self.recording, store = recording, self._store
         for step in store.session.steps:
             recording.note(step.label)
-        self.results()
-        self.derived()
+        self.results(recording)
+        self.derived(recording)
         if store.running:
-            self.iterations()
+            self.iterations(recording)
+        else:
+            self._fit, self._iterations = store.fit, len(store.fit.iterations)
 
-    def results(self) -> None:
+    def note(self, recording: LiveRecording) -> None:
+        recording.note(self._store.last_action)
+
+    def results(self, recording: LiveRecording) -> None:
         """Tell new results."""
         from flexviz.observers import make_observer
 
@@ -58,129 +72,107 @@ class RecordedSession:
             self._replays, self._maps = set(), ()
             if result is not None:
                 observer = make_observer(result.observer_name, result.bandwidth)  # type: ignore[arg-type]
-                self.recording.observer(observer)
-                self.recording.identified(result, model_label(fitted.effects if fitted else ()))
+                recording.observer(observer)
+                recording.identified(result, model_label(fitted.effects if fitted else ()))
         if diagnosis is not None and diagnosis is not self._diagnosis and analysis.diagnosis_up_to_date:
             models = tuple(model.step for model in analysis.model_steps)
-            self.recording.diagnosed(diagnosis, models)
+            recording.diagnosed(diagnosis, models)
         self._result, self._diagnosis = result, diagnosis
 
-    def derived(self) -> None:
+    def derived(self, recording: LiveRecording) -> None:
         """Tell simulated motion and residual maps of the newest result."""
         derived = self._store.derived_of(self._result)
         if self._result is None or derived is None:
             return
         for group, run in derived.replays.items():
             if group not in self._replays:
-                self.recording.replayed(group, run)
+                recording.replayed(group, run)
         if derived.maps and derived.maps is not self._maps:
-            self.recording.mapped(derived.maps)
+            recording.mapped(derived.maps)
         self._replays, self._maps = set(derived.replays), derived.maps
 
-    def iterations(self) -> None:
+    def iterations(self, recording: LiveRecording) -> None:
         """Tell iterations, unless the fit leads to several results."""
         fit = self._store.fit
         if fit is not self._fit:
             self._fit, self._iterations = fit, 0
         new = fit.iterations[self._iterations :] if fit.single else []
         if new and not self._iterations:
-            self.recording.started(model_label(fit.effects))
+            recording.started(model_label(fit.effects))
         for iteration in new:
-            self.recording.iteration(iteration)
+            recording.iteration(iteration)
         self._iterations = len(fit.iterations)
 
 
-@dataclass(frozen=True)
-class RecordingEvent:
-    """A change of a recording's state.
-
-    Attributes:
-        mark: identifies the request that started it.
-        value: the open recording, the written file (or None), or the reason of the failure.
-    """
-
-    kind: Kind
-    mark: object
-    state: Literal["open", "closed", "failed"]
-    value: Any
+State = Literal["open", "closed", "failed"]
 
 
 class Recordings:
     """Feeds all open recordings.
 
-    `call(action, value)` calls in the loop's thread, where `heard` gets every `RecordingEvent`.
+    `call(action, value)` calls in the loop's thread. `heard(kind, state, value)` is told there when a
+    recording is open, closed (its file, or None), or has failed (the reason).
     """
 
     def __init__(
         self,
         store: Store,
         call: Callable[[Callable[[Any], None], Any], None],
-        heard: Callable[[RecordingEvent], None],
+        heard: Callable[[Kind, State, Any], None],
     ) -> None:
         self._store, self._call, self._heard = store, call, heard
-        self._open: dict[Kind, RecordedSession] = {}
-        self._wanted: dict[Kind, object] = {}  # mark of the current request
+        self._wanted: dict[Kind, RecordedSession] = {}
         self._threads: list[threading.Thread] = []
         self._ended = False
-        store.subscribe(Changed.NEW_STATE | Changed.HISTORY, self._each(self._note))
-        store.subscribe(Changed.NEW_STATE, self._each(RecordedSession.results))
-        store.subscribe(Changed.FIT, self._each(RecordedSession.iterations))
-        store.subscribe(Changed.DERIVED, self._each(RecordedSession.derived))
+        for changes, told in (
+            (Changed.NEW_STATE | Changed.HISTORY, RecordedSession.note),
+            (Changed.NEW_STATE, RecordedSession.results),
+            (Changed.FIT, RecordedSession.iterations),
+            (Changed.DERIVED, RecordedSession.derived),
+        ):
+            store.subscribe(changes, partial(self._tell_all, told))
         store.subscribe(Changed.TICK, self._tick)
         store.subscribe(Changed.CLOSED, self._close_all)
 
-    def _each(self, act: Callable[[RecordedSession], None]) -> Callable[[], None]:
-        """An action that calls `act` with every open recording."""
-
-        def call() -> None:
-            for recorded in self._open.values():
-                act(recorded)
-
-        return call
-
-    def _note(self, recorded: RecordedSession) -> None:
-        recorded.recording.note(self._store.last_action)
+    def _tell_all(self, told: Callable[[RecordedSession, LiveRecording], None]) -> None:
+        for recorded in self._wanted.values():
+            if recorded.recording is not None:
+                told(recorded, recorded.recording)
 
     def _tick(self) -> None:
         """Drop a viewer that has disconnected."""
-        viewer = self._open.get("viewer")
-        if viewer is not None and viewer.recording.lost_viewer:
-            reason = f"the Rerun viewer has disconnected: {one_line(viewer.recording.lost_viewer)}"
-            self._happened(RecordingEvent("viewer", self._wanted.get("viewer"), "failed", reason))
+        viewer = self._wanted.get("viewer")
+        lost = viewer.recording.lost_viewer if viewer and viewer.recording else ""
+        if viewer and lost:
+            self._happened(viewer, "failed", f"the Rerun viewer has disconnected: {one_line(lost)}")
 
     def start(self, kind: Kind, address: str = "") -> None:
         """Start a recording, to the viewer at `address` if any; reported through `heard`."""
         if kind in self._wanted:
             return
-        measurements, mark = self._store.measurements, object()
+        measurements, recorded = self._store.measurements, RecordedSession(kind, self._store)
         viewer = None if kind == "file" else local_address(address)
         file = new_recording(measurements.name) if kind == "file" else None
-        self._wanted[kind] = mark
+        self._wanted[kind] = recorded
+        failed = partial(self._tell, recorded, "failed")
 
-        def failed(reason: str) -> None:
-            self._tell(kind, mark, "failed", reason)
-
-        def begin() -> None:
+        def begin() -> LiveRecording:
             from flexviz.recording import LiveRecording  # heavy
 
             recording = LiveRecording(measurements, file, viewer=viewer, on_failure=failed)
             if self._ended:
                 recording.close()
-            self._tell(kind, mark, "open", recording)
+            return recording
 
-        self._in_thread(begin, kind, mark)
+        self._in_thread(recorded, "open", begin)
 
     def stop(self, kind: Kind) -> None:
         """Close a recording; reported through `heard`."""
-        mark, recorded = self._wanted.pop(kind, None), self._open.pop(kind, None)
-        if recorded is not None:
-            self._close(kind, mark, recorded.recording)
-
-    def _close(self, kind: Kind, mark: object, recording: LiveRecording) -> None:
-        self._in_thread(lambda: self._tell(kind, mark, "closed", recording.close()), kind, mark)
+        recorded = self._wanted.pop(kind, None)
+        if recorded is not None and recorded.recording is not None:
+            self._in_thread(recorded, "closed", recorded.recording.close)
 
     def _close_all(self) -> None:
-        """Close all recordings and wait."""
         self._ended = True
         for kind in KINDS:
             self.stop(kind)
@@ -189,44 +181,43 @@ class Recordings:
 
     def size(self) -> int:
         """Bytes written to the file so far."""
-        recorded = self._open.get("file")
-        file = None if recorded is None else recorded.recording.file
+        recorded = self._wanted.get("file")
+        file = recorded.recording.file if recorded and recorded.recording else None
         return file.stat().st_size if file is not None and file.is_file() else 0
 
-    # -- other threads -------------------------------------------------------------------------------
+    def _in_thread(self, recorded: RecordedSession, state: State, action: Callable[[], Any]) -> None:
+        """Call `action` in another thread, and report the state that this leads to."""
 
-    def _in_thread(self, action: Callable[[], None], kind: Kind, mark: object) -> None:
         def run() -> None:
             try:
-                action()
+                self._tell(recorded, state, action())
             except FlexvizError as error:
-                self._tell(kind, mark, "failed", str(error))
+                self._tell(recorded, "failed", str(error))
             except Exception as error:  # whatever a disk or a viewer makes of it
-                self._tell(kind, mark, "failed", one_line(f"{type(error).__name__}: {error}"))
+                self._tell(recorded, "failed", one_line(f"{type(error).__name__}: {error}"))
 
         self._threads = [thread for thread in self._threads if thread.is_alive()]
-        thread = threading.Thread(target=run, name=f"flexviz-{kind}", daemon=True)
+        thread = threading.Thread(target=run, name=f"flexviz-{recorded.kind}", daemon=True)
         self._threads.append(thread)
         thread.start()
 
-    def _tell(self, kind: Kind, mark: object, state: Literal["open", "closed", "failed"], value: Any) -> None:
-        self._call(self._happened, RecordingEvent(kind, mark, state, value))
+    def _tell(self, recorded: RecordedSession, state: State, value: Any) -> None:
+        self._call(partial(self._happened, recorded, state), value)
 
-    def _happened(self, event: RecordingEvent) -> None:
-        kind, wanted = event.kind, self._wanted.get(event.kind) is event.mark
-        if event.state == "open" and not wanted:  # switched off meanwhile
-            self._close(kind, event.mark, event.value)
-            return
-        if event.state == "open":
-            self._open[kind] = RecordedSession(event.value, self._store)
-        elif event.state == "failed":
+    def _happened(self, recorded: RecordedSession, state: State, value: Any) -> None:
+        wanted = self._wanted.get(recorded.kind) is recorded
+        if state == "open":
+            if not wanted:  # switched off meanwhile
+                self._in_thread(recorded, "closed", value.close)
+                return
+            recorded.begin(value)
+        elif state == "failed":
             if not wanted:
                 return
-            self._wanted.pop(kind)
-            lost = self._open.pop(kind, None)
-            if lost is not None and not lost.recording.failure:
-                self._close(kind, object(), lost.recording)
-        self._heard(event)
+            lost = self._wanted.pop(recorded.kind).recording
+            if lost is not None and not lost.failure:
+                self._in_thread(recorded, "closed", lost.close)
+        self._heard(recorded.kind, state, value)
 
 
 def model_label(effects: tuple[str, ...]) -> str:

@@ -163,7 +163,6 @@ class Scene:
             nodes.place(offset)
 
     def labels(self, measured: str, identified: str) -> None:
-        """Label both robots."""
         left, right = self._stage.label_places(self._layout)
         for name, text, at in (("measured", measured, left), ("identified", identified, right)):
             if name not in self._labels:
@@ -223,7 +222,6 @@ class Cameras:
             client.camera.look_at = look
 
     def gone(self, client: viser.ClientHandle) -> None:
-        """Forget a disconnected browser."""
         self._aimed.pop(client.client_id, None)
         self._views.pop(client.client_id, None)
 

@@ -173,35 +173,30 @@ def increasing(value: Any, one: Rule, count: int) -> tuple[Any, ...]:
 
 
 def choice(value: Any, options: Sequence[str]) -> str:
-    """One of the options."""
     if not isinstance(value, str) or value not in options:
         raise InputError(f"{_shown(value)} is not one of the {len(options)} options")
     return value
 
 
 def switch(value: Any) -> bool:
-    """True or false."""
     if not isinstance(value, bool):
         raise InputError(f"{_shown(value)} is not true or false")
     return value
 
 
 def press(value: Any) -> bool:
-    """The press of a button."""
     if value is not True:
         raise InputError(f"a button is pressed with true, not {_shown(value)}")
     return value
 
 
 def text(value: Any) -> str:
-    """A text of limited length."""
     if not isinstance(value, str) or len(value) > LONGEST_TEXT:
         raise InputError(f"not a text of at most {LONGEST_TEXT} characters")
     return value
 
 
 def nothing(value: Any, why: str = "this control takes no value") -> Any:
-    """No value at all."""
     raise InputError(why)
 
 

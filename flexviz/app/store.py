@@ -87,12 +87,10 @@ class Store(ChangeSignal):
 
     @property
     def measurements(self) -> MeasurementSet:
-        """The measurement set."""
         return self.opened.measurements
 
     @property
     def analysis(self) -> Analysis:
-        """The current state of the analysis."""
         return self.session.analysis
 
     def open_path(self, path: Path, what: str = "") -> None:
@@ -122,11 +120,9 @@ class Store(ChangeSignal):
         self._go(label, self.session.then(label, analysis), Changed.NEW_STATE)
 
     def undo(self) -> None:
-        """Undo the last change."""
         self._go(f"undone: {self.session.present.label}", self.session.undo(), Changed.HISTORY)
 
     def redo(self) -> None:
-        """Redo the undone change."""
         session = self.session.redo()
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
@@ -148,7 +144,6 @@ class Store(ChangeSignal):
         self.tell(change)
 
     def note_recording(self, file: Path) -> None:
-        """Add a recording to the session."""
         self.session = self.session.with_recording(file)
 
     # -- derived data --------------------------------------------------------------------------------
@@ -201,7 +196,6 @@ class Store(ChangeSignal):
     # -- what is shown -------------------------------------------------------------------------------
 
     def select(self, *, joint: int | None = None, group: str | None = None) -> None:
-        """Select a joint or a group."""
         if joint is not None and joint != self.joint and 0 <= joint < self.measurements.n:
             self.joint = joint
             self.tell(Changed.JOINT)
@@ -217,16 +211,13 @@ class Store(ChangeSignal):
 
     @property
     def joint_name(self) -> str:
-        """Name of the selected joint."""
         return self.measurements.joints[self.joint]
 
     def go(self, step: str) -> None:
-        """Show another step's controls."""
         self.step = step
         self.tell(Changed.STEP)
 
     def set_view(self, view: ViewSettings) -> None:
-        """Set how the robots are drawn."""
         self.view = view
         self.tell(Changed.VIEW)
 
@@ -317,7 +308,6 @@ class Store(ChangeSignal):
 
     @property
     def running(self) -> bool:
-        """True while the user waits for something."""
         return self.activity is not None
 
     def runs(self, kind: type[Task[Any]]) -> bool:

@@ -120,22 +120,19 @@ def next_button(uuid: str) -> str:
 
 def next_option(uuid: str, index: int) -> str:
     """The same for button `index` of a button group."""
-    return (
-        f"{flex(uuid)} button:nth-of-type({index + 1}) "
-        "{ outline: 2px solid #E69F00; outline-offset: -2px; font-weight: 700; }"
-    )
+    return option(uuid, index, "outline: 2px solid #E69F00; outline-offset: -2px; font-weight: 700;")
 
 
 def pressed(uuid: str, index: int) -> str:
     """A rule that shows button `index` of a button group as the chosen one."""
-    return (
-        f"{flex(uuid)} button:nth-of-type({index + 1}) "
-        "{ background: #0072B2; color: #fff; border-color: #0072B2; }"
-    )
+    return option(uuid, index, "background: #0072B2; color: #fff; border-color: #0072B2;")
+
+
+def option(uuid: str, index: int, look: str) -> str:
+    return f"{flex(uuid)} button:nth-of-type({index + 1}) {{ {look} }}"
 
 
 def style(*rules: str) -> str:
-    """The rules as HTML."""
     return "<style>" + "\n".join(rules) + "</style>"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import re
 import shutil
 import tempfile
@@ -12,6 +13,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 from flexviz.errors import InputError
+from flexviz.files import whole_folder
 from flexviz.session import SESSION_FILE, open_session
 
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
@@ -39,12 +41,8 @@ def safe_name(name: str) -> str:
 def new_folder(parent: Path, name: str) -> Path:
     """The path of a new folder in `parent`, named after `name`; it is not created."""
     stem = _NAME.sub("_", name).strip("._ ")[:60] or "uploaded"
-    number = 1
-    folder = parent / stem
-    while folder.exists():
-        number += 1
-        folder = parent / f"{stem}-{number}"
-    return folder
+    names = itertools.chain([stem], (f"{stem}-{number}" for number in itertools.count(2)))
+    return next(parent / name for name in names if not (parent / name).exists())
 
 
 def inside(archive: zipfile.ZipFile) -> list[tuple[zipfile.ZipInfo, PurePosixPath]]:
@@ -87,19 +85,13 @@ def unpack(name: str, content: bytes, parent: Path) -> Path:
     """Unpack a set into a new folder in `parent`; a failure leaves nothing behind."""
     folder = new_folder(parent, Path(safe_name(name)).stem)
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            entries = inside(archive)
-            folder.mkdir(parents=True)
-            for info, path in entries:
-                target = folder / path
+        with zipfile.ZipFile(io.BytesIO(content)) as archive, whole_folder(folder) as new:
+            for info, path in inside(archive):
+                target = new / path
                 target.parent.mkdir(parents=True, exist_ok=True)
                 _copy(archive, info, target)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        shutil.rmtree(folder, ignore_errors=True)
         raise InputError(f"{safe_name(name)} is not a usable zip ({error})") from None
-    except (OSError, InputError):
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
     return folder
 
 
@@ -128,12 +120,10 @@ class UploadFolder:
 
     @property
     def count(self) -> int:
-        """The number of files."""
         return len(self._files())
 
     @property
     def no_set(self) -> bool:
-        """Whether there is neither a set nor a session."""
         return not (self.folder / MAIN).is_file() and not (self.folder / SESSION_FILE).is_file()
 
     def put(self, name: str, content: bytes) -> Path:
@@ -180,7 +170,6 @@ class UploadFolder:
         return [name for name in self.named() if not (self.folder / name).is_file()]
 
     def urdf(self) -> Path | None:
-        """The only URDF, or None."""
         found = [file for file in self._files() if file.suffix.lower() == ".urdf"]
         return found[0] if len(found) == 1 else None
 
@@ -191,10 +180,8 @@ class UploadFolder:
         except InputError as error:
             raise InputError(str(error).replace(f"{self.folder}/", "")) from None
         folder = new_folder(parent, self.folder.name)
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=parent) as beside:
-            shutil.copytree(self.folder, Path(beside) / "new")
-            (Path(beside) / "new").rename(folder)
+        with whole_folder(folder) as new:
+            shutil.copytree(self.folder, new, dirs_exist_ok=True)
         self._begin()
         return folder
 

@@ -23,8 +23,7 @@ class UplotChart:
     """One chart; `show` sends only the changes."""
 
     def __init__(self, server: viser.ViserServer, chart: Chart) -> None:
-        self._server = server
-        self._chart = chart
+        self._server, self._chart = server, chart
         self._columns = columns(chart)
         self._at: int | None = None  # row of the playhead
         self._level = LEVELS[0]
@@ -52,7 +51,6 @@ class UplotChart:
             self._handle.data = self._data()
 
     def visible(self, on: bool) -> None:
-        """Show or hide the chart."""
         self._handle.visible = on
 
     def move(self, time: float) -> None:
@@ -136,11 +134,16 @@ def nearest(x: Array, value: float) -> int:
 
 def _look(chart: Chart) -> dict[str, Any]:
     """All options of a uPlot except data, title and size."""
+    x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
+    if chart.x.whole:
+        x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
+    first = 1 + len(chart.series)  # of the ribbons' edges
+    pairs = [[first + 2 * i, first + 2 * i + 1] for i in range(len(chart.ribbons))]
     return {
         "series": _series(chart),
         "scales": _scales(chart),
-        "axes": _axes(chart),
-        "bands": _bands(chart),
+        "axes": (x, {"scale": "y", "size": 58}),
+        "bands": tuple({"series": pair, "fill": RIBBON} for pair in pairs) or None,
     }
 
 
@@ -177,16 +180,3 @@ def _scales(chart: Chart) -> dict[str, Any]:
 def _scale(axis: ChartAxis, base: int) -> dict[str, Any]:
     scale: dict[str, Any] = {"distr": 3, "log": base} if axis.logarithmic else {}
     return scale if axis.limits is None else scale | {"range": axis.limits}
-
-
-def _axes(chart: Chart) -> tuple[dict[str, Any], ...]:
-    x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
-    if chart.x.whole:
-        x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
-    return (x, {"scale": "y", "size": 58})
-
-
-def _bands(chart: Chart) -> tuple[dict[str, Any], ...] | None:
-    first = 1 + len(chart.series)
-    pairs = [(first + 2 * i, first + 2 * i + 1) for i in range(len(chart.ribbons))]
-    return tuple({"series": [high, low], "fill": RIBBON} for high, low in pairs) or None

@@ -32,7 +32,6 @@ def output_dir() -> Path:
 
 
 def unsaved_dir() -> Path:
-    """The folder of unsaved work."""
     return output_dir() / ".unsaved"
 
 

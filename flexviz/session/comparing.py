@@ -68,7 +68,6 @@ class ParameterRow:
 
     @property
     def name(self) -> str:
-        """The parameter."""
         return self.key[0]
 
     @property
@@ -86,7 +85,6 @@ class SessionComparison:
 
     @property
     def same_data(self) -> bool:
-        """Whether all sessions use the same data."""
         return len({summary.set_sha256 for summary in self.sessions}) == 1
 
     def to_json(self) -> dict[str, Any]:

@@ -54,7 +54,6 @@ class AnotherSet:
         )
 
     def _read(self, done: Callable[[Any], None], read: Callable[..., Any], *arguments: Any) -> None:
-        """Start reading an upload."""
         stopped = partial(self._store.say, "stopped reading the upload")
         self._store.tasks.start(InThread(read, *arguments), done, stopped=stopped)
 

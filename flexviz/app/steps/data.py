@@ -32,7 +32,6 @@ class DataStep(WorkflowStep):
     title = "Data"
 
     def build(self) -> None:
-        """The set, a row per group, files."""
         store, page, gui = self.store, self.page, self.page.gui
         self._sets: dict[str, Path] = {}
         self._roles: dict[str, Any] = {}  # group -> its row
@@ -65,7 +64,6 @@ class DataStep(WorkflowStep):
                 self._roles[group.name] = page.dropdown(_label(group), ROLE_NAMES, use, hint=about)
 
     def _list_sets(self) -> None:
-        """List the available sets and sessions."""
         shown = self._shown()
         self._sets = sets_beside(shown, self.store.measurements.path)
         self._choice.options = tuple(self._sets)
@@ -75,7 +73,6 @@ class DataStep(WorkflowStep):
         self._check.content = self.store.check
 
     def refresh(self) -> None:
-        """Show the roles."""
         analysis = self.store.analysis
         for name, role in analysis.roles:
             if name in self._roles:
@@ -84,7 +81,6 @@ class DataStep(WorkflowStep):
         self._hint.content = "" if fitted else warning("No group is fitted: choose Fit for at least one.")
 
     def _shown(self) -> Path:
-        """The folder of the open set or session."""
         return (self.store.folder or self.store.measurements.path).resolve()
 
     def _choose(self, name: str) -> None:

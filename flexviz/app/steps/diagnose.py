@@ -41,7 +41,6 @@ class DiagnoseStep(WorkflowStep):
     title = "Diagnose"
 
     def build(self) -> None:
-        """Find, the verdict, the findings, the model."""
         page, gui = self.page, self.page.gui
         self._find = page.button("Find the missing effect", self._look, color="blue")
         self._why = gui.add_html("")
@@ -60,7 +59,6 @@ class DiagnoseStep(WorkflowStep):
         self.store.subscribe(Changed.GROUP, self._show_findings, Turn.CONTROLS)
 
     def refresh(self) -> None:
-        """Show the diagnosis and enable the buttons."""
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
         diagnosis, fresh = analysis.diagnosis, analysis.diagnosis_up_to_date
         self._verdict.content = verdict_html(diagnosis, fresh)
@@ -89,7 +87,6 @@ class DiagnoseStep(WorkflowStep):
             entry.show(shown[index], store.why_not, store.group.name)
 
     def _look(self) -> None:
-        """Diagnose the current model."""
         self._start(LOOKED, self.store.analysis)
 
     def _add(self, index: int) -> None:
@@ -102,11 +99,9 @@ class DiagnoseStep(WorkflowStep):
         self._start(f"added {effect_text_name(text)}", analysis.with_effect(text, True))
 
     def _add_all(self) -> None:
-        """Add all findings one by one."""
         self._start("added all found", self.store.analysis, apply=True)
 
     def _remove(self, effect: str) -> None:
-        """Remove an effect from the model, refit, diagnose again."""
         analysis = self.store.analysis
         if effect in analysis.effects:
             self._start(f"removed {effect_text_name(effect)}", analysis.with_effect(effect, False))
@@ -147,7 +142,6 @@ class DiagnoseStep(WorkflowStep):
         store.say(f"{label} in {number(diagnosis.seconds, 2)} s")
 
     def _select_joint(self) -> None:
-        """Select the joint of the best finding."""
         diagnosis = self.store.analysis.diagnosis
         if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
             joint = diagnosis.findings[0].joint

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.app.page import Page, dim, off
-from flexviz.app.recordings import KINDS, Kind, RecordingEvent, Recordings
+from flexviz.app.recordings import KINDS, Kind, Recordings, State
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half
@@ -61,7 +61,6 @@ class Files:
                 self._switch(kind, True)
 
     def _refresh(self) -> None:
-        """Enable the buttons, or say why they are off."""
         analysis, file = self._store.analysis, self._recorded
         nothing = analysis.identification is None and analysis.diagnosis is None
         why = "no results yet; press Find the missing effect (step 4) or Run (step 3) first"
@@ -129,18 +128,15 @@ class Files:
         self._refresh()
 
     def _switched_off(self, kind: Kind) -> None:
-        """Switch a failed recording off."""
         self._box(kind).value = False
         self._address.visible |= kind == "viewer"
 
-    def _heard(self, event: RecordingEvent) -> None:
-        """Show the state of a recording."""
-        kind, value = event.kind, event.value
-        if event.state == "failed":
+    def _heard(self, kind: Kind, state: State, value: Any) -> None:
+        if state == "failed":
             self._switched_off(kind)
             self._say(kind, "")
             self._store.fail(value)
-        elif event.state == "open":
+        elif state == "open":
             where = f"Sent to {self._address.value or VIEWER}."
             self._say(kind, f"Recording in {short(value.file)}." if kind == "file" else where)
         elif kind == "viewer":

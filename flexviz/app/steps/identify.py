@@ -40,7 +40,6 @@ class IdentifyStep(WorkflowStep):
     title = "Identify"
 
     def build(self) -> None:
-        """Effects, refinement, Check and Run, the table."""
         store, page, gui = self.store, self.page, self.page.gui
         self.effects = EffectList(store, page)
         hint = "a second stage that removes the observer's bias; takes longer"
@@ -70,7 +69,6 @@ class IdentifyStep(WorkflowStep):
         self._check.content = self.store.check
 
     def refresh(self) -> None:
-        """Show the result and enable Run."""
         self._draw_table()
         self._refine.value = self.store.analysis.refine
         self._why.content = dim(self._state())
@@ -92,7 +90,6 @@ class IdentifyStep(WorkflowStep):
         return f"Fits {plural(len(fitted), 'group')}, {validation}."
 
     def _start(self) -> None:
-        """Identify with the current settings."""
         store, analysis = self.store, self.store.analysis
         if not store.may_start("Run"):
             return
@@ -153,7 +150,6 @@ class EffectList:
             box.hint = effect_hint(EFFECTS[name]) + (f" [{why}]" if why else "")
 
     def _refresh(self) -> None:
-        """Show the effects of the model."""
         own, added = self._store.measurements.effects, self._store.analysis.effects
         chosen = (*own, *added)
         for name, box in self.boxes.items():
@@ -201,7 +197,6 @@ class ParameterCheck:
             self._follows |= not self._store.analysis.up_to_date
 
     def _refresh(self) -> None:
-        """Schedule another check if the settings have changed."""
         analysis = self._store.analysis
         settings = self._seen = analysis.settings
         hint = "which parameters these groups and effects can identify; changes nothing"
@@ -219,7 +214,6 @@ class ParameterCheck:
             self._run()
 
     def _run(self) -> None:
-        """Check the current settings."""
         store, analysis = self._store, self._store.analysis
         self._due = None
         if store.why_not:

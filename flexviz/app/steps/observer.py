@@ -44,7 +44,6 @@ class ObserverStep(WorkflowStep):
     title = "Observer"
 
     def build(self) -> None:
-        """Type, bandwidth as slider and number, numbers, sweep."""
         page, gui = self.page, self.page.gui
         self._type = page.dropdown("Observer type", tuple(OBSERVERS), self._choose)
         self._slider = page.watch(
@@ -68,7 +67,6 @@ class ObserverStep(WorkflowStep):
         self.store.subscribe(Changed.JOINT, self.refresh, Turn.CONTROLS)
 
     def refresh(self) -> None:
-        """Show the observer, its bandwidth and its numbers."""
         store, analysis = self.store, self.store.analysis
         observer = self._present()
         width = float(observer.bandwidth)  # type: ignore[arg-type]
@@ -141,7 +139,6 @@ class BandwidthSweep:
         self._result = self._of = None
 
     def _run(self) -> None:
-        """Start a sweep with the current settings."""
         if not self._store.may_start("Sweep"):
             return
         analysis = self._store.analysis.without_result()
@@ -162,7 +159,6 @@ class BandwidthSweep:
             self._store.say(f"swept {plural(len(result.bandwidths), 'bandwidth')}")
 
     def _use_best(self) -> None:
-        """Use the bandwidth with the least error."""
         if self._result is None:
             raise InputError("nothing has been swept yet: press Sweep bandwidth (step 2) first")
         self._use(self._result.best)
