@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,21 +23,13 @@ POSSIBLE_STEPS = (2e-5, 0.2)  # [s]
 
 @dataclass(frozen=True, eq=False)
 class LogClock:
-    """When the rows of a table were recorded.
+    """When the rows of a table were recorded."""
 
-    Attributes:
-        name: its column; "" where the rows are equally spaced.
-        table: the table's name.
-        raw: (N,) as recorded; int64 stays exact.
-        unit: [s] one step of `raw`.
-        shift: [s] that the mapping adds.
-    """
-
-    name: str
-    table: str
-    raw: Array
-    unit: float
-    shift: float = 0.0
+    name: str  # its column; "" where the rows are equally spaced
+    table: str  # the table's name
+    raw: Array  # (N,) as recorded; int64 stays exact
+    unit: float  # [s] one step of `raw`
+    shift: float  # [s] that the mapping adds
 
     @property
     def key(self) -> str:
@@ -59,7 +50,10 @@ def clock_of(
 
     Errors name `file` and `place`, the signal's entry in the mapping.
     """
-    name = asked or own_clock(table, time) or time.column
+    own = table.clock  # that the format itself names
+    if own is not None and time.clock == "log" and own.endswith(STAMP):
+        own = own.removesuffix(STAMP) + LOGGED
+    name = asked or own or time.column
     if name is None and time.step is not None:
         return LogClock("", table.name, np.arange(table.rows), time.step, time.shift.get(table.name, 0.0))
     if name is None:
@@ -81,13 +75,6 @@ def clock_of(
     return LogClock(name, table.name, table.columns[name], size, time.shift.get(table.name or name, 0.0))
 
 
-def own_clock(table: LogTable, time: TimeColumn) -> str | None:
-    """The time column that the format itself names."""
-    if table.clock is not None and time.clock == "log" and table.clock.endswith(STAMP):
-        return table.clock.removesuffix(STAMP) + LOGGED
-    return table.clock
-
-
 def likely_clocks(table: LogTable) -> list[str]:
     """Increasing columns with the name or unit of a time, else the first increasing one."""
     rising = [name for name, values in table.columns.items() if increases(values)]
@@ -105,7 +92,6 @@ def increases(values: Array) -> bool:
 
 
 def called_time(name: str) -> bool:
-    """Whether a column has the name of a time."""
     return bool(TIME_WORDS & set(words(name))) or unit_in(name) in TIME
 
 
@@ -140,39 +126,17 @@ def rows_in_order(time: Array, what: str, from_bag: bool, file: Path) -> tuple[N
     return rows, notes
 
 
-@dataclass(frozen=True)
-class TimeGuess:
-    """The likely time of the signals."""
-
-    keys: dict[str, Any]  # of [time] in a mapping; {} where the format itself knows the time
-    reason: str  # for the keys, or what is missing
-    # column -> its own time column, where it differs
-    own: dict[str, str] = field(default_factory=dict)
-    found: bool = True  # False where no column looks like a time
-
-
-def guess_time(log: Log, used: Sequence[str]) -> TimeGuess:
-    """Guess the time column of the columns `used`, and its unit."""
+def guess_clocks(log: Log, used: Sequence[str]) -> dict[str, str] | None:
+    """Column -> its likely time column, where the format names none; None where no column looks like one."""
     every = log.columns
     chosen: dict[str, str] = {}
     for column in (column for column in used if every[column].clock is None):
-        likely = likely_clocks(every[column])
+        likely, said = likely_clocks(every[column]), set(words(column))
         if not likely:
-            missing = "[time] column, or step = seconds from row to row: no column looks like a time"
-            return TimeGuess({}, missing, found=False)
-        chosen[column] = nearest(column, likely)
-    if not chosen:
-        return TimeGuess({}, "")
-    most = max(dict.fromkeys(chosen.values()), key=list(chosen.values()).count)
-    unit, why = guess_unit(every[most], most)
-    own = {column: time for column, time in chosen.items() if time != most}
-    return TimeGuess({"column": most} | ({"unit": unit} if unit != "s" else {}), why, own)
-
-
-def nearest(column: str, times: Sequence[str]) -> str:
-    """The time that shares most words with a column's name: motor.t for motor.q."""
-    said = set(words(column))
-    return max(times, key=lambda time: (len(said & set(words(time))), -times.index(time)))
+            return None
+        # the one that shares most words with the column's name: motor.t for motor.q
+        chosen[column] = max(likely, key=lambda time: (len(said & set(words(time))), -likely.index(time)))
+    return chosen
 
 
 def guess_unit(table: LogTable, name: str) -> tuple[str, str]:

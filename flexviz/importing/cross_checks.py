@@ -17,7 +17,7 @@ from flexviz.measurements import Array, GroupTable
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
 
-DEGREE = np.pi / 180  # [rad]
+DEGREE = ANGLE["deg"]  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,18 @@ def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPa
         theta, other, tau = table.theta[:, j], columns[:, j], table.tau[:, j]
         offset, span = float(np.mean(theta) - np.mean(other)), float(np.ptp(other))
         step = float(np.median(np.diff(table.time)))
-        centred = [x - np.mean(x) for x in (theta, other, tau)]
-        parts.append(JointPart(centred[0], centred[1], centred[2], offset, span, step))
+        parts.append(JointPart(*(x - np.mean(x) for x in (theta, other, tau)), offset, span, step))
     return parts
+
+
+def followed(parts: Sequence[JointPart]) -> tuple[float, float | None]:
+    """Squared correlation of a column with θ and its slope against θ; 0 and None where one stands still."""
+    power = sum(float(part.theta @ part.theta) for part in parts)
+    other_power = sum(float(part.other @ part.other) for part in parts)
+    both = sum(float(part.theta @ part.other) for part in parts)
+    if min(power, other_power) == 0.0:
+        return 0.0, None
+    return both**2 / (power * other_power), both / power
 
 
 @dataclass(frozen=True)
@@ -104,13 +113,9 @@ def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> li
 
 def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[JointPart]) -> list[Issue]:
     """Compare one column of one joint with θ and τ."""
-    theta, other, tau = (
-        np.concatenate([getattr(part, x) for part in parts]) for x in ("theta", "other", "tau")
-    )
-    power, other_power, both = float(theta @ theta), float(other @ other), float(theta @ other)
-    if min(power, other_power) == 0.0:
+    share, slope = followed(parts)
+    if slope is None:
         return []
-    share, slope = both**2 / (power * other_power), both / power
     if share < LIMITS.follows:
         message = f"it follows theta by {100 * share:.0f} % only: the same joint?"
         return [Issue("unexplained", "odd", (joint,), name, message)]
@@ -124,7 +129,8 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
             f"its mean is {-zero:.3g} rad from that of theta, too far for a spring: another zero position?"
         )
         found.append(Issue("zero", "odd", (joint,), name, message, (Fix(joint, name, "offset", offset),)))
-    deflection = theta - other
+    deflection = np.concatenate([part.theta - part.other for part in parts])
+    tau = np.concatenate([part.tau for part in parts])
     size = float(np.sqrt((deflection @ deflection) * (tau @ tau)))
     if name == "q" and size > 0.0 and float(deflection @ tau) < LIMITS.swapped * size:
         message = (
@@ -176,10 +182,7 @@ def find_scales(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> boo
 
 def find_gear(joint: DraftJoint, parts: Sequence[JointPart]) -> bool:
     """Find a gear by which θ turns farther than q; whether there is one."""
-    theta = np.concatenate([part.theta for part in parts])
-    q = np.concatenate([part.other for part in parts])
-    both = float(theta @ q)
-    if both == 0.0 or both**2 < LIMITS.gear_motion * float(theta @ theta) * float(q @ q):
+    if followed(parts)[0] < LIMITS.gear_motion:
         return False
     ratio, std = gear_ratio(parts)
     if abs(abs(ratio) * DEGREE - 1.0) < LIMITS.degrees:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, count, islice
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.importing.assembling import AssembledGroup, assemble
-from flexviz.importing.clocks import guess_time, likely_clocks
+from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import ClockOffset, clock_offsets
@@ -90,13 +91,16 @@ def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
     """Guess [time]; column -> its own time column where it differs."""
     # where nothing was recognised, the signals are likely in the table with the most columns
     widest = max((list(table.columns) for table in log.tables), key=len, default=[])
-    guess = guess_time(log, used or widest[:1])
-    draft.time = guess.keys
-    if guess.found:
-        draft.time_comment = guess.reason
-    else:
-        draft.missing.append(guess.reason)
-    return guess.own
+    chosen = guess_clocks(log, used or widest[:1])
+    if chosen is None:
+        missing = "[time] column, or step = seconds from row to row: no column looks like a time"
+        draft.missing.append(missing)
+    if not chosen:
+        return {}
+    most, _ = Counter(chosen.values()).most_common(1)[0]
+    unit, draft.time_comment = guess_unit(log.columns[most], most)
+    draft.time = {"column": most} | ({"unit": unit} if unit != "s" else {})
+    return {column: time for column, time in chosen.items() if time != most}
 
 
 def group_names(sources: Sequence[LogSource]) -> list[str]:
@@ -122,9 +126,8 @@ def describe(log: Log) -> list[str]:
         lines.append(f"  {table.name or 'one table'}: {table.rows} rows, {len(table.columns)} columns{span}")
     lines += [f"  {note}" for note in log.notes]
     odd = [f"{name}: {why}" for name, why in log.unusable.items() if not why.startswith(EMPTY_FIELD)]
-    if odd:
-        lines.append(f"  not usable: {'; '.join(odd[:4])}{'; …' if len(odd) > 4 else ''}")
-    return lines
+    more = "; …" if len(odd) > 4 else ""
+    return lines + ([f"  not usable: {'; '.join(odd[:4])}{more}"] if odd else [])
 
 
 def describe_unused(log: Log, used: Sequence[str]) -> list[str]:

@@ -23,8 +23,8 @@ class Hypothesis:
     """An assumed reading of the columns, the fixes of the mapping that lead to it, and their description."""
 
     reading: Reading
-    fixes: tuple[Fix, ...] = ()
-    reason: str = ""
+    fixes: tuple[Fix, ...]
+    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,21 +121,20 @@ def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bo
 
 def opposite_signs(mapping: Mapping, now: Reading, joints: Sequence[str]) -> list[Hypothesis]:
     """τ, θ, or both with the opposite sign on these joints."""
+
+    def in_words(fixes: tuple[Fix, ...]) -> str:
+        values = {fix.value for fix in fixes}
+        return f"sign = {values.pop()}" if len(values) == 1 else "the opposite sign"
+
     minus = np.array([-1.0 if joint in joints else 1.0 for joint in mapping.names])
     theta = tuple(Fix(joint, "theta", "sign", -mapping.joints[joint].theta.sign) for joint in joints)
     tau = tuple(Fix(joint, "tau", "sign", -mapping.joints[joint].tau.sign) for joint in joints)
     turned = replace(now, factor=now.factor * minus, zero=now.zero * minus)
     return [
-        Hypothesis(replace(now, sign=now.sign * minus), tau, sign_text(tau)),
-        Hypothesis(turned, theta, sign_text(theta)),
+        Hypothesis(replace(now, sign=now.sign * minus), tau, in_words(tau)),
+        Hypothesis(turned, theta, in_words(theta)),
         Hypothesis(replace(turned, sign=now.sign * minus), theta + tau, "opposite signs of theta and tau"),
     ]
-
-
-def sign_text(fixes: Sequence[Fix]) -> str:
-    """A change of signs in words."""
-    values = {fix.value for fix in fixes}
-    return f"sign = {values.pop()}" if len(values) == 1 else "the opposite sign"
 
 
 def rescaled(now: Reading, changes: dict[int, ColumnChange], reason: str) -> Hypothesis:
@@ -236,9 +235,10 @@ def check_scale(mapping: Mapping, model: TorqueModel, result: SearchResult) -> l
         ratio = f"it is {fit.slope:.3g} times the torque of the rigid model"
         message = f"{ratio}: with {change} it is {fit.slope * change.factor:.2g} times"
         found.append(Issue("unit", "wrong", (joint,), "tau", message, change.fixes))
-    large = {joint: slope for joint, slope in unknown.items() if slope > 1.0}
-    small = {joint: slope for joint, slope in unknown.items() if slope <= 1.0}
-    for slopes in filter(None, (large, small)):
+    for large in (True, False):
+        slopes = {joint: slope for joint, slope in unknown.items() if (slope > 1.0) == large}
+        if not slopes:
+            continue
         ratios = ", ".join(f"{slope:.3g}" for slope in slopes.values())
         message = f"it is {ratios} times the torque of the rigid model: {scale_hint(mapping, slopes)}?"
         found.append(Issue("unit", "wrong", tuple(slopes), "tau", message))

@@ -8,14 +8,14 @@ so, whatever the masses and the friction really are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError
-from flexviz.importing.cross_checks import joint_parts
+from flexviz.importing.cross_checks import followed, joint_parts
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable, SampledMotion, likely_limits, sample_motion
 from flexviz.robot import PayloadBody, Robot
@@ -50,14 +50,7 @@ class Reading:
 
 
 class TorqueModel:
-    """The motion of all groups at a few instants, and fits of its torques.
-
-    Attributes:
-        span, speed: (n,) of each joint's θ [rad], [rad/s].
-        width, fastest: (n,) range and speed limit of the joints [rad], [rad/s].
-        q_ratio: (n,) θ per q; 0 where q is not recorded or shows another motion.
-        usable: there is motion for long enough, and the robot's description has masses.
-    """
+    """The motion of all groups at a few instants, and fits of its torques."""
 
     def __init__(self, robot: Robot, groups: Sequence[LoadedTable]) -> None:
         self.robot = robot
@@ -65,21 +58,21 @@ class TorqueModel:
         total = sum(len(motion.q) for _, motion in samples)
         every = max(1, -(-total // LARGEST_SAMPLE))
         self.samples = [(bodies, thinned(motion, every)) for bodies, motion in samples]
+        self.torque = np.concatenate([motion.torque for _, motion in self.samples])
+        # (n,) span and largest speed of each joint's θ, and limits of both [rad], [rad/s]
         self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)
         self.speed = np.max([np.max(np.abs(motion.v), axis=0) for _, motion in samples], axis=0)
         self.width, self.fastest = likely_limits(robot)
+        # (n,) θ per q; 0 where q is not recorded or shows another motion
         self.q_ratio = np.array([ratio_to_q([table for _, table in groups], j) for j in range(robot.n)])
-        self.torque = np.concatenate([motion.torque for _, motion in self.samples])
         self.inertia = largest_inertia(robot)
         seconds = sum(float(table.time[-1] - table.time[0]) for _, table in groups)
-        self.usable = seconds >= LIMITS.shortest_motion and self._has_masses()
-
-    def _has_masses(self) -> bool:
         try:
-            rigid = self.rigid(Reading.unchanged(self.robot.n))[0]
+            rigid = self.rigid(Reading.unchanged(robot.n))[0]
         except InputError:
-            return False
-        return bool(np.isfinite(rigid).all() and rigid.any())
+            rigid = np.zeros(0)
+        has_masses = bool(np.isfinite(rigid).all() and rigid.any())
+        self.usable = seconds >= LIMITS.shortest_motion and has_masses
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
         """(M, n) torques of the CAD model, velocities and accelerations."""
@@ -95,25 +88,21 @@ class TorqueModel:
         """Fits of all joints, with a slope near 1."""
         rigid, v, a = self.rigid(reading)
         torque = self.torque * reading.sign
-        return [
-            fit_joint(rigid[:, j], v[:, j], a[:, j], torque[:, j], self.inertia[j], LIMITS.slopes)
-            for j in range(self.robot.n)
-        ]
+        joints = zip(rigid.T, v.T, a.T, torque.T, self.inertia, strict=True)
+        return [fit_joint(*joint, LIMITS.slopes) for joint in joints]
 
     def fit_any_scale(self, reading: Reading) -> list[TorqueFit]:
         """Fits of all joints with τ in any unit: the one that explains it best."""
-        rigid, v, a = self.rigid(reading)
+        motion = self.rigid(reading)
         result = []
-        for j in range(self.robot.n):
+        for j, inertia in enumerate(self.inertia):
             torque = self.torque[:, j] * reading.sign[j]
-            columns = rigid[:, j], v[:, j], a[:, j]
-            fits = [
-                fit_joint(*columns, torque / unit, self.inertia[j], LIMITS.slopes) for unit in TORQUE_UNITS
-            ]
+            rigid, v, a = (x[:, j] for x in motion)
+            fits = [fit_joint(rigid, v, a, torque / unit, inertia, LIMITS.slopes) for unit in TORQUE_UNITS]
             shares = np.array([fit.share for fit in fits])
             near = np.flatnonzero(shares >= np.max(shares) - 0.01)
             best = int(near[len(near) // 2])
-            friction = fit_joint(0.0 * rigid[:, j], v[:, j], a[:, j], torque, 0.0, (0.0, 0.0)).share
+            friction = fit_joint(0.0 * rigid, v, a, torque, 0.0, (0.0, 0.0)).share
             slope = fits[best].slope * TORQUE_UNITS[best]
             result.append(TorqueFit(float(shares[best]), float(slope), float(shares[best]) - friction))
         return result
@@ -122,20 +111,15 @@ class TorqueModel:
         """How well the torques are explained with any scale and sign; the sum over the joints."""
         if not self.usable:
             return 0.0
-        n = self.robot.n
-        fits = [
-            self.fit_any_scale(Reading(np.ones(n), np.zeros(n), sign * np.ones(n))) for sign in (1.0, -1.0)
-        ]
+        start = Reading.unchanged(self.robot.n)
+        fits = [self.fit_any_scale(replace(start, sign=sign * start.sign)) for sign in (1.0, -1.0)]
         return sum(max(plus.share, minus.share) for plus, minus in zip(*fits, strict=True))
 
 
 def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
     """θ per q of joint j; 0 where q is not recorded or shows another motion."""
-    parts = joint_parts(tables, j, "q")
-    both = sum(float(part.theta @ part.other) for part in parts)
-    theta = sum(float(part.theta @ part.theta) for part in parts)
-    q = sum(float(part.other @ part.other) for part in parts)
-    return 0.0 if both == 0.0 or both**2 < LIMITS.same_motion * theta * q else theta / both
+    share, slope = followed(joint_parts(tables, j, "q"))
+    return 1.0 / slope if slope and share >= LIMITS.same_motion else 0.0
 
 
 def thinned(motion: SampledMotion, every: int) -> SampledMotion:
