@@ -16,7 +16,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
 from flexviz.observers import make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.recording import Recorded, RecordingFile, ending_tidily
+from flexviz.recording import Recorded, RecordingFile, recording_file
 from flexviz.report import diagnosed_session, session_report
 from flexviz.session import (
     Analysis,
@@ -190,16 +190,15 @@ def record(
     if not isinstance(measurements, MeasurementSet):
         measurements = read_set(measurements)
     effects, results = list(effects), list[Identification]()
-    file = RecordingFile(measurements, out, progress=progress, should_stop=should_stop)
+    with recording_file(measurements, out, progress=progress, should_stop=should_stop) as file:
 
-    def tell(news: Progress) -> None:
-        progress(news)
-        if news.iteration is not None:
-            file.recorder.iteration(news.iteration)
+        def tell(news: Progress) -> None:
+            progress(news)
+            if news.iteration is not None:
+                file.recorder.iteration(news.iteration)
 
-    options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
-    options |= {"refine": refine, "progress": tell, "should_stop": should_stop}
-    with file, ending_tidily():
+        options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
+        options |= {"refine": refine, "progress": tell, "should_stop": should_stop}
         file.recorder.measured(file.part(0.0, 0.1))
         file.recorder.session(
             observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
@@ -230,10 +229,10 @@ def _solve(
 ) -> None:
     """Identify with these effects, append the result to `results`, record it and its residual maps."""
     file.recorder.start(label)
-    result = identify(file.measurements, effects=effects, **options)
+    result = identify(file.recorder.measurements, effects=effects, **options)
     file.recorder.result(result)
     results.append(result)
     if result.stopped:
         raise Cancelled
     file.step(f"{label}: where it fails", 0.3)
-    file.recorder.maps(maps_of(file.measurements, result.model, effects))
+    file.recorder.maps(maps_of(file.recorder.measurements, result.model, effects))

@@ -18,9 +18,9 @@ from flexviz.recording import record_set
 from flexviz.recording.paths import path
 from flexviz.recording.scene import quaternions
 from flexviz.recording.signals import broken_at_gaps, stride_for
-from flexviz.recording.texts import escaped
 from flexviz.scene import measured_motion, with_replay
 from flexviz.simulation import replay
+from flexviz.wording import as_markdown
 from tests.recorded import Read, blueprint_of
 from tests.small_set import write_small_set
 
@@ -174,7 +174,7 @@ def test_words(pair: MeasurementSet, result: Any, content: Read) -> None:
     assert "stiffness" in summary and "identifiable" in summary and result.observer_name in summary
     assert "used for validation only" in content.text(path("groups", HELD_OUT, "about"))
     assert "closed loop" in content.text(path("groups", FIRST, "about")) or pair.kp is None
-    assert escaped("a_b|c*") == "a\\_b\\|c\\*"
+    assert as_markdown("a_b|c*") == "a\\_b\\|c\\*"
 
 
 def test_blueprint(recorded: Any) -> None:

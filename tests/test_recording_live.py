@@ -20,7 +20,7 @@ from flexviz.errors import FlexvizError, InputError
 from flexviz.model import EffectValue
 from flexviz.observers import make_observer
 from flexviz.recording import LiveRecording, check_recording, repair_recording
-from flexviz.recording.drawings import step_names
+from flexviz.recording.charts import step_names
 from flexviz.recording.stream import Stream, viewer_address
 from flexviz.recording.viewers import free_port, rerun_program
 from flexviz.simulation.run import Run

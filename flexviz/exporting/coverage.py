@@ -25,7 +25,7 @@ class Written:
 
 
 @dataclass(frozen=True)
-class Derived:
+class DerivedNumber:
     """A second number per joint, computed from an effect's parameters."""
 
     meaning: str
@@ -46,7 +46,7 @@ class PerJoint(Written):
 
     table: str
     parameter: str
-    also: Derived | None = None
+    also: DerivedNumber | None = None
     always: bool = False
 
     def number(self, values: Values) -> float:
@@ -54,7 +54,7 @@ class PerJoint(Written):
         return values[self.parameter]
 
     @property
-    def arrays(self) -> tuple[PerJoint | Derived, ...]:
+    def arrays(self) -> tuple[PerJoint | DerivedNumber, ...]:
         """All arrays of the effect."""
         return (self,) if self.also is None else (self, self.also)
 
@@ -107,7 +107,7 @@ PAYLOAD = OnPayload(
     lambda body, values: scaled_body(body, 1.0 + values["relative_mass_error"]),
 )
 GRAVITY = OnGravity("gravity", lambda values: tilted_gravity(values["tilt_x"], values["tilt_y"]))
-SPRING_TORQUE = Derived(
+SPRING_TORQUE = DerivedNumber(
     "minus its torque at q = 0 [Nm]",
     "spring_torque",
     lambda values: values["stiffness"] * values["rest_angle"],

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from flexviz.recording.checking import Checked, TruncatedRecording, check_recording
 from flexviz.recording.comparing import RecordingComparison, compare_recordings, merge_recordings
 from flexviz.recording.files import Recorded, repair_recording
 from flexviz.recording.live import LiveRecording
-from flexviz.recording.reading import Recording, read_recording
+from flexviz.recording.reading import Checked, Recording, TruncatedRecording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
-from flexviz.recording.writing import RecordingFile, ending_tidily, record_session, record_set
+from flexviz.recording.writing import (
+    RecordingFile,
+    ending_tidily,
+    record_session,
+    record_set,
+    recording_file,
+)
 
 __all__ = [
     "Checked",
@@ -26,6 +31,7 @@ __all__ = [
     "read_recording",
     "record_session",
     "record_set",
+    "recording_file",
     "repair_recording",
     "show_in_window",
     "web_viewer",

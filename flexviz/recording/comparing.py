@@ -18,17 +18,17 @@ from flexviz.charts import COLOURS, rgb
 from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import (
     APPLICATION,
-    TAU_STATES,
-    THETA_STATES,
+    STATES,
     TITLES,
     diagnosis_path,
     observer_path,
     result_path,
 )
 from flexviz.recording.reading import Recording
-from flexviz.recording.texts import bandwidth_text, escaped, table
+from flexviz.recording.texts import table
+from flexviz.results import bandwidth_text
 from flexviz.view import total_rms
-from flexviz.wording import number
+from flexviz.wording import as_markdown, number
 
 SIDES = ("A", "B")
 SCALARS = "Scalars:scalars"
@@ -105,15 +105,25 @@ def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
 
 def comparison_text(found: RecordingComparison) -> str:
     """The comparison as Markdown."""
-    names = [f"{side}: {escaped(r.file.name)}" for side, r in zip(SIDES, (found.a, found.b), strict=True)]
+    names = [f"{side}: {as_markdown(r.file.name)}" for side, r in zip(SIDES, (found.a, found.b), strict=True)]
     lines = [f"# {names[0]} and {names[1]}", ""]
-    lines += table(["", "A", "B"], ([title, *map(escaped, cells)] for title, cells in found.facts.items()))
+    lines += table(
+        ["", "A", "B"], ([title, *map(as_markdown, cells)] for title, cells in found.facts.items())
+    )
     rows = []
     for row in sorted(found.rows, key=_rank):
         apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
         mark = "**" if row.deviations > NOTABLE_DEVIATIONS else ""
         values = (number(value, 5) for value in row.values)
-        rows.append([escaped(row.name), escaped(row.joint or ""), *values, row.unit, f"{mark}{apart}{mark}"])
+        rows.append(
+            [
+                as_markdown(row.name),
+                as_markdown(row.joint or ""),
+                *values,
+                row.unit,
+                f"{mark}{apart}{mark}",
+            ]
+        )
     if rows:
         lines += ["", *table(["parameter", "joint", "A", "B", "unit", "difference"], rows)]
     return "\n".join(lines)
@@ -224,12 +234,12 @@ def _details(sides: Sequence[tuple[str, Recording]], groups: Sequence[str]) -> r
 def _states(sides: Sequence[tuple[str, Recording]], group: str) -> rrb.Container:
     """All observer states of one group, B in colour over A in grey."""
     views = []
-    for name in (*THETA_STATES, *TAU_STATES):
+    for name in STATES:
         contents: list[str] = []
         overrides: dict[str, Any] = {}
         for side, recording in sides:
             for joint in recording.joints if recording.observer is not None else ():
-                entity = f"/{side}" + observer_path(str(recording.observer), group, name, joint)
+                entity = f"/{side}" + observer_path(recording.observer, group, name, joint)
                 contents.append(entity)
                 if side == SIDES[0]:
                     style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"A {joint}", widths=3.0)

@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 
 from flexviz.errors import InputError
 from flexviz.files import PART, write_whole
-from flexviz.recording.checking import Checked, check_recording, sidecar
+from flexviz.recording.reading import Checked, check_recording, sidecar
 from flexviz.recording.viewers import rerun_program
 
 SUFFIX = ".rrd"

@@ -17,7 +17,7 @@ from rerun.blueprint.components import AbsoluteTimeRange
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.recording.drawings import MAX_EVIDENCE
+from flexviz.recording.charts import MAX_EVIDENCE
 from flexviz.recording.paths import (
     ABOUT,
     ITERATION,
@@ -230,7 +230,7 @@ def _evidence(diagnosis: Diagnosis, number: int) -> list[rrb.TimeSeriesView]:
     for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
         if finding.evidence is not None and finding.evidence.groups:
             group = max(finding.evidence.groups, key=lambda entry: entry[2] - entry[1])[0]
-            origin = diagnosis_path(number, "evidence", str(rank), group)
+            origin = diagnosis_path(number, "evidence", rank, group)
             views.append(plot(f"{rank}. {finding.text}, {group} [Nm]", origin, ["$origin/**"]))
     return views
 

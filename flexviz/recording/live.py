@@ -19,27 +19,38 @@ import queue
 import threading
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
+from functools import partial, wraps
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
-from flexviz.observers import Observer
 from flexviz.progress import Progress
 from flexviz.recording.files import Recorded, Target
 from flexviz.recording.recorder import FLUSH_INTERVAL, MAX_SAMPLES, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, ResidualMap, Step
-    from flexviz.identification import Identification
     from flexviz.progress import Iteration
-    from flexviz.simulation import Run
 
 WRITE_TIMEOUT = 120.0  # [s] limit of `flush` and `close`
+
+
+P = ParamSpec("P")
+
+
+def queued(
+    method: Callable[Concatenate[Recorder, P], object],
+) -> Callable[Concatenate[LiveRecording, P], None]:
+    """A method of `Recorder` as one of `LiveRecording`, which queues it."""
+
+    @wraps(method)
+    def put(self: LiveRecording, *args: P.args, **more: P.kwargs) -> None:
+        self.put(partial(method, self.recorder, *args, **more))
+
+    return put
 
 
 class LiveRecording:
@@ -49,6 +60,7 @@ class LiveRecording:
     and `close` raise it.
 
     Attributes:
+        recorder: what is queued calls its methods, from the recording's thread.
         failure: why the recording has ended, or "".
     """
 
@@ -76,40 +88,41 @@ class LiveRecording:
         if file is None and viewer is None:
             raise InputError("a recording needs a file or a viewer")
         address = None if viewer is None else viewer_address(viewer)
-        self._target = None if file is None else Target(Path(file))
         self.failure = ""
         self._on_failure = on_failure
-        self._stream = Stream(measurements.name, self._target, address)
-        self._recorder = Recorder(measurements, self._stream, samples)
+        target = None if file is None else Target(Path(file))
+        self.recorder = Recorder(measurements, Stream(measurements.name, target, address), samples)
         self._queue: queue.Queue[Callable[[], object] | None] = queue.Queue()
         self._begun = time.monotonic()
         self._lock = threading.Lock()
         self._closed = False
         self._written: Recorded | None = None
-        self._put(partial(self._recorder.measured, self._flush))
+        self.put(self.recorder.measured)
         self._thread = threading.Thread(target=self._work, name="flexviz-recording", daemon=True)
         self._thread.start()
 
     @property
     def file(self) -> Path | None:
         """Where it is written at present, or None."""
-        return None if self._target is None else self._target.part
+        target = self.recorder.stream.target
+        return None if target is None else target.part
 
     @property
     def lost_viewer(self) -> str:
         """Why the viewer no longer receives data, or ""."""
-        return self._stream.lost
+        return self.recorder.stream.lost
 
-    # -- what is recorded ----------------------------------------------------------------------------
-
-    def observer(self, observer: Observer) -> None:
-        """Record all states of an observer, once."""
-        self._put(partial(self._recorder.observe, observer, self._flush))
+    observer = queued(Recorder.observe)
+    identified = queued(Recorder.result)
+    replayed = queued(Recorder.run)
+    mapped = queued(Recorder.maps)
+    diagnosed = queued(Recorder.diagnosis)
+    note = queued(Recorder.note)
 
     def started(self, label: str = "") -> None:
         """Start a solve: later iterations and the next result belong to it."""
         self._begun = time.monotonic()
-        self._put(partial(self._recorder.start, label))
+        self.put(partial(self.recorder.start, label))
 
     def progress(self, news: Progress) -> None:
         """Record the iterations of the running solve; a progress callback for `identify`."""
@@ -118,28 +131,7 @@ class LiveRecording:
 
     def iteration(self, iteration: Iteration) -> None:
         """Record an iteration of the running solve."""
-        seconds = time.monotonic() - self._begun
-        self._put(partial(self._recorder.iteration, iteration, seconds))
-
-    def identified(self, result: Identification, label: str = "") -> None:
-        """Record a result with residuals and parameters; `label` describes its model."""
-        self._put(partial(self._recorder.result, result, label))
-
-    def replayed(self, group: str, run: Run) -> None:
-        """Record the newest result's model, simulated in a group, with its robot."""
-        self._put(partial(self._recorder.run, group, run))
-
-    def mapped(self, maps: Sequence[ResidualMap]) -> None:
-        """Record where the newest result's model fails."""
-        self._put(partial(self._recorder.maps, tuple(maps)))
-
-    def diagnosed(self, diagnosis: Diagnosis, steps: Sequence[Step] = ()) -> None:
-        """Record a diagnosis; `steps` replaces its own model steps."""
-        self._put(partial(self._recorder.diagnosis, diagnosis, tuple(steps)))
-
-    def note(self, text: str) -> None:
-        """Add a line to the log."""
-        self._put(partial(self._recorder.note, text))
+        self.put(partial(self.recorder.iteration, iteration, time.monotonic() - self._begun))
 
     # -- its end -------------------------------------------------------------------------------------
 
@@ -150,7 +142,7 @@ class LiveRecording:
             FlexvizError: the recording has failed, or takes longer than `timeout` [s].
         """
         done = threading.Event()
-        self._put(lambda: (self._recorder.flush(), done.set()))
+        self.put(lambda: (self.recorder.flush(), done.set()))
         end = time.monotonic() + timeout
         while not done.wait(0.05) and not self.failure:
             if time.monotonic() > end:
@@ -185,14 +177,11 @@ class LiveRecording:
 
     # -- the thread ----------------------------------------------------------------------------------
 
-    def _put(self, piece: Callable[[], object]) -> None:
+    def put(self, piece: Callable[[], object]) -> None:
+        """Queue a piece of work, unless the recording has ended."""
         with self._lock:
             if not self._closed and not self.failure:
                 self._queue.put(piece)
-
-    def _flush(self, what: str, share: float) -> None:
-        """Flush during a long piece of work."""
-        self._recorder.flush()
 
     def _work(self) -> None:
         flushed, dirty = time.monotonic(), False
@@ -201,18 +190,15 @@ class LiveRecording:
                 try:
                     piece = self._queue.get(timeout=FLUSH_INTERVAL if dirty else None)
                 except queue.Empty:
-                    piece = self._recorder.flush
+                    piece = self.recorder.flush
                 if piece is None:
                     break
                 piece()
-                dirty = piece != self._recorder.flush
+                dirty = piece != self.recorder.flush
                 if dirty and time.monotonic() - flushed > FLUSH_INTERVAL:
-                    self._stream.flush()  # without the iterations of the current batch
+                    self.recorder.stream.flush()  # without the iterations of the current batch
                     flushed = time.monotonic()
-            self._recorder.flush()
-            self._stream.close()
-            if self._target is not None:
-                self._written = self._target.finish(self._stream.entities, self._recorder.layout())
+            self._written = self.recorder.finish()
         except Exception as error:
             self._fail(error)
 
@@ -227,7 +213,7 @@ class LiveRecording:
             while not self._queue.empty():  # nothing more is written
                 self._queue.get_nowait()
         try:
-            self._stream.close()
+            self.recorder.stream.close()
         except Exception:
             traceback.print_exc()
         if self._on_failure is not None:

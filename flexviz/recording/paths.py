@@ -27,6 +27,7 @@ views are never empty, also on `time` [s] since its start. Results and diagnoses
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,8 +40,6 @@ TIME = "time"  # [s]
 ITERATION = "iteration"
 APPLICATION = "flexviz"
 
-THETA_STATES = ("theta_0", "theta_1", "theta_2", "theta_3", "theta_4")
-TAU_STATES = ("tau_0", "tau_1", "tau_2")
 DISTURBANCE = "disturbance"
 TITLES = {
     "theta_0": "θ [rad]",
@@ -51,43 +50,28 @@ TITLES = {
     "tau_0": "τ [Nm]",
     "tau_1": "dτ/dt [Nm/s]",
     "tau_2": "d²τ/dt² [Nm/s²]",
-    "disturbance": "disturbance [rad/s⁵]",
-    "residual": "residual [Nm]",
-    "torque": "transmission torque s [Nm]",
+    DISTURBANCE: "disturbance [rad/s⁵]",
 }
+STATES = tuple(name for name in TITLES if name != DISTURBANCE)  # of every observer
 
 ABOUT = "/about"
 LOG = "/log"
 
 
-def path(*parts: str) -> str:
+def path(*parts: object) -> str:
     """An entity path; special characters in the parts are escaped."""
-    return rr.new_entity_path(list(parts))
+    return rr.new_entity_path([str(part) for part in parts])
 
 
-def group_path(group: str, *parts: str) -> str:
-    """An entity path of one group."""
-    return path("groups", group, *parts)
+group_path = partial(path, "groups")  # group, …
+observer_path = partial(path, "observers")  # name with bandwidth, group, …
+result_path = partial(path, "results")  # number, …
+diagnosis_path = partial(path, "diagnoses")  # number, …
 
 
 def observer_name(observer: Observer) -> str:
     """Observer name with its bandwidth, "eso-50", or one per joint, "eso-40-60"."""
     return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
-
-
-def observer_path(observer: str, group: str, *parts: str) -> str:
-    """An entity path of one observer's states of one group."""
-    return path("observers", observer, group, *parts)
-
-
-def result_path(number: int, *parts: str) -> str:
-    """An entity path of one result."""
-    return path("results", str(number), *parts)
-
-
-def diagnosis_path(number: int, *parts: str) -> str:
-    """An entity path of one diagnosis."""
-    return path("diagnoses", str(number), *parts)
 
 
 def parameter_path(number: int, name: str) -> str:

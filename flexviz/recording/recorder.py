@@ -15,7 +15,8 @@ from flexviz import __version__
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
-from flexviz.recording.drawings import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
+from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
+from flexviz.recording.files import Recorded
 from flexviz.recording.layout import Shown, blueprint
 from flexviz.recording.optimiser import Optimiser, Solve
 from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
@@ -23,7 +24,7 @@ from flexviz.recording.scene import Stage, send_robot, set_stage
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape, with_replay
-from flexviz.wording import verdict_text
+from flexviz.wording import as_markdown, verdict_text
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis, ResidualMap, Step
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
 MAX_SAMPLES = 10_000  # per signal and group
 FLUSH_INTERVAL = 1.0  # [s] at most between two flushes while a solve runs
-Check = Callable[[str, float], None]  # gets the next part and the share done; may raise
+Check = Callable[[str, float], object]  # called between the parts with the next one and the share done
 
 
 class Recorder:
@@ -58,9 +59,9 @@ class Recorder:
 
     # -- the measurement set -------------------------------------------------------------------------
 
-    def measured(self, check: Check = lambda what, share: None) -> None:
-        """Send the set, its signals and the measured robot of every group."""
-        measurements, stream = self.measurements, self.stream
+    def measured(self, check: Check | None = None) -> None:
+        """Send the set, its signals and every group's measured robot; without a check, flush in between."""
+        measurements, stream, check = self.measurements, self.stream, check or self._flush_part
         stream.name(measurements.name + (" (simulated data)" if measurements.simulated else ""))
         stream.property(
             "flexviz",
@@ -96,9 +97,9 @@ class Recorder:
         """Properties of the session, such as settings, steps and notes: texts, numbers or lists."""
         self.stream.property("session", **values)
 
-    def observe(self, observer: Observer, check: Check = lambda what, share: None) -> None:
-        """Send all states of an observer in every group, once."""
-        name = observer_name(observer)
+    def observe(self, observer: Observer, check: Check | None = None) -> None:
+        """Send all states of an observer in every group, once; without a check, flush in between."""
+        name, check = observer_name(observer), check or self._flush_part
         if name in self._observers:
             return
         self.note(f"observer {name}")
@@ -193,11 +194,26 @@ class Recorder:
         self.stream.flush()
         self._flushed = time.monotonic()
 
+    def _flush_part(self, what: str, share: float) -> None:
+        self.flush()
+
+    def finish(self, complete: bool = True) -> Recorded | None:
+        """Close the recording and move it into place; None without a file.
+
+        Raises:
+            OSError, InputError: see `Target.finish`.
+        """
+        if complete:
+            self.flush()
+        self.stream.close()
+        target = self.stream.target
+        return None if target is None else target.finish(self.stream.entities, self.layout(), complete)
+
     # -- texts and layout ----------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
         """Add a line to the log."""
-        self._lines.append(f"- {time.strftime('%H:%M:%S')} {texts.escaped(text)}")
+        self._lines.append(f"- {time.strftime('%H:%M:%S')} {as_markdown(text)}")
         self.stream.text(LOG, "\n".join(self._lines))
 
     def arrange(self) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer, ObserverStates
-from flexviz.recording.paths import DISTURBANCE, TAU_STATES, THETA_STATES, TIME, observer_name, path
+from flexviz.recording.paths import DISTURBANCE, STATES, TIME, observer_name, path
 from flexviz.recording.stream import Stream
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def send_states(
 
 def state_names(observer: Observer) -> tuple[str, ...]:
     """The entities of an observer's states."""
-    return (*THETA_STATES, *TAU_STATES, *((DISTURBANCE,) if observer.has_disturbance_state else ()))
+    return (*STATES, DISTURBANCE) if observer.has_disturbance_state else STATES
 
 
 def _state(states: ObserverStates, name: str) -> Array:
@@ -73,14 +73,14 @@ def send_residual(
 ) -> None:
     """The residual of the identification equation, with torque and link position."""
     series = result.residuals[group]
-    where, stride = ("results", str(number), "groups", group), stride_for(len(series.time), most)
+    where, stride = ("results", number, "groups", group), stride_for(len(series.time), most)
     for name in ("residual", "torque", "q"):
         send_signal(stream, (*where, name), joints, series.time[::stride], getattr(series, name)[::stride])
 
 
 def send_run(stream: Stream, joints: tuple[str, ...], number: int, group: str, run: Run, most: int) -> None:
     """The simulated motion of the identified model."""
-    where, stride = ("results", str(number), "groups", group, "simulated"), stride_for(len(run.time), most)
+    where, stride = ("results", number, "groups", group, "simulated"), stride_for(len(run.time), most)
     for name in ("theta", "q", "tau"):
         values = getattr(run, name)[::stride]
         send_signal(stream, (*where, name), joints, run.time[::stride], values, "simulated")
@@ -88,7 +88,7 @@ def send_run(stream: Stream, joints: tuple[str, ...], number: int, group: str, r
 
 def send_signal(
     stream: Stream,
-    where: Sequence[str],
+    where: Sequence[object],
     joints: Sequence[str],
     time: Array,
     values: Array,
@@ -100,11 +100,10 @@ def send_signal(
     Args:
         stream: the open recording.
         where: parts of the path.
-        joints: their names.
+        joints: their names; the label follows them in the legend.
         time: (N,) [s].
         values: (N, n); a joint whose values are all NaN is skipped.
-        label: follows the joint's name in the legend.
-        colour: of every line; None: one colour per joint.
+        label, colour: of every line; without a colour each joint has its own.
     """
     time, values = broken_at_gaps(np.asarray(time, dtype=float), np.asarray(values, dtype=float))
     if len(time) == 0:

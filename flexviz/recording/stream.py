@@ -57,13 +57,14 @@ class Stream:
     """An open recording: Rerun's methods, applied to the file and the viewer.
 
     Attributes:
+        target: the file, or None.
         entities: all logged entities.
         lost: why the viewer no longer receives data, or "".
     """
 
     def __init__(self, name: str, target: Target | None, viewer: str | None = None) -> None:
         """`name` is that of the measurement set, `viewer` a complete address (`viewer_address`)."""
-        self._target = target
+        self.target = target
         self.entities: set[str] = set()
         self.lost = ""
         identity = uuid4()
@@ -125,8 +126,8 @@ class Stream:
                 self._file.flush(timeout_sec=DISK_TIMEOUT)
             except (RuntimeError, ValueError) as error:
                 raise OSError(str(error)) from None
-            if self._target is not None:
-                self._target.appear()
+            if self.target is not None:
+                self.target.appear()
         if self._viewer is not None:
             try:
                 self._viewer.flush(timeout_sec=VIEWER_TIMEOUT)

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.results import bandwidth_text
 from flexviz.scene import RobotMotion
 from flexviz.statistics import NORMAL_95
 from flexviz.view import total_rms
 from flexviz.wording import (
-    absorbed_text,
+    absorbed_list,
+    as_markdown,
     finding_name,
     number,
     share_text,
@@ -40,21 +42,21 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]) -> str:
     """The set, every finished result with its error, the last verdict."""
-    lines = [f"# {escaped(measurements.name)}", ""]
+    lines = [f"# {as_markdown(measurements.name)}", ""]
     if measurements.simulated:
         lines += [SIMULATED, ""]
     lines += [
-        f"- robot: {escaped(measurements.robot.name)}, {measurements.n} joints",
-        f"- groups: {', '.join(escaped(group_title(group)) for group in measurements.groups)}",
+        f"- robot: {as_markdown(measurements.robot.name)}, {measurements.n} joints",
+        f"- groups: {', '.join(as_markdown(group_title(group)) for group in measurements.groups)}",
         "- 3D: both robots by their motor angles θ; the identified one is simulated",
         "",
     ]
     if diagnoses:
-        lines += [f"**{escaped(verdict_text(diagnoses[-1]))}**", ""]
+        lines += [f"**{as_markdown(verdict_text(diagnoses[-1]))}**", ""]
     rows = [
         [
             str(solve.number),
-            escaped(solve.label or "the set's own model"),
+            as_markdown(solve.label or "the set's own model"),
             f"{result.observer_name}, {bandwidth_text(result.bandwidth)}",
             *_errors(result.residual.rms, result.residual.rms_validation),
         ]
@@ -71,15 +73,15 @@ def result_text(result: Identification, count: int, label: str) -> str:
     """One result: model, observer, parameters, error per joint."""
     refined = ", refined" if result.refined else ""
     effects = ", ".join(f"{e.effect}{f' on {e.joint}' if e.joint else ''}" for e in result.model.effects)
-    held_out = escaped(", ".join(result.validation_groups)) or "nothing"
+    held_out = as_markdown(", ".join(result.validation_groups)) or "nothing"
     lines = [
-        f"# Result {count}{f': {escaped(label)}' if label else ''}",
+        f"# Result {count}{f': {as_markdown(label)}' if label else ''}",
         "",
-        f"{'Converged' if result.converged else 'Not converged'}: {escaped(result.message)}",
+        f"{'Converged' if result.converged else 'Not converged'}: {as_markdown(result.message)}",
         "",
-        f"- effects in the model: {escaped(effects) or 'none'}",
+        f"- effects in the model: {as_markdown(effects) or 'none'}",
         f"- observer `{result.observer_name}`, {bandwidth_text(result.bandwidth)}{refined}",
-        f"- fitted: {escaped(', '.join(result.groups))}; held out: {held_out}",
+        f"- fitted: {as_markdown(', '.join(result.groups))}; held out: {held_out}",
         f"- condition number {number(result.condition_number, 3)}; {result.seconds:.2f} s",
         "",
     ]
@@ -87,22 +89,21 @@ def result_text(result: Identification, count: int, label: str) -> str:
     for p in result.parameters:
         band = number(NORMAL_95 * p.std, 2) if np.isfinite(p.std) else "–"
         cells = (p.name, p.joint or "", number(p.value, 6), band, p.unit, p.identifiable)
-        rows.append([escaped(cell) for cell in cells])
+        rows.append([as_markdown(cell) for cell in cells])
     lines += table(["parameter", "joint", "value", "± 95 %", "unit", "identifiable"], rows)
-    rows = []
     residual = result.residual
-    for j, joint in enumerate(residual.joints):
-        validation = "–" if residual.rms_validation is None else number(residual.rms_validation[j], 4)
-        rows.append(
-            [escaped(joint), number(residual.rms[j], 4), validation, number(residual.noise_floor[j], 4)]
-        )
+    columns = (residual.rms, residual.rms_validation, residual.noise_floor)
+    rows = [
+        [as_markdown(joint), *(number(None if column is None else column[j], 4) for column in columns)]
+        for j, joint in enumerate(residual.joints)
+    ]
     header = ["joint", "rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"]
     return "\n".join([*lines, "", *table(header, rows)])
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """The verdict, the ranked findings, the staircase, where the model fails, notes."""
-    lines = [f"# {escaped(verdict_text(diagnosis))}", ""]
+    lines = [f"# {as_markdown(verdict_text(diagnosis))}", ""]
     if diagnosis.stopped:
         lines += ["**Stopped before the end**: these are the results up to then.", ""]
     for rank, finding in enumerate(diagnosis.findings[:MAX_FINDINGS], 1):
@@ -112,7 +113,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         lines += [f"… and {more} less likely.", ""]
     rows = [
         [
-            "initial model" if step.added is None else f"+ {escaped(finding_name(step.added))}",
+            "initial model" if step.added is None else f"+ {as_markdown(finding_name(step.added))}",
             *_errors(step.rms, step.rms_validation),
             step.verdict,
         ]
@@ -126,21 +127,21 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     for place in places:
         low, high = (number(value, 3) for value in place.range)
         share = share_text(place.explained)
-        lines.append(f"- {escaped(place.joint)} along {place.variable}: {share}, mostly {low} … {high}")
-    return "\n".join([*lines, "", *(f"- {escaped(note.text)}" for note in diagnosis.notes)])
+        lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {low} … {high}")
+    return "\n".join([*lines, "", *(f"- {as_markdown(note.text)}" for note in diagnosis.notes)])
 
 
 def _finding_lines(finding: Finding, rank: int) -> list[str]:
     lines = [
-        f"{rank}. **{escaped(finding_name(finding))}**: confidence {share_text(finding.confidence)}, "
+        f"{rank}. **{as_markdown(finding_name(finding))}**: confidence {share_text(finding.confidence)}, "
         f"explains {share_text(finding.score)} of the error above the noise"
     ]
     if finding.parameters:
-        lines.append(f"   - {escaped(values_text(finding))}")
-    lines += [f"   - {escaped(tie_text(tie))}" for tie in finding.inseparable_from]
+        lines.append(f"   - {as_markdown(values_text(finding))}")
+    lines += [f"   - {as_markdown(tie_text(tie))}" for tie in finding.inseparable_from]
     if finding.absorbed:
-        named = "; ".join(absorbed_text(entry) for entry in finding.absorbed[:MAX_ABSORBED])
-        lines.append(f"   - was absorbed by {escaped(named)}")
+        named = absorbed_list(finding.absorbed, MAX_ABSORBED)
+        lines.append(f"   - was absorbed by {as_markdown(named)}")
     return [*lines, ""]
 
 
@@ -148,22 +149,22 @@ def group_text(
     measurements: MeasurementSet, group: Group, motion: RobotMotion, stride: int, reason: str = ""
 ) -> str:
     """One group: its data, its simulated motion or the `reason` why there is none, the stride."""
-    lines = [f"## {escaped(group_title(group))}", ""]
+    lines = [f"## {as_markdown(group_title(group))}", ""]
     if measurements.simulated:
         lines += [SIMULATED, ""]
-    bodies = ", ".join(f"{body.mass:g} kg on {escaped(body.link)}" for body in group.bodies) or "nothing"
+    bodies = ", ".join(f"{body.mass:g} kg on {as_markdown(body.link)}" for body in group.bodies) or "nothing"
     lines += [
-        f"- trajectory {escaped(group.trajectory)}, payload {escaped(group.payload)}: {bodies}",
+        f"- trajectory {as_markdown(group.trajectory)}, payload {as_markdown(group.payload)}: {bodies}",
         f"- {group.samples} samples in {len(group.segments)} segments, {group.duration:.3g} s",
         f"- used for {'validation only' if group.validation else 'fitting'}",
     ]
     if stride > 1:
         lines.append(f"- 1 of every {stride} samples is recorded (after filtering)")
     if reason:
-        lines.append(f"- identified motion: not simulated: {escaped(reason)}")
+        lines.append(f"- identified motion: not simulated: {as_markdown(reason)}")
     elif motion.model_theta is not None:
         error = np.max(np.abs(motion.model_theta - motion.theta))
-        note = escaped(motion.model_note)
+        note = as_markdown(motion.model_note)
         lines.append(f"- identified motion: {note}; θ differs by {error:.2g} rad at most")
     return "\n".join(lines)
 
@@ -173,17 +174,6 @@ def group_title(group: Group) -> str:
     return group.name + (" (validation)" if group.validation else "")
 
 
-def bandwidth_text(bandwidth: float | Sequence[float] | np.ndarray) -> str:
-    """One bandwidth, or one per joint, in rad/s."""
-    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(bandwidth)) + " rad/s"
-
-
-def escaped(text: str) -> str:
-    """Text with its Markdown characters escaped."""
-    return "".join("\\" + character if character in "\\`*_{}[]<>#|~" else character for character in text)
-
-
 def _errors(rms: Sequence[float], held_out: Sequence[float] | None) -> list[str]:
     """Total rms of fit and validation [Nm] as table cells."""
-    validation = "–" if held_out is None else number(total_rms(np.asarray(held_out)), 4)
-    return [number(total_rms(np.asarray(rms)), 4), validation]
+    return [number(total_rms(rms), 4), "–" if held_out is None else number(total_rms(held_out), 4)]

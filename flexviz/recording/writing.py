@@ -7,14 +7,14 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from flexviz.errors import Cancelled, ConvergenceError, InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.recording.files import Recorded, Target
 from flexviz.recording.recorder import MAX_SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
@@ -25,62 +25,34 @@ if TYPE_CHECKING:
     from flexviz.session import Session
 
 
+@contextmanager
+def ending_tidily() -> Iterator[None]:
+    """Turn SIGTERM into SystemExit, so that a recording is closed properly."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    previous = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@dataclass(eq=False)
 class RecordingFile:
-    """A recording file as a context manager; `written` describes the finished file.
+    """An open recording file; `written` describes the finished file."""
 
-    After Cancelled, Ctrl+C or SIGTERM the file is closed and kept, marked as incomplete; after another error
-    it is removed. If the program is killed, everything up to the last `step` remains.
-    """
-
-    def __init__(
-        self,
-        measurements: MeasurementSet,
-        out: str | Path,
-        *,
-        samples: int = MAX_SAMPLES,
-        both: bool = True,
-        progress: ProgressCallback | None = None,
-        should_stop: StopCallback | None = None,
-    ) -> None:
-        """`both` leaves room for the identified robot; other arguments as in `record_set`."""
-        self.measurements = measurements
-        self.written: Recorded | None = None
-        self._progress = progress
-        self._should_stop = should_stop
-        self._target = Target(Path(out))
-        self._stream = Stream(measurements.name, self._target)
-        self.recorder = Recorder(measurements, self._stream, samples, both)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> bool:
-        asked = isinstance(error, Cancelled | KeyboardInterrupt | SystemExit)
-        try:
-            if error is None:
-                self.recorder.flush()
-            self._stream.close()
-            if error is None or asked:
-                self.written = self._target.finish(
-                    self._stream.entities, self.recorder.layout(), complete=error is None
-                )
-        except OSError as wrong:
-            raise InputError(
-                f"cannot be written ({wrong.strerror or wrong})", file=self._target.part
-            ) from None
-        if self.written is None:
-            self._target.abandon()
-        return isinstance(error, Cancelled)
+    recorder: Recorder
+    progress: ProgressCallback
+    should_stop: StopCallback
+    written: Recorded | None = None
 
     def step(self, what: str, share: float) -> None:
         """Flush and report progress; raises Cancelled when stopped."""
         self.recorder.flush()
-        if self._should_stop is not None and self._should_stop():
-            raise Cancelled("stopped by the user")
-        if self._progress is not None:
-            self._progress(Progress(what, min(share, 1.0)))
+        if self.should_stop():
+            raise Cancelled
+        self.progress(Progress(what, min(share, 1.0)))
 
     def part(self, first: float, last: float) -> Check:
         """`step` scaled to the shares `first` to `last` of the work."""
@@ -90,11 +62,12 @@ class RecordingFile:
         """Record the newest result's model, simulated in every group."""
         from flexviz import simulation
 
-        measurements = self.measurements
+        measurements = self.recorder.measurements
+        count = len(measurements.groups)
         for number, group in enumerate(measurements.groups):
-            what, count = f"{group.name}: simulating the identified model", len(measurements.groups)
+            what = f"{group.name}: simulating the identified model"
 
-            def tell(news: Progress, number: int = number, what: str = what, count: int = count) -> None:
+            def tell(news: Progress, number: int = number, what: str = what) -> None:
                 check(what, (number + (news.share or 0.0)) / count)
 
             tell(Progress())
@@ -107,7 +80,7 @@ class RecordingFile:
                     measurements.kd,
                     torque_hold=measurements.torque_hold,
                     progress=tell,
-                    should_stop=self._should_stop,
+                    should_stop=self.should_stop,
                 )
             except ConvergenceError as error:  # a poor model may diverge
                 self.recorder.no_run(group.name, str(error))
@@ -115,13 +88,53 @@ class RecordingFile:
             self.recorder.run(group.name, run)
 
 
+@contextmanager
+def recording_file(
+    measurements: MeasurementSet,
+    out: str | Path,
+    *,
+    samples: int = MAX_SAMPLES,
+    both: bool = True,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
+) -> Iterator[RecordingFile]:
+    """Open a recording; `both` leaves room for the identified robot, other arguments as in `record_set`.
+
+    After Cancelled, which is suppressed, Ctrl+C or SIGTERM the file is closed and kept, marked as incomplete;
+    after another error it is removed. If the program is killed, everything up to the last `step` remains.
+    """
+    target = Target(Path(out))
+    recorder = Recorder(measurements, Stream(measurements.name, target), samples, both)
+    file = RecordingFile(recorder, progress, should_stop)
+
+    def finish(complete: bool) -> Recorded | None:
+        try:
+            return recorder.finish(complete)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror or error})", file=target.part) from None
+
+    try:
+        with ending_tidily():
+            yield file
+    except (Cancelled, KeyboardInterrupt, SystemExit) as error:
+        file.written = finish(complete=False)
+        if not isinstance(error, Cancelled):
+            raise
+    except BaseException:
+        recorder.stream.close()
+        target.abandon()
+        raise
+    else:
+        file.written = finish(complete=True)
+
+
 def record_set(
     measurements: MeasurementSet,
     identification: Identification | None,
     out: str | Path,
     observer: Observer | None = None,
-    progress: ProgressCallback | None = None,
-    should_stop: StopCallback | None = None,
+    progress: ProgressCallback = ignore,
+    should_stop: StopCallback = never,
     samples: int = MAX_SAMPLES,
     diagnosis: Diagnosis | None = None,
     label: str = "",
@@ -137,17 +150,9 @@ def record_set(
         diagnosis: of the identification.
         label: short description of the identified model.
     """
-    with (
-        RecordingFile(
-            measurements,
-            out,
-            samples=samples,
-            both=identification is not None,
-            progress=progress,
-            should_stop=should_stop,
-        ) as file,
-        ending_tidily(),
-    ):
+    both = identification is not None
+    options = {"samples": samples, "both": both, "progress": progress, "should_stop": should_stop}
+    with recording_file(measurements, out, **options) as file:
         file.recorder.measured(file.part(0.0, 0.15))
         file.recorder.observe(observer or chosen_observer(identification), file.part(0.15, 0.35))
         if identification is not None:
@@ -162,11 +167,11 @@ def record_set(
 
 
 def record_session(
-    session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback | None = None
+    session: Session, measurements: MeasurementSet, out: str | Path, progress: ProgressCallback = ignore
 ) -> Recorded:
     """Write a session with all results of its history to the file `out`; only the newest is simulated."""
     steps = session.steps
-    with RecordingFile(measurements, out, progress=progress) as file, ending_tidily():
+    with recording_file(measurements, out, progress=progress) as file:
         recorder = file.recorder
         recorder.measured(file.part(0.0, 0.15))
         newest = steps[-1].analysis.identification
@@ -177,18 +182,16 @@ def record_session(
             steps=[step.label for step in steps],
             notes=[note.text for note in session.notes],
         )
-        results: list[int] = []
-        verdicts: list[int] = []
+        recorded: set[int] = set()  # ids: a step keeps the results of the one before
         for step in steps:
             recorder.note(step.label)
             result, diagnosis = step.analysis.identification, step.analysis.diagnosis
-            if result is not None and id(result) not in results:
-                results.append(id(result))
+            if result is not None and id(result) not in recorded:
                 effects = ", ".join(step.analysis.effects)
                 recorder.result(result, f"with {effects}" if effects else "present model")
-            if diagnosis is not None and id(diagnosis) not in verdicts:
-                verdicts.append(id(diagnosis))
+            if diagnosis is not None and id(diagnosis) not in recorded:
                 recorder.diagnosis(diagnosis, [one.step for one in step.analysis.model_steps])
+            recorded |= {id(result), id(diagnosis)}
             file.step(step.label, 0.4)
         for note in session.notes:
             recorder.note(note.text)
@@ -204,16 +207,3 @@ def chosen_observer(identification: Identification | None) -> Observer:
     if identification is None:
         return make_observer("butterworth-zero-phase")
     return make_observer(identification.observer_name, identification.bandwidth)  # type: ignore[arg-type]
-
-
-@contextmanager
-def ending_tidily() -> Iterator[None]:
-    """Turn SIGTERM into SystemExit, so that a recording is closed properly."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    previous = signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)

@@ -17,7 +17,7 @@ from flexviz.report.blocks import (
     Section,
     Tiles,
 )
-from flexviz.wording import markdown_escape
+from flexviz.wording import as_markdown
 
 
 def markdown(document: ReportDocument) -> str:
@@ -63,7 +63,7 @@ def _block(block: Block) -> str:
 
 def plain(text: str) -> str:
     """Text on one line with Markdown characters escaped."""
-    return markdown_escape(" ".join(text.split()))
+    return as_markdown(" ".join(text.split()))
 
 
 def _cell(cell: Cell) -> str:

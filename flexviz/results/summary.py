@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
@@ -72,10 +74,9 @@ def run_lines(result: ResultFields) -> list[str]:
     return lines
 
 
-def bandwidth_text(bandwidth: float | Sequence[float]) -> str:
+def bandwidth_text(bandwidth: ArrayLike) -> str:
     """One number or one per joint, in rad/s."""
-    values = [bandwidth] if isinstance(bandwidth, int | float) else list(bandwidth)
-    return ", ".join(f"{value:.4g}" for value in values) + " rad/s"
+    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(bandwidth)) + " rad/s"
 
 
 def diagnosis_lines(result: ResultFields) -> list[str]:

@@ -47,7 +47,7 @@ def escape(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
-def markdown_escape(text: str) -> str:
+def as_markdown(text: str) -> str:
     """Text with its Markdown characters escaped."""
     return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", text)
 
