@@ -8,7 +8,7 @@ that `flexviz --help` is quick.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 
 import typer
@@ -32,23 +32,21 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-# in the order of the help
-COMMANDS: dict[str, Callable[..., int]] = {
-    "identify": with_shared_options(identify),
-    "diagnose": with_shared_options(diagnose),
-    "simulate": with_shared_options(simulate),
-    "serve": with_shared_options(serve),
-    "record": with_shared_options(record),
-    "review": review,
-    "import": import_,
-    "export": with_shared_options(export),
-    "effects": with_shared_options(effects),
-    "report": with_shared_options(report),
-    "compare": with_shared_options(compare),
-    "session": with_shared_options(session),
-}
-for _name, _command in COMMANDS.items():
-    app.command(_name)(_command)
+for _command in (
+    with_shared_options(identify),
+    with_shared_options(diagnose),
+    with_shared_options(simulate),
+    with_shared_options(serve),
+    with_shared_options(record),
+    review,
+    import_,
+    with_shared_options(export),
+    with_shared_options(effects),
+    with_shared_options(report),
+    with_shared_options(compare),
+    with_shared_options(session),
+):
+    app.command(_command.__name__.rstrip("_"))(_command)
 
 
 @app.callback(invoke_without_command=True)

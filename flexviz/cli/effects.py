@@ -90,29 +90,21 @@ def show_one(console: Console, effect: Effect) -> None:
     """Everything about one effect, as lines of text."""
     from rich.table import Table
 
-    from flexviz.wording import (
-        SCOPES,
-        bounds_text,
-        enters_text,
-        parameter_text,
-        relation_text,
-        simulated_text,
-    )
+    from flexviz import wording
 
-    belongs = f"{effect.where}; belongs to {SCOPES[effect.scope]}"
+    relation = wording.relation_text(effect)
     rows = [
         ("", effect.explanation),
-        ("where", belongs),
+        ("where", f"{effect.where}; belongs to {wording.SCOPES[effect.scope]}"),
         ("equation", effect.equation),
-        ("", enters_text(effect)),
+        ("", wording.enters_text(effect)),
     ]
+    for k, p in enumerate(effect.parameters):
+        text = f"{p.symbol}: {wording.parameter_text(p)}, {wording.bounds_text(p)}: {p.explanation}"
+        rows.append(("parameter" if k == 0 else "", text))
+    rows += [("note", relation)] if relation else []
     rows += [
-        ("parameter" if k == 0 else "", f"{p.symbol}: {parameter_text(p)}, {bounds_text(p)}: {p.explanation}")
-        for k, p in enumerate(effect.parameters)
-    ]
-    rows += [("note", relation_text(effect))] if relation_text(effect) else []
-    rows += [
-        ("simulated", simulated_text(effect)),
+        ("simulated", wording.simulated_text(effect)),
         ("signature", effect.signature),
         ("confirmed by", effect.confirm),
         ("reference", effect.reference),

@@ -41,9 +41,9 @@ class UniformClock:
     count: int
     jitters: bool
 
-    def instants(self) -> Array:
-        """(count,) [s]."""
-        return self.start + self.step * np.arange(self.count, dtype=float)
+    def instants(self, first: int, last: int) -> Array:
+        """(last − first,) instants from number `first` on [s]."""
+        return self.start + self.step * np.arange(first, last, dtype=float)
 
 
 def check_time(time: Array, file: Path) -> None:
@@ -143,7 +143,7 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
         if clock.jitters:
             values, resampled = resample(recorded, values, clock), True
         exact = not clock.jitters and deviation(recorded, clock.start, clock.step) < 1e-9 * clock.step
-        instants = recorded if exact else clock.instants()
+        instants = recorded if exact else clock.instants(0, clock.count)
         segments.append(Segment(instants, values[:, :n], values[:, n:], clock.step))
     return segments, dropped, resampled
 
@@ -162,7 +162,7 @@ def resample(time: Array, values: Array, clock: UniformClock) -> Array:
 
     for begin in range(0, clock.count, BLOCK):
         end = min(begin + BLOCK, clock.count)
-        first, weights = stencil(time, clock.start + clock.step * np.arange(begin, end, dtype=float))
+        first, weights = stencil(time, clock.instants(begin, end))
         low, high = int(first[0]), int(first[-1]) + POINTS
         source = rows(low, high)
         if in_place:  # later blocks need nothing before this one's last stencil
@@ -181,17 +181,13 @@ def interpolate(time: Array, values: Array, wanted: Array) -> Array:
 
 
 def stencil(time: Array, wanted: Array) -> tuple[NDArray[np.intp], Array]:
-    """Index of the first of six samples around each of `wanted` (m,), and their weights (m, 6)."""
+    """Index of the first of six samples around each of `wanted` (m,), and their Lagrange weights (m, 6)."""
     first = np.searchsorted(time, wanted, side="right") - POINTS // 2
     first = np.clip(first, 0, len(time) - POINTS)
-    return first, lagrange(time[first[:, None] + POSITIONS], wanted)
-
-
-def lagrange(nodes: Array, wanted: Array) -> Array:
-    """(m, 6) weights of the samples at `nodes` (m, 6) for the value at `wanted` (m,)."""
+    nodes = time[first[:, None] + POSITIONS]
     weights = np.ones_like(nodes)
     for i in range(POINTS):
         for j in range(POINTS):
             if i != j:
                 weights[:, i] *= (wanted - nodes[:, j]) / (nodes[:, i] - nodes[:, j])
-    return weights
+    return first, weights

@@ -18,12 +18,11 @@ import pyarrow.parquet as papq
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements.data import Array
+from flexviz.schemas import first_repeated
 
 CSV_BLOCK = 1 << 20  # [bytes]
 PARQUET_ROWS = 1 << 16  # rows a block
 LARGEST = 1e30  # no quantity in SI units is larger
-CSV_SUFFIXES = (".csv",)
-PARQUET_SUFFIXES = (".parquet", ".pq")
 
 
 def column_names(file: Path) -> list[str]:
@@ -34,10 +33,9 @@ def column_names(file: Path) -> list[str]:
                 names = list(table.schema_arrow.names)
         else:
             names = csv_header(file)
-    for name in names:
-        if names.count(name) > 1:
-            message = f'{names.count(name)} columns are called "{name}", expected one'
-            raise InputError(message, file=file, place="header")
+    if twice := first_repeated(names):
+        message = f'{names.count(twice)} columns are called "{twice}", expected one'
+        raise InputError(message, file=file, place="header")
     return names
 
 
@@ -51,19 +49,14 @@ def read_columns(file: Path, names: Sequence[str]) -> Array:
 
 
 def read_parquet(file: Path, names: Sequence[str]) -> Array:
-    """The columns of a Parquet table (N, len(names)): one column of one row group at a time."""
+    """The columns of a Parquet table (N, len(names)): a block of rows of one column at a time."""
     with papq.ParquetFile(file, pre_buffer=False) as table:
         values = np.empty((len(names), table.metadata.num_rows))
-        filled = 0
-        for group in range(table.num_row_groups):
-            rows = table.metadata.row_group(group).num_rows
-            for index, name in enumerate(names):
-                done = filled
-                for batch in table.iter_batches(PARQUET_ROWS, [group], [name], use_threads=False):
-                    target = values[index, done : done + batch.num_rows]
-                    fill(target, batch.column(0), name, done, file)
-                    done += batch.num_rows
-            filled += rows
+        for name, target in zip(names, values, strict=True):
+            filled = 0
+            for batch in table.iter_batches(PARQUET_ROWS, columns=[name], use_threads=False):
+                fill(target[filled : filled + batch.num_rows], batch.column(0), name, filled, file)
+                filled += batch.num_rows
     return values.T
 
 
@@ -116,11 +109,9 @@ def row_name(file: Path, row: int) -> str:
 def is_parquet(file: Path) -> bool:
     """Whether a table is Parquet (else it is CSV), by its suffix."""
     suffix = file.suffix.lower()
-    if suffix in PARQUET_SUFFIXES:
-        return True
-    if suffix in CSV_SUFFIXES:
-        return False
-    raise InputError(f"a table called *{suffix} is not known, expected *.csv or *.parquet", file=file)
+    if suffix not in (".csv", ".parquet", ".pq"):
+        raise InputError(f"a table called *{suffix} is not known, expected *.csv or *.parquet", file=file)
+    return suffix != ".csv"
 
 
 def table_kind(file: Path) -> str:
