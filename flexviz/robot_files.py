@@ -54,12 +54,6 @@ def example_robots() -> dict[str, Path]:
     }
 
 
-def shipped_robots() -> dict[str, Path]:
-    """Name -> URDF of every robot shipped with flexviz."""
-    files = sorted(robots_dir().glob("*/*.urdf"))
-    return {file.stem: file for file in files}
-
-
 def is_library_robot(source: str) -> bool:
     """Whether a robot is named from a collection rather than by a path."""
     return source.startswith((f"{EXAMPLE_ROBOT_DATA}:", f"{SHIPPED}:"))
@@ -70,8 +64,9 @@ def find_urdf(source: str | Path, base: Path | None = None) -> Path:
     text = str(source)
     if is_library_robot(text):
         scheme, _, name = text.partition(":")
-        known = example_robots() if scheme == EXAMPLE_ROBOT_DATA else shipped_robots()
-        if not known and scheme == EXAMPLE_ROBOT_DATA:
+        if scheme == SHIPPED:
+            known = {file.stem: file for file in robots_dir().glob("*/*.urdf")}
+        elif not (known := example_robots()):
             raise InputError(f'robot "{text}": the package example-robot-data is not installed')
         name = name if name in known else _without_suffix(name)
         if name not in known:

@@ -57,7 +57,9 @@ class TorqueModel:
         samples = [(bodies, sample_motion(table.time, table.theta, table.tau)) for bodies, table in groups]
         total = sum(len(motion.q) for _, motion in samples)
         every = max(1, -(-total // LARGEST_SAMPLE))
-        self.samples = [(bodies, thinned(motion, every)) for bodies, motion in samples]
+        self.samples = [
+            (bodies, SampledMotion(*(x[::every] for x in (m.q, m.v, m.a, m.torque)))) for bodies, m in samples
+        ]
         self.torque = np.concatenate([motion.torque for _, motion in self.samples])
         # (n,) span and largest speed of each joint's θ, and limits of both [rad], [rad/s]
         self.span = np.max([np.ptp(table.theta, axis=0) for _, table in groups], axis=0)
@@ -120,11 +122,6 @@ def ratio_to_q(tables: Sequence[GroupTable], j: int) -> float:
     """θ per q of joint j; 0 where q is not recorded or shows another motion."""
     share, slope = followed(joint_parts(tables, j, "q"))
     return 1.0 / slope if slope and share >= LIMITS.same_motion else 0.0
-
-
-def thinned(motion: SampledMotion, every: int) -> SampledMotion:
-    """One in `every` instants."""
-    return SampledMotion(motion.q[::every], motion.v[::every], motion.a[::every], motion.torque[::every])
 
 
 def largest_inertia(robot: Robot) -> Array:

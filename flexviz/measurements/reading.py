@@ -9,12 +9,13 @@ from typing import NoReturn
 
 import numpy as np
 
+from flexviz import toml
 from flexviz.errors import FlexvizError, InputError, choose_from
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet
-from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, read_file
+from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, parse
 from flexviz.measurements.segments import SHORTEST, check_time, make_segments
 from flexviz.measurements.tables import column_names, read_columns, require
-from flexviz.measurements.unit_checks import check_optional, check_units
+from flexviz.measurements.unit_checks import UnitCheck, check_optional
 from flexviz.robot import PayloadBody, Robot, is_library_robot
 
 TRUTH = "truth.json"  # present in simulated sets; never opened here
@@ -30,7 +31,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
     `MeasurementSet.warnings`, and logged unless not `logged`.
     """
     file = locate(path)
-    content = read_file(file)
+    content = parse(toml.read(file), file)
     folder = file.resolve().parent
     if not is_library_robot(content.robot):
         inside(folder, content.robot, file, "robot")
@@ -169,7 +170,10 @@ def read_group(
     def warn_here(text: str) -> None:
         warn(f"{file}: {text}")
 
-    check_units(robot, bodies, stiffness, time, signals[:, :n], signals[:, n:], file, warn_here)
+    units = UnitCheck(robot, bodies, time, signals[:, :n], signals[:, n:], file, warn_here)
+    units.check_time()
+    units.check_theta()
+    units.check_tau(stiffness)
     for name, column in zip(needed, signals.T, strict=True):
         if column[0] == column[-1] and np.ptp(column) == 0.0:
             warn_here(f"column {name} never changes")

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
@@ -102,11 +101,6 @@ def locate(path: str | Path) -> Path:
     if file.suffix != ".toml":
         raise InputError(f"not a measurement set, expected a folder with {FILE_NAME}", file=file)
     return file
-
-
-def read_file(file: Path) -> MeasurementFile:
-    """Read and check a `measurements.toml` by itself; neither the robot nor the tables are opened."""
-    return parse(toml.read(file), file)
 
 
 def parse(data: dict[str, Any], file: Path) -> MeasurementFile:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NoReturn
 
@@ -93,23 +94,6 @@ def wrong_time_unit(step: float, speed: float) -> str | None:
     return None
 
 
-def check_units(
-    robot: Robot,
-    bodies: Sequence[PayloadBody],
-    stiffness: Array | None,
-    time: Array,
-    theta: Array,
-    tau: Array,
-    file: Path,
-    warn: Warn,
-) -> None:
-    """Refuse θ (N, n) that is not in rad and τ (N, n) that is not in Nm; warn where that is not certain."""
-    check = UnitCheck(robot, bodies, sample_motion(time, theta, tau), file, warn)
-    check.time(float(np.median(np.diff(time))))
-    check.theta(np.ptp(theta, axis=0))
-    check.tau(np.maximum(tau.max(axis=0), -tau.min(axis=0)), stiffness)
-
-
 def motion_limits(robot: Robot) -> tuple[Array, Array]:
     """(n,) range [rad] and speed [rad/s] of the joints; infinite where the robot description has none."""
     width, speed = robot.upper_limit - robot.lower_limit, robot.velocity_limit
@@ -124,20 +108,27 @@ def likely_limits(robot: Robot) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class UnitCheck:
-    """Checks of one table by the motion in it."""
+    """Refuses a table whose columns are not in s, rad and Nm; warns where that is not certain."""
 
     robot: Robot
     bodies: Sequence[PayloadBody]
-    motion: SampledMotion
+    time: Array  # (N,)
+    theta: Array  # (N, n)
+    tau: Array  # (N, n)
     file: Path
     warn: Warn
+
+    @cached_property
+    def motion(self) -> SampledMotion:
+        return sample_motion(self.time, self.theta, self.tau)
 
     def refuse(self, column: str, message: str) -> NoReturn:
         """InputError for a column."""
         raise InputError(message, file=self.file, place=f"column {column}")
 
-    def time(self, step: float) -> None:
-        """Refuse a time that is not in seconds, by its median step [s]."""
+    def check_time(self) -> None:
+        """Time in ms, µs or ns."""
+        step = float(np.median(np.diff(self.time)))
         if unit := wrong_time_unit(step, float(np.max(np.abs(self.motion.v)))):
             self.refuse("time", f"the median step is {step:g}: is time in {unit}? expected seconds")
         if step > UNITS.slow_step:
@@ -145,8 +136,9 @@ class UnitCheck:
         if step < UNITS.fast_step:
             self.warn(f"the step is {step:g} s, uncommonly short: is time in seconds?")
 
-    def theta(self, span: Array) -> None:
-        """Refuse angles in degrees, or of the motor before the gear, by their span (n,)."""
+    def check_theta(self) -> None:
+        """Angles in degrees, or of the motor before the gear."""
+        span = np.ptp(self.theta, axis=0)
         speed = np.max(np.abs(self.motion.v), axis=0)
         limits, speeds = motion_limits(self.robot)
         likely = likely_limits(self.robot)
@@ -173,8 +165,9 @@ class UnitCheck:
         if excess[worst] > UNITS.excess_odd:
             self.warn(f"column {column} {found}: radians at the joint side?")
 
-    def tau(self, largest: Array, stiffness: Array | None) -> None:
-        """Refuse torques in mNm or kNm, or of the motor before the gear, by the largest ones (n,)."""
+    def check_tau(self, stiffness: Array | None) -> None:
+        """Torques in mNm or kNm, or of the motor before the gear."""
+        largest = np.maximum(self.tau.max(axis=0), -self.tau.min(axis=0))
         rigid, joints = self.agreement(1.0), self.robot.joints
         limits = self.robot.effort_limit
         strong = largest > UNITS.effort * np.where(limits > 0.0, limits, np.inf)

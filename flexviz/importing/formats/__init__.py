@@ -60,9 +60,12 @@ def find_logs(paths: Sequence[Path]) -> list[LogSource]:
     found: list[LogSource] = []
     for path in paths:
         logs = [path]
-        known = any(log_format.recognises(path) for log_format in FORMATS)
-        if path.is_dir() and not known and not (path / "measurements.toml").is_file():
-            logs = sorted(p for p in path.iterdir() if is_log(p))
+        recognised = any(known.recognises(path) for known in FORMATS)
+        if path.is_dir() and not recognised and not (path / "measurements.toml").is_file():
+            # inside a folder, datasets of episodes are not taken for logs
+            formats = [log_format for log_format in FORMATS if not log_format.episodes]
+            inside = (p for p in path.iterdir() if not p.name.startswith("."))
+            logs = sorted(p for p in inside if any(known.recognises(p) for known in formats))
             if not logs:
                 raise InputError(f"the folder holds no log; flexviz import reads {KNOWN}", file=path)
         for log in logs:
@@ -72,9 +75,3 @@ def find_logs(paths: Sequence[Path]) -> list[LogSource]:
         if source in found[:i]:
             raise InputError("is given twice, expected once", file=source.path)
     return found
-
-
-def is_log(path: Path) -> bool:
-    """Whether something inside a folder is taken for a log; datasets of episodes only count by themselves."""
-    recognised = any(known.recognises(path) for known in FORMATS if not known.episodes)
-    return recognised and not path.name.startswith(".")

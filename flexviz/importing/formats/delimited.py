@@ -141,8 +141,11 @@ def header(before: list[list[str]], width: int, path: Path) -> tuple[list[str], 
         return [f"column{i + 1}" for i in range(width)], {}
     named = rows[-1]
     stated: list[str | None] = [None] * width
-    if len(rows) > 1 and len(rows[-1]) == width == len(rows[-2]) and is_units(rows[-1]):
-        named, stated = rows[-2], [known_unit(cell.strip("[]()")) for cell in rows[-1]]
+    if len(rows) > 1 and len(rows[-1]) == width == len(rows[-2]):
+        units = [known_unit(cell.strip("[]()")) for cell in rows[-1]]
+        filled = sum(bool(cell.strip("[]()- ")) for cell in rows[-1])
+        if filled and 2 * sum(unit is not None for unit in units) >= filled:  # a line of units
+            named, stated = rows[-2], units
     if len(named) == width - 1:
         named = ["row", *named]  # the index of a data frame, which has no name
     if len(named) != width:
@@ -153,12 +156,6 @@ def header(before: list[list[str]], width: int, path: Path) -> tuple[list[str], 
         name = name or f"column{i + 1}"
         names.append(name if name not in names else f"{name}#{i + 1}")
     return names, {name: unit for name, unit in zip(names, stated, strict=True) if unit}
-
-
-def is_units(cells: list[str]) -> bool:
-    """A line that states units: at least half of its cells are units."""
-    filled = [cell.strip("[]()") for cell in cells if cell.strip("[]()- ")]
-    return bool(filled) and 2 * sum(known_unit(cell) is not None for cell in filled) >= len(filled)
 
 
 def commas(content: bytes) -> bytes:
