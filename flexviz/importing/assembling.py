@@ -10,17 +10,8 @@ from numpy.typing import NDArray
 
 from flexviz.errors import InputError
 from flexviz.importing.clocks import LogClock, clock_of, rows_in_order
-from flexviz.importing.column_names import ANGLE, CURRENT, TORQUE, size_of
 from flexviz.importing.formats.base import SHORTEST, Log
-from flexviz.importing.mapping import (
-    NEEDED,
-    SIGNALS,
-    JointColumns,
-    LogEntry,
-    Mapping,
-    SignalColumn,
-    TorqueColumn,
-)
+from flexviz.importing.mapping import NEEDED, SIGNALS, LogEntry, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import GAP, OPTIONAL_SIGNALS, POINTS, Array, GroupTable, interpolate
 
@@ -99,23 +90,10 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, list[st
             raise InputError(f"{found}, expected at least {SHORTEST}", file=file, place=place)
         if not known.all():
             raw, time = raw[known], time[known]
-        values = to_joint_side(raw, signal, mapping.joints[joint])
+        factor = mapping.joints[joint].scale(signal)
+        values = raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
         traces[joint, name] = Trace(signal.column, clock.key, time, values)
     return traces, notes
-
-
-def to_joint_side(raw: Array, signal: SignalColumn, joint: JointColumns) -> Array:
-    """(N,) raw as [rad] or [Nm] at the joint side: sign, unit, torque constant, gear, then the offset."""
-    factor = float(signal.sign)
-    if isinstance(signal, TorqueColumn):
-        factor *= size_of(signal.unit, TORQUE | CURRENT)
-        if signal.unit in CURRENT:
-            factor *= joint.torque_constant or 1.0
-        factor *= joint.gear if signal.side == "motor" else 1.0
-    else:
-        factor *= size_of(signal.unit, ANGLE)  # type: ignore[attr-defined]
-        factor /= joint.gear if signal.side == "motor" else 1.0
-    return raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
 
 
 @dataclass(frozen=True, eq=False)

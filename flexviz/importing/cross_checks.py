@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from flexviz.importing.column_names import ANGLE, size_of
+from flexviz.importing.column_names import ANGLE
 from flexviz.importing.delays import fit_filtered, low_pass
 from flexviz.importing.draft import Draft, DraftJoint
-from flexviz.importing.mapping import AngleColumn, Fix, Issue, Mapping
+from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
 
 DEGREE = ANGLE["deg"]  # [rad]
+ANGLE_UNITS = ("rad", "deg", "rev")  # in which angles are recorded in practice
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,35 +69,27 @@ class ColumnChange:
         values = ((f.key, f'"{f.value}"' if isinstance(f.value, str) else f.value) for f in self.fixes)
         return ", ".join(f"{key} = {value}" for key, value in values)
 
-    def __add__(self, other: ColumnChange) -> ColumnChange:
-        return ColumnChange(self.fixes + other.fixes, self.factor * other.factor)
 
-
-def unit_changes(joint: str, name: str, units: dict[str, float], now: float) -> list[ColumnChange]:
-    """A signal in other units; `now` is the size of its unit in SI."""
-    return [
-        ColumnChange((Fix(joint, name, "unit", unit),), size / now)
-        for unit, size in units.items()
-        if not np.isclose(size, now, rtol=1e-5, atol=0.0)
-    ]
-
-
-def side_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
-    """A signal on the other side of the gear."""
+def change_of(mapping: Mapping, joint: str, name: str, keys: dict[str, Any]) -> ColumnChange:
+    """Other values for keys of a signal."""
     entry = mapping.joints[joint]
-    signal = getattr(entry, name)
-    if entry.gear == 1.0:
-        return []
-    other = "joint" if signal.side == "motor" else "motor"
-    factor = entry.gear if isinstance(signal, AngleColumn) == (signal.side == "motor") else 1.0 / entry.gear
-    return [ColumnChange((Fix(joint, name, "side", other),), factor)]
+    now = getattr(entry, name)
+    factor = entry.scale(now.model_copy(update=keys)) / entry.scale(now)
+    return ColumnChange(tuple(Fix(joint, name, key, value) for key, value in keys.items()), factor)
+
+
+def conversions(mapping: Mapping, joint: str, name: str, units: Sequence[str]) -> list[dict[str, Any]]:
+    """Another of these units, or the other side of the gear, where that changes a signal's values."""
+    other_side = "joint" if getattr(mapping.joints[joint], name).side == "motor" else "motor"
+    keys = [*({"unit": unit} for unit in units), {"side": other_side}]
+    factors = (change_of(mapping, joint, name, one).factor for one in keys)
+    return [one for one, factor in zip(keys, factors, strict=True) if abs(factor - 1.0) > 1e-5]
 
 
 def angle_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
     """An angle in other units or on the other side of the gear."""
-    units = {unit: ANGLE[unit] for unit in ("rad", "deg", "rev")}
-    now = size_of(getattr(mapping.joints[joint], name).unit, ANGLE)
-    return unit_changes(joint, name, units, now) + side_changes(mapping, joint, name)
+    keys = conversions(mapping, joint, name, ANGLE_UNITS)
+    return [change_of(mapping, joint, name, one) for one in keys]
 
 
 # -- checks --------------------------------------------------------------------------------------------
@@ -143,10 +137,9 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
 
 def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
     """The issue of a column that follows θ by a factor other than 1."""
-    sign = -getattr(mapping.joints[joint], name).sign
-    changes = [ColumnChange(), *angle_changes(mapping, joint, name)]
-    signs = [ColumnChange(), ColumnChange((Fix(joint, name, "sign", sign),), -1.0)]
-    combined = [change + turn for turn, change in product(signs, changes)]
+    signs = {}, {"sign": -getattr(mapping.joints[joint], name).sign}
+    keys = {}, *conversions(mapping, joint, name, ANGLE_UNITS)
+    combined = [change_of(mapping, joint, name, one | sign) for sign, one in product(signs, keys)]
     correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
     message = f"it is {slope:.4g} times theta"
     if not correct:

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
-from flexviz.importing.column_names import ANGLE, CURRENT, TIME, TORQUE
+from flexviz.importing.column_names import ANGLE, CURRENT, TIME, TORQUE, size_of
 from flexviz.measurements import OPTIONAL_SIGNALS, SetHeader
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
@@ -74,6 +74,15 @@ class JointColumns(StrictTable):
     q: AngleColumn | None = None
     tau_joint: TorqueColumn | None = None
     theta_ref: AngleColumn | None = None
+
+    def scale(self, signal: SignalColumn) -> float:
+        """One unit of a signal's column at the joint side [rad], [Nm]; negative for the opposite sign."""
+        gear = self.gear if signal.side == "motor" else 1.0
+        if isinstance(signal, AngleColumn):
+            return signal.sign * size_of(signal.unit, ANGLE) / gear
+        assert isinstance(signal, TorqueColumn)
+        constant = (self.torque_constant or 1.0) if signal.unit in CURRENT else 1.0
+        return signal.sign * size_of(signal.unit, TORQUE | CURRENT) * constant * gear
 
 
 class TimeColumn(StrictTable):

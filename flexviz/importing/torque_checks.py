@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from flexviz.importing.column_names import CURRENT, TORQUE, size_of
-from flexviz.importing.cross_checks import ColumnChange, angle_changes, side_changes, unit_changes
+from flexviz.importing.column_names import CURRENT
+from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
 from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueFit, TorqueModel
@@ -259,14 +260,10 @@ def scale_hint(mapping: Mapping, slopes: dict[str, float]) -> str:
 
 def torque_change(mapping: Mapping, joint: str, slope: float) -> ColumnChange | None:
     """The unit or side of τ, or both, with which its slope is near 1; as few changes as possible."""
-    entry = mapping.joints[joint]
-    constant = entry.torque_constant or 1.0
-    currents = {unit: size * constant for unit, size in CURRENT.items()} if entry.torque_constant else {}
-    units = {unit: TORQUE[unit] for unit in LOGGED_UNITS} | currents
-    now = size_of(entry.tau.unit, TORQUE | CURRENT) * (constant if entry.tau.unit in CURRENT else 1.0)
-    same_unit = [ColumnChange(), *unit_changes(joint, "tau", units, now)]
-    same_side = [ColumnChange(), *side_changes(mapping, joint, "tau")]
-    combined = [unit + side for unit in same_unit for side in same_side]
+    currents = CURRENT if mapping.joints[joint].torque_constant else ()
+    single = conversions(mapping, joint, "tau", (*LOGGED_UNITS, *currents))
+    units, sides = ([{}, *(one for one in single if key in one)] for key in ("unit", "side"))
+    combined = [change_of(mapping, joint, "tau", unit | side) for unit, side in product(units, sides)]
     low, high = LIMITS.slopes
     correct = [change for change in combined if low < slope * change.factor < high]
     return min(correct, key=lambda x: (len(x.fixes), abs(np.log(slope * x.factor))), default=None)
