@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,6 @@ from flexviz.results import bandwidth_text
 from flexviz.view import total_rms
 from flexviz.wording import as_markdown, number
 
-SIDES = ("A", "B")
 SCALARS = "Scalars:scalars"
 NOTABLE_DEVIATIONS = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters
 Views = list[rrb.Container | rrb.View]
@@ -73,6 +72,11 @@ class RecordingComparison:
     facts: dict[str, tuple[str, str]]
 
     @property
+    def sides(self) -> tuple[tuple[str, Recording], tuple[str, Recording]]:
+        """Both recordings with their names."""
+        return ("A", self.a), ("B", self.b)
+
+    @property
     def notable(self) -> list[ParameterDifference]:
         """Parameters that differ by more than `NOTABLE_DEVIATIONS`, largest difference first."""
         return [row for row in sorted(self.rows, key=_rank) if row.deviations > NOTABLE_DEVIATIONS]
@@ -80,50 +84,62 @@ class RecordingComparison:
 
 def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
     """Compare the newest results of two recordings."""
-    results = [recording.results[-1] if recording.results else {} for recording in (a, b)]
-    tables = [{_key(p): p for p in result.get("parameters", ())} for result in results]
-    rows = tuple(
-        ParameterDifference(
-            key[0], key[1], one.get("unit", ""), _pair(tables, key, "value"), _pair(tables, key, "std")
-        )
-        for key, one in (tables[0] | tables[1]).items()
-    )
-    errors = [result.get("residual", {}) for result in results]
-    rms, rms_validation = (_both(_total(e.get(name)) for e in errors) for name in ("rms", "rms_validation"))
-    facts = {
-        "set": (a.set_name, b.set_name),
-        "model": _both(result.get("label") or "–" for result in results),
-        "effects": _both(", ".join(result.get("effects", ())) or "none" for result in results),
-        "observer": _both(_observer(result.get("observer", {})) for result in results),
-        "fitted": _both(", ".join(result.get("groups", ())) or "–" for result in results),
-        "rms fit [Nm]": _both(number(value, 4) for value in rms),
-        "rms validation [Nm]": _both(number(value, 4) for value in rms_validation),
-        "verdict": _both(r.diagnoses[-1]["verdict"] if r.diagnoses else "–" for r in (a, b)),
+    tables = [
+        {(p["name"], p["joint"], p.get("payload"), p.get("group")): p for p in r.result.get("parameters", ())}
+        for r in (a, b)
+    ]
+    rows = []
+    for key, one in (tables[0] | tables[1]).items():
+        in_a, in_b = (table.get(key, {}) for table in tables)
+        values = _float(in_a.get("value")), _float(in_b.get("value"))
+        stds = _float(in_a.get("std")), _float(in_b.get("std"))
+        rows.append(ParameterDifference(one["name"], one["joint"], one.get("unit", ""), values, stds))
+    facts = {title: (text, _facts(b)[title]) for title, text in _facts(a).items()}
+    return RecordingComparison(a, b, tuple(rows), (_rms(a, "rms"), _rms(b, "rms")), facts)
+
+
+def _facts(recording: Recording) -> dict[str, str]:
+    """Title -> text of the newest result."""
+    result = recording.result
+    observer, bandwidth = result.get("observer", {}), result.get("observer", {}).get("bandwidth")
+    return {
+        "set": recording.set_name,
+        "model": result.get("label") or "–",
+        "effects": ", ".join(result.get("effects", ())) or "none",
+        "observer": f"{observer.get('name', '–')} {'' if bandwidth is None else bandwidth_text(bandwidth)}",
+        "fitted": ", ".join(result.get("groups", ())) or "–",
+        "rms fit [Nm]": number(_rms(recording, "rms"), 4),
+        "rms validation [Nm]": number(_rms(recording, "rms_validation"), 4),
+        "verdict": recording.diagnoses[-1]["verdict"] if recording.diagnoses else "–",
     }
-    return RecordingComparison(a, b, rows, rms, facts)
+
+
+def _rms(recording: Recording, name: str) -> float:
+    """Error of the newest result over all joints [Nm]; NaN if unknown."""
+    values = recording.result.get("residual", {}).get(name)
+    return math.nan if values is None else total_rms(values)
+
+
+def _float(value: float | None) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _rank(row: ParameterDifference) -> float:
+    return math.inf if math.isnan(row.deviations) else -row.deviations
 
 
 def comparison_text(found: RecordingComparison) -> str:
     """The comparison as Markdown."""
-    names = [f"{side}: {as_markdown(r.file.name)}" for side, r in zip(SIDES, (found.a, found.b), strict=True)]
-    lines = [f"# {names[0]} and {names[1]}", ""]
-    lines += table(
-        ["", "A", "B"], ([title, *map(as_markdown, cells)] for title, cells in found.facts.items())
-    )
+    lines = [f"# {' and '.join(f'{side}: {as_markdown(r.file.name)}' for side, r in found.sides)}", ""]
+    facts = ([title, *map(as_markdown, cells)] for title, cells in found.facts.items())
+    lines += table(["", "A", "B"], facts)
     rows = []
     for row in sorted(found.rows, key=_rank):
         apart = "–" if math.isnan(row.deviations) else f"{number(row.deviations, 2)} standard errors"
         mark = "**" if row.deviations > NOTABLE_DEVIATIONS else ""
+        place = as_markdown(row.name), as_markdown(row.joint or "")
         values = (number(value, 5) for value in row.values)
-        rows.append(
-            [
-                as_markdown(row.name),
-                as_markdown(row.joint or ""),
-                *values,
-                row.unit,
-                f"{mark}{apart}{mark}",
-            ]
-        )
+        rows.append([*place, *values, row.unit, f"{mark}{apart}{mark}"])
     if rows:
         lines += ["", *table(["parameter", "joint", "A", "B", "unit", "difference"], rows)]
     return "\n".join(lines)
@@ -131,23 +147,22 @@ def comparison_text(found: RecordingComparison) -> str:
 
 def merge_recordings(found: RecordingComparison, out: Path) -> None:
     """Write both recordings and their comparison side by side: entities /A/…, /B/…, /comparison."""
-    recordings = (found.a, found.b)
-    largest: dict[str, float] = {}
-    for recording in recordings:
-        for group, value in _largest_residuals(recording).items():
-            largest[group] = max(largest.get(group, 0.0), value)
     stream = rr.RecordingStream(f"{APPLICATION} comparison")
     # the layout first: the viewer shows a file while it loads
-    stream.save(out, default_blueprint=_blueprint(recordings, largest))
+    stream.save(out, default_blueprint=_blueprint(found))
     stream.send_recording_name(f"{found.a.file.stem} and {found.b.file.stem}")
     text = rr.TextDocument(comparison_text(found), media_type=rr.MediaType.MARKDOWN)
     stream.log("/comparison", text, static=True)
     stream.flush()
-    for side, recording in zip(SIDES, recordings, strict=True):
+    for side, recording in found.sides:
         chunks = RrdReader(str(recording.file)).stream().drop(content="/__properties/**")
         stream.send_chunks(chunks.map(partial(_under, f"/{side}")))
     stream.flush()
     stream.disconnect()
+
+
+def _under(prefix: str, chunk: Chunk) -> Chunk:
+    return chunk.with_entity_path(prefix + chunk.entity_path)
 
 
 def _largest_residuals(recording: Recording) -> dict[str, float]:
@@ -168,10 +183,10 @@ def _largest_residuals(recording: Recording) -> dict[str, float]:
 # -- the layout ----------------------------------------------------------------------------------------------
 
 
-def _blueprint(recordings: Sequence[Recording], largest: dict[str, float]) -> rrb.Blueprint:
-    """A on the left, B on the right; both sides are scaled by `largest`: group -> largest residual [Nm]."""
-    groups = list(dict.fromkeys(group for recording in recordings for group in recording.groups))
-    sides = list(zip(SIDES, recordings, strict=True))
+def _blueprint(found: RecordingComparison) -> rrb.Blueprint:
+    """A on the left, B on the right; both residuals of a group have the same scale."""
+    sides = found.sides
+    groups = list(dict.fromkeys((*found.a.groups, *found.b.groups)))
     scenes = [
         rrb.Horizontal(
             *(scene_view(f"/{side}", f"{side} 3D {group}", group, r.eye, r.centre) for side, r in sides),
@@ -179,104 +194,59 @@ def _blueprint(recordings: Sequence[Recording], largest: dict[str, float]) -> rr
         )
         for group in groups
     ]
-    residuals = [
-        rrb.Horizontal(
-            *(_residual(side, recording, group, largest[group]) for side, recording in sides),
-            name=f"Where it fails {group}",
-        )
-        for group in groups
-        if group in largest
-    ]
+    largest = [_largest_residuals(recording) for _, recording in sides]
+    residuals = []
+    for group in groups:
+        if tops := [one[group] for one in largest if group in one]:
+            top = 1.05 * max(tops) or 1.0
+            views = (_residual(side, recording, group, top) for side, recording in sides)
+            residuals.append(rrb.Horizontal(*views, name=f"Where it fails {group}"))
     rows: Views = [rrb.Tabs(*scenes, name="3D")]
     if residuals:
         rows.append(rrb.Tabs(*residuals, name="Where it fails"))
-    rows.append(_details(sides, groups))
+    rows.append(_details(found, groups))
     return page(rrb.Vertical(*rows, row_shares=[3, 2, 3] if residuals else [1, 1]), loop_mode="all")
 
 
-def _residual(side: str, recording: Recording, group: str, largest: float) -> rrb.TimeSeriesView:
-    """The newest result's residual in one group."""
+def _residual(side: str, recording: Recording, group: str, top: float) -> rrb.TimeSeriesView:
+    """The newest result's residual in one group, up to ± `top` [Nm]."""
     origin = f"/{side}" + result_path(len(recording.results), "groups", group, "residual")
-    top = 1.05 * largest or 1.0
     return plot(f"{side} residual [Nm] {group}", origin, ["$origin/**"], span=(-top, top))
 
 
-def _details(sides: Sequence[tuple[str, Recording]], groups: Sequence[str]) -> rrb.Container:
+def _details(found: RecordingComparison, groups: Sequence[str]) -> rrb.Container:
     """Differences, convergence, verdicts, descriptions, and the states of A and B overlaid."""
-    views: Views = [document("/comparison", "Differences")]
-    curves = [
-        plot(
-            f"{side} {name}",
-            f"/{side}" + result_path(len(r.results), "optimiser"),
-            [f"$origin/{entity}"],
-            legend=False,
-        )
-        for side, r in sides
-        if r.results
-        for name, entity in (("cost, log10", "log10_cost"), ("parameters / last value", "relative"))
-    ]
-    if curves:
-        views.append(rrb.Horizontal(*curves, name="Convergence"))
-    verdicts = [
-        document(f"/{side}" + diagnosis_path(len(r.diagnoses), "verdict"), f"{side} verdict")
-        for side, r in sides
-        if r.diagnoses
-    ]
-    if verdicts:
-        views.append(rrb.Horizontal(*verdicts, name="Verdicts"))
-    views.append(
-        rrb.Horizontal(*(document(f"/{side}/about", f"{side} about") for side, _ in sides), name="About")
+    curves, verdicts, about = [], [], []
+    for side, r in found.sides:
+        optimiser = f"/{side}" + result_path(len(r.results), "optimiser")
+        for name, entity in (("cost, log10", "log10_cost"), ("parameters / last value", "relative")):
+            if r.results:
+                curves.append(plot(f"{side} {name}", optimiser, [f"$origin/{entity}"], legend=False))
+        if r.diagnoses:
+            verdict = f"/{side}" + diagnosis_path(len(r.diagnoses), "verdict")
+            verdicts.append(document(verdict, f"{side} verdict"))
+        about.append(document(f"/{side}/about", f"{side} about"))
+    rows = {"Convergence": curves, "Verdicts": verdicts, "About": about}
+    return rrb.Tabs(
+        document("/comparison", "Differences"),
+        *(rrb.Horizontal(*views, name=name) for name, views in rows.items() if views),
+        rrb.Tabs(*(_states(found, group) for group in groups), name="States"),
+        name="Differences and more",
     )
-    views.append(rrb.Tabs(*(_states(sides, group) for group in groups), name="States"))
-    return rrb.Tabs(*views, name="Differences and more")
 
 
-def _states(sides: Sequence[tuple[str, Recording]], group: str) -> rrb.Container:
+def _states(found: RecordingComparison, group: str) -> rrb.Container:
     """All observer states of one group, B in colour over A in grey."""
     views = []
     for name in STATES:
         contents: list[str] = []
         overrides: dict[str, Any] = {}
-        for side, recording in sides:
+        for side, recording in found.sides:
             for joint in recording.joints if recording.observer is not None else ():
                 entity = f"/{side}" + observer_path(recording.observer, group, name, joint)
                 contents.append(entity)
-                if side == SIDES[0]:
+                if side == "A":
                     style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"A {joint}", widths=3.0)
                     overrides[entity] = style.visualizer()
         views.append(plot(TITLES[name], "/", contents, legend=False, overrides=overrides))
     return rrb.Grid(*views, grid_columns=4, name=f"States {group}")
-
-
-# -- parts ---------------------------------------------------------------------------------------------------
-
-
-def _under(prefix: str, chunk: Chunk) -> Chunk:
-    return chunk.with_entity_path(prefix + chunk.entity_path)
-
-
-def _key(parameter: dict[str, Any]) -> tuple[str, str | None, str | None, str | None]:
-    return (parameter["name"], parameter["joint"], parameter.get("payload"), parameter.get("group"))
-
-
-def _pair(tables: list[dict[Any, dict[str, Any]]], key: Any, name: str) -> tuple[float, float]:
-    values = (table.get(key, {}).get(name) for table in tables)
-    return _both(math.nan if value is None else float(value) for value in values)
-
-
-def _rank(row: ParameterDifference) -> float:
-    return math.inf if math.isnan(row.deviations) else -row.deviations
-
-
-def _total(rms: list[float] | None) -> float:
-    return math.nan if rms is None else total_rms(np.asarray(rms))
-
-
-def _observer(observer: dict[str, Any]) -> str:
-    bandwidth = observer.get("bandwidth")
-    return f"{observer.get('name', '–')} {'' if bandwidth is None else bandwidth_text(bandwidth)}"
-
-
-def _both(values: Iterable[Any]) -> tuple[Any, Any]:
-    a, b = values
-    return a, b

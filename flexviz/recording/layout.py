@@ -8,7 +8,6 @@ texts need none.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import rerun as rr
@@ -38,51 +37,35 @@ from flexviz.recording.texts import group_title
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
     from flexviz.observers import Observer
+    from flexviz.recording.optimiser import Solve
 
 MAX_RESULT_TABS = 6  # of the newest results' texts
 NANOSECONDS = 1_000_000_000  # per second
 
 
-@dataclass(frozen=True)
-class Shown:
-    """The newest content.
-
-    Attributes:
-        observer: the recorded observer.
-        result: number of the newest result, running or done.
-        residuals: groups with a residual of that result.
-        first: joints with a residual of the first result.
-        mapped: whether the newest result has residual maps.
-        diagnosis: the newest diagnosis.
-        diagnoses: its number.
-    """
-
-    observer: Observer | None = None
-    result: int | None = None
-    residuals: tuple[str, ...] = ()
-    first: tuple[str, ...] = ()
-    mapped: bool = False
-    diagnosis: Diagnosis | None = None
-    diagnoses: int = 0
-
-
-def blueprint(measurements: MeasurementSet, stage: Stage, shown: Shown) -> rrb.Blueprint:
-    """The layout of a recording."""
+def blueprint(
+    measurements: MeasurementSet,
+    stage: Stage,
+    observer: Observer | None,
+    solves: Sequence[Solve],
+    diagnoses: Sequence[Diagnosis],
+) -> rrb.Blueprint:
+    """The layout for the newest of the recorded content."""
     groups = measurements.groups
     scenes = [scene_view("", f"3D {group_title(g)}", g.name, stage.eye, stage.centre) for g in groups]
     left = rrb.Vertical(
         rrb.Tabs(*scenes, name="Robots, measured and identified"),
-        _texts(groups, shown),
+        _texts(groups, solves, diagnoses),
         row_shares=[3, 2],
         name="Motion",
     )
     rows: list[rrb.Container | rrb.View] = []
-    if shown.observer is not None:
-        rows.append(rrb.Tabs(*(_states(group, shown.observer) for group in groups), name="States"))
-    if shown.residuals or shown.diagnosis is not None:
-        rows.append(_where_it_fails(measurements, shown))
-    if shown.result is not None:
-        rows.append(_convergence(shown.result))
+    if observer is not None:
+        rows.append(rrb.Tabs(*(_states(group, observer) for group in groups), name="States"))
+    if diagnoses or (solves and solves[-1].residuals):
+        rows.append(_where_it_fails(measurements, solves, diagnoses))
+    if solves:
+        rows.append(_convergence(solves[-1].number))
     if not rows:
         rows.append(rrb.Tabs(*(_measured(group) for group in groups), name="Measured"))
     shares = [2.0 if row.name == "States" else 1.0 for row in rows]
@@ -154,17 +137,16 @@ def plot(
     )
 
 
-def _texts(groups: Sequence[Group], shown: Shown) -> rrb.Container:
+def _texts(groups: Sequence[Group], solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]) -> rrb.Container:
     """The set, the verdict, the newest results, each group, the log."""
     views = [document(ABOUT, "About")]
-    if shown.diagnosis is not None:
-        views.append(document(diagnosis_path(shown.diagnoses, "verdict"), "Verdict"))
-    newest = shown.result or 0
-    for number in range(newest, max(newest - MAX_RESULT_TABS, 0), -1):
-        views.append(document(result_path(number, "about"), f"Result {number}"))
+    if diagnoses:
+        views.append(document(diagnosis_path(len(diagnoses), "verdict"), "Verdict"))
+    for solve in reversed(solves[-MAX_RESULT_TABS:]):
+        views.append(document(result_path(solve.number, "about"), f"Result {solve.number}"))
     views += [document(group_path(group.name, "about"), f"Group {group.name}") for group in groups]
     views.append(document(LOG, "Log"))
-    return rrb.Tabs(*views, active_tab=1 if shown.diagnosis is not None else 0, name="In words")
+    return rrb.Tabs(*views, active_tab=1 if diagnoses else 0, name="In words")
 
 
 def _measured(group: Group) -> rrb.Container:
@@ -187,40 +169,45 @@ def _states(group: Group, observer: Observer) -> rrb.Container:
     return rrb.Grid(*views, grid_columns=3, name=f"States {group_title(group)}")
 
 
-def _where_it_fails(measurements: MeasurementSet, shown: Shown) -> rrb.Container:
+def _where_it_fails(
+    measurements: MeasurementSet, solves: Sequence[Solve], diagnoses: Sequence[Diagnosis]
+) -> rrb.Container:
     """The residual over time and against each variable, the staircase, the findings' evidence."""
     views: list[rrb.View | rrb.Container] = []
-    over_time = [_residual(group, shown) for group in measurements.groups if group.name in shown.residuals]
-    if over_time:
-        views.append(rrb.Tabs(*over_time, name="Where it fails: over time"))
-    diagnosis, number = shown.diagnosis, shown.diagnoses
-    final = diagnosis is not None and bool(diagnosis.maps) and not shown.mapped
-    if final or shown.mapped:
-        where = diagnosis_path(number) if final else result_path(shown.result or 0)
+    number, where = len(diagnoses), ""
+    if solves:
+        groups = [group for group in measurements.groups if group.name in solves[-1].residuals]
+        if groups:
+            over_time = (_residual(measurements.joints, group, solves) for group in groups)
+            views.append(rrb.Tabs(*over_time, name="Where it fails: over time"))
+        where = result_path(solves[-1].number) if solves[-1].mapped else ""
+    if diagnoses and diagnoses[-1].maps and not where:
+        where = diagnosis_path(number)
+    if where:
         curves = [drawing(where + path("curves", joint), joint) for joint in measurements.joints]
         views.append(drawing(f"{where}/map", "joint × variable"))
         views.append(rrb.Tabs(*curves, name="against each variable"))
-    if diagnosis is not None:
+    if diagnoses:
         views.append(drawing(diagnosis_path(number, "staircase"), "Errors step by step"))
-        if evidence := _evidence(diagnosis, number):
+        if evidence := _evidence(diagnoses[-1], number):
             views.append(rrb.Tabs(*evidence, name="Evidence"))
-        if diagnosis.free_curve is not None:
+        if diagnoses[-1].free_curve is not None:
             views.append(drawing(diagnosis_path(number, "free"), "Free curve"))
     return rrb.Tabs(*views, name="Where it fails")
 
 
-def _residual(group: Group, shown: Shown) -> rrb.TimeSeriesView:
+def _residual(joints: Sequence[str], group: Group, solves: Sequence[Solve]) -> rrb.TimeSeriesView:
     """The newest result's residual in one group, in front of the first result's in grey."""
-    assert shown.result is not None
-    origin = result_path(shown.result, "groups", group.name, "residual")
+    number = solves[-1].number
+    origin = result_path(number, "groups", group.name, "residual")
     contents: list[str] = ["$origin/**"]
     overrides: dict[str, Any] = {}
-    for joint in shown.first if shown.result > 1 else ():
-        before = result_path(1, "groups", group.name, "residual") + path(joint)
+    for joint in joints if len(solves) > 1 and solves[0].residuals else ():
+        before = result_path(1, "groups", group.name, "residual", joint)
         contents.append(before)
         style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"{joint}, result 1", widths=1.0)
         overrides[before] = style.visualizer()
-    name = f"Residual [Nm] {group_title(group)}, result {shown.result}"
+    name = f"Residual [Nm] {group_title(group)}, result {number}"
     return plot(name, origin, contents, overrides=overrides)
 
 

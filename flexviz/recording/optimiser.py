@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -131,6 +131,11 @@ class Solve:
     begun: float
     result: Identification | None = None
     mapped: bool = False
+
+    @property
+    def residuals(self) -> Collection[str]:
+        """Groups with a residual."""
+        return () if self.result is None else self.result.residuals
 
 
 def parameter_names(iterations: Sequence[Iteration]) -> list[str]:

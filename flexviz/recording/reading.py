@@ -136,6 +136,11 @@ class Recording:
     eye: tuple[float, ...] | None = None
     centre: tuple[float, ...] | None = None
 
+    @property
+    def result(self) -> dict[str, Any]:
+        """The newest result; empty if there is none."""
+        return self.results[-1] if self.results else {}
+
 
 def read_recording(path: str | Path) -> Recording:
     """Read properties and results of an intact recording (see `check_recording`).

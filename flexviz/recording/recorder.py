@@ -17,7 +17,7 @@ from flexviz.observers import Observer
 from flexviz.recording import signals, texts
 from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.files import Recorded
-from flexviz.recording.layout import Shown, blueprint
+from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Optimiser, Solve
 from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
 from flexviz.recording.scene import Stage, send_robot, set_stage
@@ -222,18 +222,8 @@ class Recorder:
 
     def layout(self) -> rrb.Blueprint:
         """The layout for the newest content."""
-        newest = self.solves[-1] if self.solves else None
-        first = self.solves[0].result if self.solves else None
-        shown = Shown(
-            observer=next(reversed(self._observers.values()), None),
-            result=None if newest is None else newest.number,
-            residuals=() if newest is None or newest.result is None else tuple(newest.result.residuals),
-            first=self.measurements.joints if first is not None and first.residuals else (),
-            mapped=newest is not None and newest.mapped,
-            diagnosis=self.diagnoses[-1] if self.diagnoses else None,
-            diagnoses=len(self.diagnoses),
-        )
-        return blueprint(self.measurements, self._stage, shown)
+        observer = next(reversed(self._observers.values()), None)
+        return blueprint(self.measurements, self._stage, observer, self.solves, self.diagnoses)
 
     @cached_property
     def _shape(self) -> RobotShape:
