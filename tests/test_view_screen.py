@@ -15,7 +15,8 @@ from flexviz.robot import Robot
 from flexviz.scene.shape import MAX_FACES, robot_shape, scene_layout, thinned_mesh
 from flexviz.view import status
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
-from flexviz.wording import escape, number, plain_name, short_names, with_error
+from flexviz.wording import escape, number, plain_name, short_names
+from flexviz.wording.numbers import with_error
 from tests.small_set import write_small_set
 
 

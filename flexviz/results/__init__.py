@@ -1,17 +1,15 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
-from flexviz.results.document import ResultDocument, json_schema, note_entries
+from flexviz.results.base import Grade, Note, NoteKind, Verdict
+from flexviz.results.document import ResultDocument, json_schema, note_entries, read_result
 from flexviz.results.entries import (
     CandidateEntry,
     EffectEntry,
     ParameterEntry,
     ValueEntry,
 )
-from flexviz.results.grades import Grade, Note, NoteKind, Verdict
 from flexviz.results.lookup import ParameterNotFound, find_parameter
-from flexviz.results.reading import read_result
-from flexviz.results.summary import bandwidth_text, parts, run_lines
-from flexviz.results.tables import WIDE, interval, plain_table
+from flexviz.results.summary import WIDE, bandwidth_text, interval, parts, plain_table, run_lines
 
 __all__ = [
     "WIDE",

@@ -1,12 +1,30 @@
-"""Common parts of the entries of a results document: base class and nullable numbers."""
+"""Verdicts, grades and notes of a result; base class and nullable numbers of a document's entries."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+
+Verdict = Literal["missing", "nothing-missing", "unknown"]
+Grade = Literal["yes", "weak", "no"]
+NoteKind = Literal["model-error", "pulses", "unexplained", "free-curve", "bandwidth", "other"]
+
+
+@dataclass(frozen=True)
+class Note:
+    """A remark on a diagnosis in one sentence.
+
+    Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
+    reversals), "unexplained" (remaining error), "free-curve" (error that a free curve would absorb),
+    "bandwidth" (values that change with the observer bandwidth), "other".
+    """
+
+    kind: NoteKind
+    text: str
 
 
 def nullable(value: Any, info: ValidationInfo) -> Any:

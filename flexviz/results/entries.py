@@ -10,9 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AliasChoices, Field, model_validator
 
-from flexviz.results.base import Column, Nullable, Number, ResultEntry, named
+from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict, named
 from flexviz.results.curves import FreeCurveEntry, GuardEntry, MapEntry
-from flexviz.results.grades import Grade, NoteKind, Verdict
 
 
 class ParameterEntry(ResultEntry):

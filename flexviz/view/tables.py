@@ -10,16 +10,15 @@ import numpy as np
 
 from flexviz.charts import COLOURS
 from flexviz.measurements import MeasurementSet
-from flexviz.statistics import NORMAL_95
 from flexviz.wording import (
     INERTIAL,
     MARKS,
     SYMBOLS,
     escape,
+    interval,
     number,
     plain_name,
     plural,
-    with_error,
 )
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ def _rows(
             rows.append(
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
-        value, error = with_error(p.value, None if p.std is None else NORMAL_95 * p.std)
+        value, error = interval(p.value, p.std)
         payload, real = payloads.get(id(p)), ""
         if truth is not None:
             real = f'<td class="fv-truth">{number(truth.get((p.name, payload or p.joint)))}</td>'

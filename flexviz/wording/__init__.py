@@ -12,7 +12,6 @@ from flexviz.wording.effects import (
 from flexviz.wording.findings import (
     ALONG,
     absorbed_list,
-    absorbed_text,
     effect_text_name,
     effect_title,
     finding_name,
@@ -28,12 +27,12 @@ from flexviz.wording.numbers import (
     SYMBOLS,
     as_markdown,
     escape,
+    interval,
     number,
     plain_name,
     plural,
     short_names,
     unit_text,
-    with_error,
 )
 
 __all__ = [
@@ -43,7 +42,6 @@ __all__ = [
     "SCOPES",
     "SYMBOLS",
     "absorbed_list",
-    "absorbed_text",
     "as_markdown",
     "bounds_text",
     "effect_json",
@@ -52,6 +50,7 @@ __all__ = [
     "enters_text",
     "escape",
     "finding_name",
+    "interval",
     "number",
     "parameter_text",
     "plain_name",
@@ -65,5 +64,4 @@ __all__ = [
     "values_text",
     "verdict_text",
     "where_text",
-    "with_error",
 ]

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from flexviz.effects import EFFECTS
-from flexviz.statistics import NORMAL_95
-from flexviz.wording.numbers import listed, number, plain_name, plural, unit_text, with_error
+from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
 
 BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
 WITH_ADDED = {
@@ -175,7 +174,7 @@ def values_text(finding: FindingLike) -> str:
     """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals."""
     parts = []
     for name, found in finding.parameters.items():
-        shown, error = with_error(found.value, None if found.std is None else NORMAL_95 * found.std)
+        shown, error = interval(found.value, found.std)
         parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(found.unit)}".rstrip())
     return ", ".join(parts)
 

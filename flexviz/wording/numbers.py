@@ -7,6 +7,8 @@ import math
 import re
 from collections.abc import Sequence
 
+from flexviz.statistics import NORMAL_95
+
 
 def number(value: float | None, digits: int = 4) -> str:
     """A value with `digits` significant digits: 1000, 0.01234, 3.200e-7; – if it is not finite."""
@@ -40,6 +42,11 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
         return number(value, 5), number(error, 2)
     decimals = max(-place, 0)
     return f"{value:.{decimals}f}".replace("-", "−"), f"{error:.{decimals}f}"
+
+
+def interval(value: float, std: float | None) -> tuple[str, str]:
+    """A value and half its 95 % interval, from its standard error."""
+    return with_error(value, None if std is None else NORMAL_95 * std)
 
 
 def escape(text: object) -> str:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from flexviz.identification import Combination, ParameterEstimate
 from flexviz.report.blocks import Cell, ReportTable, Section, explanation, section, table
 from flexviz.report.content import ReportContent
-from flexviz.statistics import NORMAL_95
-from flexviz.wording import INERTIAL, MARKS, number, plain_name, plural, unit_text, with_error
+from flexviz.wording import INERTIAL, MARKS, interval, number, plain_name, plural, unit_text
 
 MAX_TIES = 3  # listed per parameter
 INERTIAL_HEAD = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -43,10 +41,9 @@ def source(content: ReportContent) -> str:
     )
 
 
-def interval(p: ParameterEstimate | Combination) -> tuple[Cell, str]:
+def _value(p: ParameterEstimate | Combination) -> tuple[Cell, str]:
     """A value and half of its 95 % interval."""
-    known = p.std is not None and math.isfinite(p.std)
-    value, half = with_error(p.value, NORMAL_95 * p.std if known else None)
+    value, half = interval(p.value, p.std)
     return Cell(value, strong=True), half
 
 
@@ -66,7 +63,7 @@ def _main(found: Sequence[ParameterEstimate]) -> ReportTable:
     for p in sorted(found, key=lambda p: places.index(place_of(p))):
         ties = ", ".join(map(tied, p.tied_to[:MAX_TIES])) + (" …" if len(p.tied_to) > MAX_TIES else "")
         mark = grade(p) + (", at its bound" if p.at_bound else "")
-        rows.append([place_of(p), plain_name(p.name), *interval(p), unit_text(p.unit), mark, ties])
+        rows.append([place_of(p), plain_name(p.name), *_value(p), unit_text(p.unit), mark, ties])
     head = ("joint", "parameter", "value", "± 95 %", "unit", "determined", "tied to")
     return table(head, rows, (2, 3), "Parameters of joints and effects")
 
@@ -87,7 +84,7 @@ def _inertias(content: ReportContent, found: Sequence[ParameterEstimate]) -> Sec
         f"Motion determines only combinations of the inertial parameters: {good} of {len(combinations)} are "
         "identifiable."
     )
-    rows = [[c.name, *interval(c), unit_text(c.unit), grade(c)] for c in combinations]
+    rows = [[c.name, *_value(c), unit_text(c.unit), grade(c)] for c in combinations]
     head = ("combination", "value", "± 95 %", "unit", "determined")
     title = "Identifiable combinations of inertial parameters"
     return section("Inertias", only, table(head, rows, (1, 2), title, dense=True), matrix)
