@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 Grade = Literal["yes", "weak", "no"]
@@ -38,18 +38,19 @@ def nullable(value: Any, info: ValidationInfo) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def named(names: tuple[str, ...], data: Any) -> Any:
-    """A tuple as a dictionary with these names; anything else unchanged."""
-    return dict(zip(names, data, strict=True)) if isinstance(data, tuple) else data
-
-
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Nullable = Annotated[Number | None, BeforeValidator(nullable)]
 Column = Annotated[list[Number | None], BeforeValidator(nullable)]
 Rows = Annotated[list[Column], BeforeValidator(nullable)]
+Counts = Annotated[list[list[int]], BeforeValidator(nullable)]
 
 
 class ResultEntry(BaseModel):
-    """Part of a document."""
+    """Part of a document; a record gives its fields by attributes, or a tuple in their order."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, from_attributes=True, populate_by_name=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_tuple(cls, data: Any) -> Any:
+        return dict(zip(cls.model_fields, data, strict=False)) if isinstance(data, tuple) else data

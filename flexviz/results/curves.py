@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from pydantic import model_validator
 
-from flexviz.results.base import Column, Nullable, ResultEntry, Rows
+from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows
 
 
 class MapEntry(ResultEntry):
@@ -21,17 +20,11 @@ class MapEntry(ResultEntry):
     centres: Rows
     mean: Rows
     std: Rows
-    count: list[list[int]]
+    count: Counts
     explained: Nullable
     explained_std: Nullable
     explained_by_group: dict[str, Nullable]
     range: Column
-
-    @model_validator(mode="before")
-    @classmethod
-    def _counts(cls, data: Any) -> Any:
-        count = getattr(data, "count", None)
-        return {**vars(data), "count": count.tolist()} if isinstance(count, np.ndarray) else data
 
 
 class FreeCurveEntry(ResultEntry):

@@ -6,11 +6,11 @@ become null.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, Field
 
-from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict, named
+from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict
 from flexviz.results.curves import FreeCurveEntry, GuardEntry, MapEntry
 
 
@@ -69,11 +69,6 @@ class ValueEntry(ResultEntry):
     std: Nullable = None
     unit: str = ""
     identifiable: Grade | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_tuple(cls, data: Any) -> Any:
-        return named(("value", "std", "unit"), data)
 
 
 class EffectEntry(ResultEntry):
@@ -142,11 +137,6 @@ class GroupErrorEntry(ResultEntry):
     name: str
     rms: list[Number]
     validation: bool
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_tuple(cls, data: Any) -> Any:
-        return named(("name", "rms", "validation"), data)
 
 
 class StepEntry(ResultEntry):
