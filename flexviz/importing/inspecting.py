@@ -14,14 +14,14 @@ from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
-from flexviz.importing.delays import ClockOffset, clock_offsets
+from flexviz.importing.delays import clock_offsets
 from flexviz.importing.draft import Draft, DraftJoint
 from flexviz.importing.formats import LogSource, find_logs, open_log
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
 from flexviz.importing.questions import Questions
-from flexviz.measurements import read_robot
+from flexviz.measurements import Array, read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
@@ -44,7 +44,6 @@ class Inspection:
 
     draft: Draft
     issues: tuple[Issue, ...]
-    offsets: tuple[ClockOffset, ...]  # of the clocks, before the draft corrected them
 
 
 def inspect_logs(
@@ -83,8 +82,8 @@ def inspect_logs(
         chosen = asked.several("Which groups are kept for validation, never fitted?", draft.groups)
         draft.validation = {draft.groups[i] for i in chosen}
     if draft.missing:
-        return Inspection(draft, (), ())
-    return correct(draft, logs, asked, progress, should_stop)
+        return Inspection(draft, ())
+    return Inspection(draft, tuple(correct(draft, logs, asked, progress, should_stop)))
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:
@@ -138,13 +137,14 @@ def describe_unused(log: Log, used: Sequence[str]) -> list[str]:
         for name, values in table.columns.items()
         if name not in used and np.isfinite(values).any()
     }
-    lines = [
-        f"    {name}: {np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
-        for name, values in islice(left.items(), LISTED_COLUMNS)
-    ]
+    lines = [f"    {name}: {range_text(values)}" for name, values in islice(left.items(), LISTED_COLUMNS)]
     if len(left) > len(lines):
         lines.append(f"    … and {len(left) - len(lines)} more")
     return ["  columns that were not recognised:", *lines] if lines else []
+
+
+def range_text(values: Array) -> str:
+    return f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
 
 
 def choose_roles(families: Sequence[ColumnFamily], asked: Questions) -> dict[str, ColumnFamily]:
@@ -186,8 +186,7 @@ def fill_joints(
             if unit is not None and unit not in ("rad", "Nm"):
                 signal["unit"] = unit
             entry.signals[name] = signal
-            values = every[column].columns[column]
-            entry.comment(name, f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}; {reason(family)}")
+            entry.comment(name, f"{range_text(every[column].columns[column])}; {reason(family)}")
         for name in (name for name in NEEDED if name not in roles):
             entry.comment(name, 'missing: { from = "column" }')
     if not draft.joints:
@@ -216,10 +215,9 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
 
 def correct(
     draft: Draft, logs: Sequence[Log], asked: Questions, progress: ProgressCallback, should_stop: StopCallback
-) -> Inspection:
-    """Let the data correct units, sides, signs and clocks, and collect the issues that remain."""
+) -> list[Issue]:
+    """Let the data correct units, sides, signs and clocks; the issues that remain."""
     robot = Robot.load(draft.robot, tuple(draft.joints))
-    offsets: tuple[ClockOffset, ...] = ()
     remaining: list[Issue] = []
     for round_ in range(CORRECTION_ROUNDS):
         progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
@@ -228,7 +226,7 @@ def correct(
         entries = zip(logs, mapping.logs, strict=False)
         groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
         if round_ == 0:
-            offsets = shift_clocks(draft, groups)
+            shift_clocks(draft, groups[0])
         if find_scales(draft, robot, [group.table for group in groups]):
             continue
         remaining = check_groups(mapping, robot, [((), group.table) for group in groups], guessed=True)
@@ -237,7 +235,7 @@ def correct(
             draft.apply(issue.fixes, issue.message)
         if not certain and not ask_for_scales(draft, remaining, asked):
             break
-    return Inspection(draft, tuple(remaining), offsets)
+    return remaining
 
 
 def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -> bool:
@@ -263,13 +261,11 @@ def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -
     return False
 
 
-def shift_clocks(draft: Draft, groups: Sequence[AssembledGroup]) -> tuple[ClockOffset, ...]:
-    """Correct the clocks of link positions by the first log; the offsets of all logs."""
-    found = [clock_offsets(g.entry.group, g.traces, tuple(draft.joints)) for g in groups]
-    for offset in found[0] if found else []:
+def shift_clocks(draft: Draft, group: AssembledGroup) -> None:
+    """Correct the clocks of link positions by one log."""
+    for offset in clock_offsets(group.entry.group, group.traces, tuple(draft.joints)):
         if offset.significant:
             draft.time.setdefault("shift", {})[offset.clock] = round(-offset.delay, 6)
             late = "late" if offset.delay > 0 else "early"
             size = f"{1e3 * abs(offset.delay):.4g} ± {1e3 * NORMAL_95 * offset.std:.2g} ms"
             draft.time_comment = f"[s]; {offset.clock} is {size} {late} against θ"
-    return tuple(offset for group in found for offset in group)

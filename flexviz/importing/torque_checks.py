@@ -12,7 +12,7 @@ from flexviz.importing.column_names import CURRENT
 from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
 from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
-from flexviz.importing.torque_model import Reading, TorqueFit, TorqueModel
+from flexviz.importing.torque_model import Reading, TorqueModel
 from flexviz.measurements import Array
 
 LOGGED_UNITS = ("Nm", "mNm", "Ncm")  # in which torques are recorded in practice
@@ -49,7 +49,7 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     if np.min(result.shares) < LIMITS.smallest_share:  # τ may have another scale too: then its shape decides
         other = search(mapping, model, start, any_scale=True)
         if np.sum(other.shares) > np.sum(result.shares) + LIMITS.gain:
-            result = replace(other, shares=shares_of(model.fit(other.reading), any_scale=False))
+            result = replace(other, shares=model.shares(other.reading, any_scale=False))
     found = [*result.issues, *by_q, *check_scale(mapping, model, result)]
     known = {joint for issue in found for joint in issue.joints}
     shares = zip(mapping.names, result.shares, strict=True)
@@ -65,23 +65,21 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
 
 def search(mapping: Mapping, model: TorqueModel, reading: Reading, any_scale: bool) -> SearchResult:
     """Look for changes that explain the torques much better, one after the other."""
-    fit = model.fit_any_scale if any_scale else model.fit
-    shares = shares_of(fit(reading), any_scale)
+    least_gain = LIMITS.free_gain if any_scale else LIMITS.gain
+    shares = model.shares(reading, any_scale)
     found: list[Issue] = []
     for _ in range(LARGEST_FAULT_COUNT):
         if not any_scale and np.min(shares) >= LIMITS.explained_well:
             break
         best, best_gain, best_shares = None, 0.0, shares
         for other in hypotheses(mapping, model, reading, any_scale):
-            tried = shares_of(fit(other.reading), any_scale)
+            tried = model.shares(other.reading, any_scale)
             changed = tried[[mapping.names.index(fix.joint) for fix in other.fixes]]
             # a joint whose unit is corrected can still have a wrong sign, which is found next
             weakest = np.max(changed) if other.fixes[0].key in ("unit", "side") else np.min(changed)
             gain = float(np.sum(tried) - np.sum(shares))
             gain += LIMITS.stated_gear * len(changed) if other.fixes[0].key == "side" else 0.0
-            worth = (
-                gain >= (LIMITS.free_gain if any_scale else LIMITS.gain) and weakest >= LIMITS.smallest_share
-            )
+            worth = gain >= least_gain and weakest >= LIMITS.smallest_share
             if worth and gain > best_gain + 0.02:
                 best, best_gain, best_shares = other, gain, tried
         if best is None:
@@ -89,13 +87,6 @@ def search(mapping: Mapping, model: TorqueModel, reading: Reading, any_scale: bo
         found.append(issue_of(best, shares, best_shares, mapping))
         reading, shares = best.reading, best_shares
     return SearchResult(found, reading, shares)
-
-
-def shares_of(fits: Sequence[TorqueFit], any_scale: bool) -> Array:
-    """(n,) shares, at least −1; with any scale only the part that the masses explain counts."""
-    return np.array(
-        [max(-1.0, min(fit.share, 3.0 * fit.by_masses) if any_scale else fit.share) for fit in fits]
-    )
 
 
 def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bool) -> list[Hypothesis]:

@@ -109,6 +109,14 @@ class TorqueModel:
             result.append(TorqueFit(float(shares[best]), float(slope), float(shares[best]) - friction))
         return result
 
+    def shares(self, reading: Reading, any_scale: bool) -> Array:
+        """(n,) explained shares, at least −1; with any scale only the part that the masses explain counts."""
+        if any_scale:
+            shares = [min(fit.share, 3.0 * fit.by_masses) for fit in self.fit_any_scale(reading)]
+        else:
+            shares = [fit.share for fit in self.fit(reading)]
+        return np.maximum(shares, -1.0)
+
     def best_share(self) -> float:
         """How well the torques are explained with any scale and sign; the sum over the joints."""
         if not self.usable:
