@@ -66,6 +66,7 @@ class Parameter:
     identifiable: str = "yes"
     tied_to: tuple[str, ...] = ()
     at_bound: bool = False
+    payload: str | None = None
 
 
 @dataclass

@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from flexviz.charts import COLOURS
 from flexviz.measurements import MeasurementSet
-from flexviz.wording import (
-    INERTIAL,
-    MARKS,
-    SYMBOLS,
-    escape,
-    interval,
-    number,
-    plain_name,
-    plural,
-)
+from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, interval, number, plain_name, plural
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification, ParameterEstimate
 
+Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.playhead}
 
 
@@ -48,9 +37,7 @@ def set_html(measurements: MeasurementSet, missing: Sequence[str] = ()) -> str:
     return f'<div class="fv"><b>{escape(measurements.name)}</b> {kind}{table}{notes}</div>'
 
 
-def parameters_html(
-    result: Identification | None, truth: dict[tuple[str, str | None], float] | None = None
-) -> str:
+def parameters_html(result: Identification | None, truth: Truth | None = None) -> str:
     """The parameter table: start, value ± 95 %, unit, identifiable, tied to; the truth on request."""
     if result is None:
         return '<div class="fv fv-dim">The parameters appear here after Run.</div>'
@@ -58,9 +45,7 @@ def parameters_html(
     inertial = [p for p in result.parameters if p.name in INERTIAL]
     head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
     head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
-    parts = [
-        f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth, payloads_of(result))}</table>'
-    ]
+    parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
     legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
     if inertial:
@@ -71,37 +56,25 @@ def parameters_html(
     return "".join(parts) + "</div>"
 
 
-def payloads_of(result: Identification) -> dict[int, str]:
-    """id() of a parameter -> its payload; effects and parameters are in the same order."""
-    waiting: dict[str, list[str]] = {}
-    for effect in getattr(getattr(result, "model", None), "effects", ()):
-        for parameter in effect.parameters if effect.payload else ():
-            waiting.setdefault(f"{effect.effect}.{parameter}", []).append(effect.payload)
-    return {id(p): waiting[p.name].pop(0) for p in result.parameters if waiting.get(p.name)}
-
-
-def _rows(
-    parameters: Sequence[ParameterEstimate],
-    truth: dict[tuple[str, str | None], float] | None,
-    payloads: Mapping[int, str] = MappingProxyType({}),
-) -> str:
+def _rows(parameters: Sequence[ParameterEstimate], truth: Truth | None) -> str:
     columns = 6 + (truth is not None)
     rows: list[str] = []
     joint: str | None = ""
-    for p in sorted(parameters, key=lambda p: _order(parameters, p.joint)):
+    joints = [*dict.fromkeys(p.joint for p in parameters if p.joint is not None), None]
+    for p in sorted(parameters, key=lambda p: joints.index(p.joint)):
         if p.joint != joint:
             joint = p.joint
             rows.append(
                 f'<tr class="fv-group"><td colspan="{columns}">{escape(joint or "all joints")}</td></tr>'
             )
         value, error = interval(p.value, p.std)
-        payload, real = payloads.get(id(p)), ""
+        real = ""
         if truth is not None:
-            real = f'<td class="fv-truth">{number(truth.get((p.name, payload or p.joint)))}</td>'
-        label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {payload}" if payload else "")
+            real = f'<td class="fv-truth">{number(truth.get((p.name, p.payload or p.joint)))}</td>'
+        label = SYMBOLS.get(p.name, plain_name(p.name)) + (f", {p.payload}" if p.payload else "")
         colour = GRADE_COLOURS.get(p.identifiable, "#999999")
         mark = f'<span style="color:{colour}">{MARKS.get(p.identifiable, "")}</span>'
-        flag = " ⚑" if getattr(p, "at_bound", False) else ""
+        flag = " ⚑" if p.at_bound else ""
         rows.append(
             f'<tr title="{escape(plain_name(p.name))}"><td>{escape(label)}{flag}</td>'
             f"<td>{number(p.start, 3)}</td>"
@@ -114,32 +87,25 @@ def _rows(
     return "".join(rows)
 
 
-def _order(parameters: Sequence[ParameterEstimate], joint: str | None) -> int:
-    """Position of a joint by first appearance; parameters without a joint come last."""
-    joints = list(dict.fromkeys(p.joint for p in parameters))
-    return len(joints) if joint is None else joints.index(joint)
-
-
-def truth_values(document: dict[str, Any]) -> dict[tuple[str, str | None], float]:
-    """(parameter, joint or payload) -> value from a truth.json; effect parameters as "effect.parameter"."""
-    values: dict[tuple[str, str | None], float] = {}
+def truth_values(document: dict[str, Any]) -> Truth:
+    """The values in a truth.json; effect parameters as "effect.parameter"."""
+    values: Truth = {}
     for entry in document.get("parameters", []):
         values[str(entry["name"]), entry.get("joint")] = float(entry["value"])
     for effect in document.get("effects", []):
         for name, value in (effect.get("parameters") or {}).items():
             raw = value.get("value") if isinstance(value, dict) else value
             if isinstance(raw, int | float):
-                values[f"{effect['effect']}.{name}", effect.get("payload") or effect.get("joint")] = float(
-                    raw
-                )
+                place = effect.get("payload") or effect.get("joint")
+                values[f"{effect['effect']}.{name}", place] = float(raw)
     for joint in {joint for name, joint in values if name == "link_viscous_friction"}:
-        parts = (values.get(("link_viscous_friction", joint)), values.get(("motor_viscous_friction", joint)))
-        if None not in parts:
-            values["viscous_friction_sum", joint] = float(np.sum(np.array(parts, dtype=float)))
+        motor = values.get(("motor_viscous_friction", joint))
+        if motor is not None:
+            values["viscous_friction_sum", joint] = values["link_viscous_friction", joint] + motor
     return values
 
 
-def truth_html(truth: dict[tuple[str, str | None], float] | None) -> str:
+def truth_html(truth: Truth | None) -> str:
     """The effects hidden in a simulated set."""
     if truth is None:
         return ""
@@ -185,18 +151,14 @@ def check_html(result: Identification | None) -> str:
     main = [p for p in result.parameters if p.name not in INERTIAL]
     weak = [p for p in main if p.identifiable == "weak"]
     no = [p for p in main if p.identifiable == "no"]
-    if not weak and not no:
-        text = f"All {len(main)} parameters of joints and effects can be identified."
-    else:
-        good = len(main) - len(weak) - len(no)
-        text = f"{good} of {len(main)} parameters of joints and effects can be identified."
-    lines = [f"<div>{text}</div>"]
+    good = len(main) - len(weak) - len(no)
+    count = f"{good} of {len(main)}" if weak or no else f"All {len(main)}"
+    lines = [f"<div>{count} parameters of joints and effects can be identified.</div>"]
     if weak:
         lines.append(f'<div class="fv-warn">Weak: {escape(parameter_names(weak))}.</div>')
     if no:
         lines.append(f'<div class="fv-warn">Not identifiable: {escape(parameter_names(no))}.</div>')
-    combinations = getattr(result, "combinations", ())
-    if combinations:
-        good = sum(c.identifiable == "yes" for c in combinations)
-        lines.append(f'<div class="fv-dim">Inertia: {good} of {len(combinations)} combinations.</div>')
+    if result.combinations:
+        good = sum(c.identifiable == "yes" for c in result.combinations)
+        lines.append(f'<div class="fv-dim">Inertia: {good} of {len(result.combinations)} combinations.</div>')
     return f'<div class="fv"><b>Checked with these groups and effects</b>{"".join(lines)}</div>'
