@@ -120,6 +120,13 @@ class Job:
     listener: Callable[[JobEvent], None]
     stop: threading.Event = field(default_factory=threading.Event)
 
+    def tell(self, kind: Kind, value: Any = None) -> None:
+        """Tell the listener."""
+        try:
+            self.listener(JobEvent(self, kind, value))
+        except Exception:  # a listener's mistake must not end the worker
+            traceback.print_exc()
+
 
 class Worker:
     """Runs tasks one after the other. All methods may be called from any thread and return at once."""
@@ -146,22 +153,27 @@ class Worker:
         with self._change:
             if self._closed:
                 raise FlexvizError("the worker is closed")
-            stale = [waiting for waiting in self._waiting if waiting.task.kind == task.kind]
-            self._waiting = [waiting for waiting in self._waiting if waiting not in stale] + [job]
+            stale = self._drop(lambda waiting: waiting.kind == task.kind)
+            self._waiting.append(job)
             self._change.notify_all()
         for old in stale:
-            self._tell(old, "stopped", None)
+            old.tell("stopped")
         return job
 
     def stop(self, kind: type[Task[Any]] = Task) -> None:
         """Ask the running task to stop and drop the waiting ones, where they are of this class."""
         with self._change:
-            stale = [job for job in self._waiting if isinstance(job.task, kind)]
-            self._waiting = [job for job in self._waiting if job not in stale]
+            stale = self._drop(lambda waiting: isinstance(waiting, kind))
             if self._current is not None and isinstance(self._current.task, kind):
                 self._current.stop.set()
         for job in stale:
-            self._tell(job, "stopped", None)
+            job.tell("stopped")
+
+    def _drop(self, which: Callable[[Task[Any]], bool]) -> list[Job]:
+        """Take these tasks from the waiting ones."""
+        stale = [job for job in self._waiting if which(job.task)]
+        self._waiting = [job for job in self._waiting if job not in stale]
+        return stale
 
     def close(self) -> None:
         """Stop everything and end the child process."""
@@ -184,14 +196,14 @@ class Worker:
                 if not self._waiting:
                     return
                 job = self._current = self._waiting.pop(0)
-            self._tell(job, "started", None)
+            job.tell("started")
             kind, value = _outcome(partial(self._in_child if job.task.in_process else self._in_thread, job))
             with self._change:
                 self._current = None
-            self._tell(job, kind, value)
+            job.tell(kind, value)
 
     def _in_thread(self, job: Job) -> Any:
-        return job.task.run(lambda news: self._tell(job, "progress", news), job.stop.is_set)
+        return job.task.run(partial(job.tell, "progress"), job.stop.is_set)
 
     def _in_child(self, job: Job) -> Any:
         if self._child is None or not self._child.alive:
@@ -217,19 +229,13 @@ class Worker:
             if number not in (job.number, 0):
                 continue
             if kind == "progress":
-                self._tell(job, "progress", value)
+                job.tell("progress", value)
             elif kind == "done":
                 return value
             elif kind == "stopped":
                 raise Cancelled
             else:
                 raise FlexvizError(value)
-
-    def _tell(self, job: Job, kind: Kind, value: Any) -> None:
-        try:
-            job.listener(JobEvent(job, kind, value))
-        except Exception:  # a listener's mistake must not end the worker
-            traceback.print_exc()
 
 
 class _Child:

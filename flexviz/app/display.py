@@ -12,7 +12,6 @@ from flexviz.app.playback import Playback
 from flexviz.app.scene import Cameras, Scene
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
-from flexviz.charts import COLOURS, rgb
 from flexviz.scene import scene_labels, scene_layout
 from flexviz.view import joint_colours, joint_rms
 
@@ -76,9 +75,8 @@ class Display:
             self._cameras.show(self._stage, self._layout)
 
     def _carry(self) -> None:
-        bodies = self._store.group.bodies
-        self.scene.measured.carry(bodies, COLOURS.body)
-        self.scene.identified.carry(bodies, rgb(COLOURS.model))
+        for nodes in (self.scene.measured, self.scene.identified):
+            nodes.carry(self._store.group.bodies)
 
     def _colour(self) -> None:
         rms = joint_rms(self._store.analysis.identification, self._store.group.name)
@@ -102,8 +100,8 @@ class Display:
         simulated, why = store.measurements.simulated, self._why_no_model()
         scene.labels(*scene_labels(motion, store.deflection, view.error, why, simulated, view.link_side))
         drawn = [poses(float(time)) for time in self._instants(TRAIL_POINTS)]
-        scene.measured.trail([measured for measured, _ in drawn], rgb(COLOURS.measured))
-        scene.identified.trail([identified for _, identified in drawn], rgb(COLOURS.model))
+        scene.measured.trail([measured for measured, _ in drawn])
+        scene.identified.trail([identified for _, identified in drawn])
 
     def _instants(self, count: int) -> np.ndarray:
         """About `count` instants (M,) [s] of the motion."""

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, MapResiduals, Replay
+from flexviz.diagnosis import ResidualMap
 from flexviz.jobs import Result
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import ResidualMap
-    from flexviz.simulation import Run
+from flexviz.simulation import Run
 
 
 class IdleWork:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
+from flexviz.identification import Identification
 from flexviz.view import (
     VARIABLES,
     ResidualSamples,
@@ -28,9 +29,6 @@ from flexviz.view import (
     stretches_of,
     time_residual,
 )
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
 
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider

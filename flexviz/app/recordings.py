@@ -16,12 +16,13 @@ from flexviz.app.server import is_loopback
 from flexviz.app.state import Changed, FitProgress
 from flexviz.app.store import Store
 from flexviz.app.workspace import new_recording
+from flexviz.diagnosis import Diagnosis
 from flexviz.errors import FlexvizError, InputError, one_line
+from flexviz.identification import Identification
+from flexviz.observers import make_observer
 from flexviz.wording import effect_text_name
 
 if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.identification import Identification
     from flexviz.recording import LiveRecording
 
 Kind = Literal["file", "viewer"]
@@ -64,8 +65,6 @@ class RecordedSession:
 
     def results(self, recording: LiveRecording) -> None:
         """Tell new results."""
-        from flexviz.observers import make_observer
-
         analysis = self._store.analysis
         result, diagnosis, fitted = analysis.identification, analysis.diagnosis, analysis.fitted_settings
         if result is not self._result:

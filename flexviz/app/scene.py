@@ -20,6 +20,7 @@ HIDDEN_SHARE = 0.27  # of the canvas's height behind the playback panel, in wind
 SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
 SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
 
+Colour = tuple[int, int, int]
 Click = Callable[[int], None]  # gets the joint whose body was clicked
 
 
@@ -27,11 +28,12 @@ class RobotNodes:
     """One robot in the scene: a mesh for each body under `/<name>`."""
 
     def __init__(
-        self, server: viser.ViserServer, name: str, robot: Robot, shape: RobotShape,
-        colour: tuple[int, int, int], opacity: float | None, on_click: Click,
+        self, server: viser.ViserServer, name: str, robot: Robot, shape: RobotShape, on_click: Click,
+        colour: Colour, trail: Colour, opacity: float | None = None,
     ) -> None:  # fmt: skip
         self.name = name
         self._server, self._robot, self._shape = server, robot, shape
+        self._colour, self._trail_colour = colour, trail
         self._frame = server.scene.add_frame(f"/{name}", show_axes=False)
         self._bodies: list[Any] = []
         self._payload: list[Any] = []
@@ -61,12 +63,12 @@ class RobotNodes:
             handle.wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
             handle.position = pose[:3, 3]
 
-    def colour(self, colours: Sequence[tuple[int, int, int]]) -> None:
+    def colour(self, colours: Sequence[Colour]) -> None:
         """Set the colour of each joint's body; the base is grey."""
         for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
             handle.color = COLOURS.body if body.joint is None else colours[body.joint]
 
-    def carry(self, payload: Sequence[PayloadBody], colour: tuple[int, int, int]) -> None:
+    def carry(self, payload: Sequence[PayloadBody]) -> None:
         """Show the payload's bodies as balls of equal mass (2500 kg/m³)."""
         while self._payload:
             self._payload.pop().remove()
@@ -80,7 +82,7 @@ class RobotNodes:
             at = relative[:3, :3] @ load.com + relative[:3, 3]
             radius = min((3.0 * load.mass / (4.0 * np.pi * 2500.0)) ** (1 / 3), 0.15 * self._shape.reach)
             ball = self._server.scene.add_icosphere(
-                f"{self._bodies[index].name}/payload{number}", radius=radius, color=colour, position=at,
+                f"{self._bodies[index].name}/payload{number}", radius=radius, color=self._colour, position=at,
                 subdivisions=2, cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
             self._payload.append(ball)
@@ -106,10 +108,10 @@ class RobotNodes:
             self._arrows[index].position = poses[axis.link][:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
-        """Tip positions (M, 3) [m] at M joint positions (n,) [rad]."""
-        return np.array(
-            [self._robot.link_poses(q)[self._shape.tip][:3, 3] for q in positions], dtype=np.float32
-        )
+        """Pieces (M − 1, 2, 3) [m] of the tip's path over M joint positions (n,) [rad]."""
+        tips = [self._robot.link_poses(q)[self._shape.tip][:3, 3] for q in positions]
+        path = np.array(tips, dtype=np.float32)
+        return np.stack([path[:-1], path[1:]], axis=1)
 
     def mark(self, pieces: np.ndarray | None) -> None:
         """Highlight pieces (K, 2, 3) of the path."""
@@ -119,16 +121,15 @@ class RobotNodes:
         if pieces is not None and len(pieces):
             self._marked = self._lines("marked", pieces, rgb(COLOURS.playhead), 5.0)
 
-    def trail(self, positions: Sequence[np.ndarray], colour: tuple[int, int, int]) -> None:
+    def trail(self, positions: Sequence[np.ndarray]) -> None:
         """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
-        path = self.path(positions)
-        segments = np.stack([path[:-1], path[1:]], axis=1)
+        segments = self.path(positions)
         if self._trail is None:
-            self._trail = self._lines("trail", segments, colour, 1.5)
+            self._trail = self._lines("trail", segments, self._trail_colour, 1.5)
         else:
             self._trail.points = segments
 
-    def _lines(self, name: str, points: np.ndarray, colour: tuple[int, int, int], thickness: float) -> Any:
+    def _lines(self, name: str, points: np.ndarray, colour: Colour, thickness: float) -> Any:
         """Line segments (K, 2, 3) [m], of this thickness [pixels]."""
         return self._server.scene.add_line_segments(
             f"/{self.name}/{name}", points, colors=colour, thickness=thickness, thickness_units="screen"
@@ -151,9 +152,10 @@ class Scene:
             "/floor", width=size, height=size, cell_size=size / 24, section_size=size / 6,
             position=(stage.centre[0], stage.centre[1], stage.floor), plane="xy",
         )  # fmt: skip
-        self.measured = RobotNodes(server, "measured", robot, shape, COLOURS.body, None, on_click)
+        blue, orange = rgb(COLOURS.measured), rgb(COLOURS.model)
+        self.measured = RobotNodes(server, "measured", robot, shape, on_click, COLOURS.body, blue)
         self.identified = RobotNodes(
-            server, "identified", robot, shape, rgb(COLOURS.model), GHOST_OPACITY, on_click
+            server, "identified", robot, shape, on_click, orange, orange, GHOST_OPACITY
         )
 
     def place(self, layout: str) -> None:
@@ -174,9 +176,7 @@ class Scene:
 
     def mark(self, positions: Sequence[np.ndarray], chosen: np.ndarray) -> None:
         """Highlight the measured robot's path over positions (M of (n,)), only where `chosen` (M,)."""
-        path = self.measured.path(positions)
-        pieces = np.stack([path[:-1], path[1:]], axis=1)
-        self.measured.mark(pieces[chosen[:-1] & chosen[1:]])
+        self.measured.mark(self.measured.path(positions)[chosen[:-1] & chosen[1:]])
 
     def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
         """Set both robots' joint positions (n,) [rad] and the torque's shares (n,) in one update."""

@@ -6,20 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from flexviz.diagnosis import ResidualMap
+from flexviz.identification import Identification
 from flexviz.jobs import Task
+from flexviz.measurements import MeasurementSet
+from flexviz.progress import Iteration
 from flexviz.scene import LAYOUTS, RobotShape
 from flexviz.session import Session
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import ResidualMap
-    from flexviz.identification import Identification
-    from flexviz.measurements import MeasurementSet
-    from flexviz.progress import Iteration
-    from flexviz.simulation import Run
+from flexviz.simulation import Run
 
 Tone = Literal["", "busy", "bad"]
 
@@ -87,9 +85,6 @@ class Derived:
     replays: dict[str, Run] = field(default_factory=dict)  # group -> simulated model
     maps: tuple[ResidualMap, ...] = ()
     failed: set[str] = field(default_factory=set)  # groups, or "maps", that could not be computed
-
-
-# -- changes -----------------------------------------------------------------------------------------------
 
 
 class Changed(Flag):

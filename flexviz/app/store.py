@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexviz.app.events import TaskRunner
 from flexviz.app.playback import PlaybackClock
@@ -26,16 +26,14 @@ from flexviz.app.state import (
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, SetTask, open_set
+from flexviz.diagnosis import FreeCurve, ResidualMap
+from flexviz.identification import Identification
 from flexviz.jobs import InThread, Result, Task
+from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
 from flexviz.view import progress_text
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import FreeCurve, ResidualMap
-    from flexviz.identification import Identification
-    from flexviz.measurements import MeasurementSet
 
 KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
@@ -256,14 +254,10 @@ class Store(ChangeSignal):
         share: float = 0.0,
         fit: FitProgress | None = None,
     ) -> None:
-        """Start a task that the user waits for, one at a time.
+        """Start a task that the user waits for, one at a time; see `TaskRunner.start`.
 
-        Args:
-            done: gets its result.
-            begin, stopped: status line at the start, and when stopped without a result.
-            progress: gets its progress; by default `report`.
-            share: initial progress.
-            fit: collects the iterations of a fit, which stops idle work.
+        `begin` and `stopped` are the status line at the start, and when stopped without a result; `share` is
+        the initial progress. `fit` collects the iterations of a fit, which stops idle work.
         """
 
         def end(act: Callable[[], None]) -> None:

@@ -6,24 +6,23 @@ import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from flexviz.app.state import Opened
+from flexviz.diagnosis import Diagnosis, ResidualMap, diagnose, maps_of
 from flexviz.errors import Cancelled, InputError
+from flexviz.identification import Identification, SweepResult, identify, sweep
+from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
+from flexviz.simulation import Run, replay
 from flexviz.view import truth_values
 
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, ResidualMap
-    from flexviz.identification import Identification, SweepResult
-    from flexviz.measurements import MeasurementSet
-    from flexviz.model import FlexibleModel
-    from flexviz.simulation import Run
-
-WARM = ("flexviz.measurements", "flexviz.identification", "flexviz.diagnosis", "flexviz.simulation")
+WARM = ("flexviz.app.tasks",)  # with all that its tasks import
 
 
 class SetTask(Task[Result]):
@@ -57,12 +56,11 @@ def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
 
 @dataclass(frozen=True)
 class Identify(SetTask["Identification"]):
-    """Identify with these settings."""
+    """Identify with these settings; when stopped, returns the result so far."""
 
     analysis: Analysis
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-        """Identify; when stopped, returns the result so far."""
         return _identify(self.analysis, progress, should_stop)
 
 
@@ -77,8 +75,6 @@ class CheckParameters(IdleTask["Identification"]):
 
 
 def _identify(analysis: Analysis, progress: ProgressCallback, should_stop: StopCallback) -> Identification:
-    from flexviz.identification import identify
-
     return identify(
         chosen_set(analysis),
         effects=analysis.effects,
@@ -92,15 +88,12 @@ def _identify(analysis: Analysis, progress: ProgressCallback, should_stop: StopC
 
 @dataclass(frozen=True)
 class Sweep(SetTask["SweepResult"]):
-    """Identify at several bandwidths [rad/s]."""
+    """Identify at several bandwidths [rad/s]; when stopped, returns those that are done."""
 
     analysis: Analysis
     bandwidths: tuple[float, ...]
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> SweepResult:
-        """Identify at each bandwidth; when stopped, returns those that are done."""
-        from flexviz.identification import sweep
-
         return sweep(
             chosen_set(self.analysis),
             self.analysis.observer,
@@ -112,34 +105,26 @@ class Sweep(SetTask["SweepResult"]):
 
 
 @dataclass(frozen=True, eq=False)
-class AddedEffect:
-    """A model after one more added effect: all effects beside the set's own, and its identification."""
-
-    effects: tuple[str, ...]
-    identification: Identification
-
-
-@dataclass(frozen=True, eq=False)
 class DiagnosedSet:
     """Result of `Diagnose`."""
 
     diagnosis: Diagnosis  # of the initial model
     identification: Identification | None  # of the initial model; None if already known
-    added: tuple[AddedEffect, ...] = ()  # the models after each added effect
+    added: tuple[Identification, ...] = ()  # of the models after each added effect, as in the diagnosis
 
 
 @dataclass(frozen=True)
 class Diagnose(SetTask[DiagnosedSet]):
-    """Identify unless `model` is given, then diagnose; `apply` adds all findings."""
+    """Identify unless `model` is given, then diagnose; `apply` adds all findings.
+
+    Reports the iterations of the identification and the stages of the diagnosis.
+    """
 
     analysis: Analysis
     model: FlexibleModel | None
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
-        """Diagnose; reports the iterations of the identification and the stages of the diagnosis."""
-        from flexviz.diagnosis import diagnose
-
         analysis, known = self.analysis, self.model
         identification = None
         if known is None:
@@ -154,14 +139,12 @@ class Diagnose(SetTask[DiagnosedSet]):
         diagnosis = diagnose(
             measurements, apply=self.apply, start=known, progress=progress, should_stop=should_stop
         )
-        added: list[AddedEffect] = []
-        effects = analysis.effects
+        added: list[Identification] = []
         for step in diagnosis.steps[1:] if self.apply else ():
             if step.added is None or should_stop():
                 break
-            effects = (*effects, step.added.text)
-            fitted = replace(analysis, effects=effects)
-            added.append(AddedEffect(effects, _identify(fitted, progress, should_stop)))
+            analysis = analysis.with_effect(step.added.text, True)
+            added.append(_identify(analysis, progress, should_stop))
         return DiagnosedSet(diagnosis, identification, tuple(added))
 
 
@@ -173,8 +156,6 @@ class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
     model: FlexibleModel
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[ResidualMap, ...]:
-        from flexviz.diagnosis import maps_of
-
         def check() -> None:
             if should_stop():
                 raise Cancelled
@@ -191,8 +172,6 @@ class Replay(IdleTask["Run"]):
     group: str
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Run:
-        from flexviz.simulation import replay
-
         measurements = cached_set(self.path)
         return replay(
             measurements.robot,
@@ -218,16 +197,11 @@ def cached_set(path: Path) -> MeasurementSet:
 
 @lru_cache(maxsize=1)
 def _read(path: Path, stamp: int) -> MeasurementSet:
-    from flexviz.importing import with_plausibility_warnings
-    from flexviz.measurements import read_set
-
     return with_plausibility_warnings(read_set(path))
 
 
 def sets_beside(*paths: Path) -> dict[str, Path]:
     """Name -> folder of available sets and sessions: `paths`, beside them, in ./sessions, bundled."""
-    from flexviz.resources import sessions_dir
-
     found: dict[str, Path] = {}
     for parent in (*(path.parent for path in paths), Path.cwd() / "sessions", sessions_dir()):
         names = ("measurements.toml", SESSION_FILE)

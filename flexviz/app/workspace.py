@@ -6,16 +6,18 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from flexviz.app.uploads import new_folder
+from flexviz.effects import EFFECTS
 from flexviz.errors import InputError
 from flexviz.jobs import Task
+from flexviz.measurements import MeasurementSet
 from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.report import session_report
 from flexviz.session import Session, save_session, zipped
-
-if TYPE_CHECKING:
-    from flexviz.measurements import MeasurementSet
+from flexviz.simulation import make_plan, simulate_preset, simulated_effects
 
 PRESETS = ("planar-2r", "panda")
 SURPRISE, NOTHING = "surprise me", "nothing"
@@ -80,8 +82,6 @@ def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:
 
 def report_file(session: Session, measurements: MeasurementSet, folder: Path | None) -> FileContent:
     """The report of a session as one HTML file; `folder` is that of the saved session."""
-    from flexviz.report import session_report
-
     text = session_report(session, measurements, "html", folder=folder)
     return FileContent(f"{measurements.name}-report.html", text.encode())
 
@@ -100,10 +100,6 @@ class SimulateQuiz(Task[Path]):
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
         """Simulate it; returns the set's folder."""
-        import numpy as np
-
-        from flexviz.simulation import make_plan, simulate_preset
-
         robot = self.robot
         if not isinstance(robot, Path) and robot not in PRESETS:
             raise InputError(f"{robot!r} cannot be simulated here")
@@ -124,13 +120,8 @@ class SimulateQuiz(Task[Path]):
 
 def hideable() -> tuple[str, ...]:
     """Effects that can be hidden in a simulated set."""
-    from flexviz.effects import EFFECTS
-    from flexviz.simulation import simulated_effects
-
     return tuple(name for name in simulated_effects() if EFFECTS[name].scope != "episode")
 
 
 def _everywhere(name: str) -> bool:
-    from flexviz.effects import EFFECTS
-
     return name == NOTHING or EFFECTS[name].scope != "joint"

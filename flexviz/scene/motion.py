@@ -184,9 +184,6 @@ def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:
     return (sums[high] - sums[low]) / (high - low)[:, None]
 
 
-# -- torque arrows ---------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class TorqueAxis:
     """A joint axis in the frame of the link that it moves; it rotates from `across` to `along`."""

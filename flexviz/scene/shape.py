@@ -172,9 +172,6 @@ def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
     return max(links, key=lambda link: float(np.linalg.norm(poses[link][:3, 3] - first)))
 
 
-# -- the stage -------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class SceneLayout:
     """Placement of the two robots of one measurement set."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
+from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import fingerprint
 from flexviz.session.loading import OpenedSession
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
 
 Source = Literal["identification", "diagnosis", ""]
 VALUES: tuple[Source, ...] = ("identification", "diagnosis")
@@ -25,33 +23,22 @@ Key = tuple[str, str | None, str | None, str | None]  # parameter; its joint, pa
 class SessionSummary:
     """Final results of one session.
 
-    Attributes:
-        name: folder name.
-        set_name, set_sha256: its measurement set in the current state.
-        changed: files that have changed since the results were computed.
-        verdict: of the diagnosis of the current model; "" without one.
-        effects: of the model, those of the set first.
-        observer, refined: of the identification; "" and False without one.
-        source: result that the parameters come from, the same in all sessions if possible; "" for none.
-        errors_from: the same for the errors. Diagnoses are preferred: they all use the same band, whereas
-            the errors of an identification depend on its observer.
-        joints: names.
-        rms, rms_validation, noise_floor: one per joint [Nm]; empty if unknown.
-        parameters: key -> estimate.
+    Parameters and errors come from the same result in all sessions if possible. For the errors diagnoses are
+    preferred: they all use the same band, whereas the errors of an identification depend on its observer.
     """
 
-    name: str
+    name: str  # of the folder
     set_name: str
-    set_sha256: str
-    changed: tuple[str, ...]
-    verdict: str
-    effects: tuple[str, ...]
-    observer: str
+    set_sha256: str  # of its measurement set in the current state
+    changed: tuple[str, ...]  # files that have changed since the results were computed
+    verdict: str  # of the diagnosis of the current model; "" without one
+    effects: tuple[str, ...]  # of the model, those of the set first
+    observer: str  # of the identification; "" without one
     refined: bool
-    source: Source
+    source: Source  # result that the parameters come from; "" for none
     errors_from: Source
     joints: tuple[str, ...]
-    rms: tuple[float, ...]
+    rms: tuple[float, ...]  # one per joint [Nm], as the next two; empty if unknown
     rms_validation: tuple[float, ...]
     noise_floor: tuple[float, ...]
     parameters: dict[Key, ParameterEstimate]

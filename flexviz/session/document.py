@@ -109,9 +109,6 @@ def typed_note(text: str) -> Document:
 MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {1: from_1, 2: from_2}
 
 
-# -- the measurement set ---------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class SetReference:
     """A measurement set by location and hash."""

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.effects import EFFECTS, choose_effects
 from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
+from flexviz.observers import make_observer
 from flexviz.session.document import (
     OLD_ARRAYS,
     SESSION_FILE,
@@ -162,9 +164,6 @@ def _unpacked(
 
 def _checked(step: Any, measurements: MeasurementSet, document: Document, changed: bool) -> SessionStep:
     """A step whose settings match the set."""
-    from flexviz.effects import EFFECTS, choose_effects
-    from flexviz.observers import make_observer
-
     typed = isinstance(step, SessionStep) and isinstance(step.analysis, Analysis)
     if not typed or not isinstance(step.label, str):
         raise InputError("a step of the history is not in the expected form")

@@ -181,9 +181,6 @@ def _index(number: Any, of: Sequence[Any]) -> int:
     return number
 
 
-# -- files of arrays -------------------------------------------------------------------------------------
-
-
 def digest(arrays: Sequence[np.ndarray]) -> str:
     """Hash of types, shapes and contents of the arrays, 32 hexadecimal digits."""
     found = hashlib.sha256()

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz import __version__
+from flexviz.effects import loaded_files
 from flexviz.errors import InputError
 from flexviz.files import remove_parts, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
@@ -101,8 +102,6 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
 
 def _own_effects() -> list[dict[str, str]]:
     """Files of user-defined effects; opening a session never loads them."""
-    from flexviz.effects import loaded_files
-
     return [{"path": str(file), "sha256": sha256_of(file)} for file in loaded_files() if file.is_file()]
 
 

@@ -10,16 +10,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from flexviz import __version__
+from flexviz.diagnosis import Diagnosis
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError, choose_from
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis
-    from flexviz.diagnosis import Step as DiagnosisStep
-    from flexviz.identification import Identification
-    from flexviz.measurements import MeasurementSet
+from flexviz.identification import Identification
+from flexviz.measurements import MeasurementSet
 
 Role = Literal["fit", "validate", "ignore"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -181,6 +179,7 @@ class Session:
 
     @staticmethod
     def of(measurements: MeasurementSet) -> Session:
+        """A new session on a set."""
         return Session(
             SessionStep(f"opened {measurements.name}", Analysis.start(measurements), now(), __version__)
         )
@@ -214,6 +213,7 @@ class Session:
         return replace(self, present=SessionStep(label, analysis, now(), __version__), past=past, future=())
 
     def undo(self) -> Session:
+        """The session with the last change undone, if there is one."""
         if not self.past:
             return self
         return replace(self, present=self.past[-1], past=self.past[:-1], future=(self.present, *self.future))
@@ -225,11 +225,13 @@ class Session:
         return replace(self, present=self.future[0], past=(*self.past, self.present), future=self.future[1:])
 
     def with_note(self, text: str) -> Session:
+        """A copy with one more note."""
         if not text.strip():
             raise InputError("an empty note, expected some text")
         return replace(self, notes=(*self.notes, SessionNote(text.strip(), now())))
 
     def with_recording(self, file: Path) -> Session:
+        """A copy with one more recording."""
         others = tuple(other for other in self.recordings if other != file)
         return replace(self, recordings=(*others, file))
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
+from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.effects import EFFECTS, Effect
 from flexviz.resources import data_dir
 from flexviz.wording import (
@@ -22,9 +22,6 @@ from flexviz.wording import (
     values_text,
     verdict_text,
 )
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Diagnosis, Finding
 
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
 """Always listed; the others are in folded sections."""
@@ -85,9 +82,6 @@ def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
     return " ".join(notes)
 
 
-# -- the explanation card ---------------------------------------------------------------------------------
-
-
 @cache
 def picture(name: str) -> str:
     """The effect's SVG picture from the documentation; empty if there is none."""
@@ -129,9 +123,6 @@ def lower(title: str) -> str:
     """A title inside a sentence; proper names keep their capital."""
     names = ("Coulomb", "Stribeck")
     return title if title.startswith(names) else title[:1].lower() + title[1:]
-
-
-# -- the diagnosis ----------------------------------------------------------------------------------------
 
 
 def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
+from flexviz.diagnosis import Step
+from flexviz.identification import SweepResult
+from flexviz.progress import Iteration
+from flexviz.session import ModelStep
 from flexviz.view.status import total_rms
 from flexviz.wording import SYMBOLS, effect_text_name, escape, number
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Step
-    from flexviz.identification import SweepResult
-    from flexviz.progress import Iteration
-    from flexviz.session import ModelStep
 
 Array = NDArray[np.float64]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +21,10 @@ from flexviz.charts import (
     no_chart,
     thin,
 )
+from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, FreeCurve, ResidualMap
+from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import escape, number, short_names
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import FreeCurve, ResidualMap
-    from flexviz.identification import Identification
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -122,8 +119,6 @@ def map_charts(maps: Sequence[ResidualMap], joint: str) -> tuple[Chart, ...]:
 
 def _directed(maps: Sequence[ResidualMap], joint: str) -> ResidualMap | None:
     """The map of position and direction if it explains clearly more than position or velocity alone."""
-    from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN  # heavy, and loaded wherever there are maps
-
     both = map_of(maps, joint, DIRECTED)
     simpler = [one for name in ("position", "velocity") if (one := map_of(maps, joint, name)) is not None]
     if both is None or not simpler:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
+from flexviz.identification import Identification
 from flexviz.session import Analysis
 from flexviz.wording import escape, number, short_names
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
@@ -97,9 +94,6 @@ def legend_html(
         f"{number(float(np.max(rms)), 2)}</div>"
         f'<div class="fv-joints">{cells}</div></div>'
     )
-
-
-# -- suggested next step ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexviz.charts import COLOURS
+from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import MeasurementSet
 from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, interval, number, plain_name, plural
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification, ParameterEstimate
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
 GRADE_COLOURS = {"yes": COLOURS.residual, "weak": COLOURS.model, "no": COLOURS.playhead}

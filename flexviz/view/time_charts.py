@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +18,13 @@ from flexviz.charts import (
     thin,
     time_chart,
 )
+from flexviz.diagnosis import Finding
+from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
 from flexviz.observers import Observer, make_observer
 from flexviz.scene import RobotMotion
 from flexviz.view.residuals import left_out
 from flexviz.wording import finding_name, number
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Finding
-    from flexviz.identification import Identification
 
 Array = NDArray[np.float64]
 

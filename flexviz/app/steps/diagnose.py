@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from flexviz.app.page import SHIFT, Page, dim, off
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.tasks import Diagnose, DiagnosedSet
 from flexviz.app.uplot import ChartColumn
+from flexviz.diagnosis import Finding
 from flexviz.errors import InputError
 from flexviz.session import Analysis
 from flexviz.view import (
@@ -24,9 +24,6 @@ from flexviz.view import (
     verdict_html,
 )
 from flexviz.wording import effect_text_name, escape, number
-
-if TYPE_CHECKING:
-    from flexviz.diagnosis import Finding
 
 LOOKED = "looked for the missing effect"
 STOPPED = "stopped early; the model is unchanged"
@@ -130,14 +127,14 @@ class DiagnoseStep(WorkflowStep):
         if not found.added or not before.diagnosis_up_to_date:
             analysis = analysis.with_diagnosis(diagnosis)
             store.change(LOOKED if found.added else label, analysis)
-        for index, added in enumerate(found.added, start=1):
-            step = diagnosis.steps[index]
-            following = tuple(s.added for s in diagnosis.steps[index + 1 : index + 2] if s.added is not None)
+        steps = diagnosis.steps[1:]
+        for index, (step, identification) in enumerate(zip(steps, found.added, strict=False)):
+            assert step.added is not None
+            following = tuple(s.added for s in steps[index + 1 : index + 2] if s.added is not None)
             answer = replace(diagnosis, verdict=step.verdict, findings=following, steps=(step,))
-            analysis = replace(analysis, effects=added.effects)
-            analysis = analysis.with_identification(added.identification, analysis.settings)
-            analysis = analysis.with_diagnosis(answer)
-            store.change(f"added {effect_text_name(added.effects[-1])}", analysis)
+            analysis = analysis.with_effect(step.added.text, True)
+            analysis = analysis.with_identification(identification, analysis.settings).with_diagnosis(answer)
+            store.change(f"added {effect_text_name(step.added.text)}", analysis)
         self._select_joint()
         store.say(f"{label} in {number(diagnosis.seconds, 2)} s")
 

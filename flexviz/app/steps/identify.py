@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexviz.app.page import CTRL, Page, dim, off, warning
 from flexviz.app.state import Changed, FitProgress, Turn
@@ -14,6 +14,7 @@ from flexviz.app.store import Store
 from flexviz.app.style import wide_label
 from flexviz.app.tasks import CheckParameters, Identify
 from flexviz.effects import EFFECTS
+from flexviz.identification import Identification
 from flexviz.session import Settings
 from flexviz.view import (
     COMMON_EFFECTS,
@@ -27,9 +28,6 @@ from flexviz.view import (
     why_fixed,
 )
 from flexviz.wording import escape, number, plural
-
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
 
 SETTLE = 0.7  # [s] without another change before the next check
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.state import Changed, Turn
@@ -16,6 +15,7 @@ from flexviz.app.style import no_number_box
 from flexviz.app.tasks import Sweep
 from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
+from flexviz.identification import SweepResult
 from flexviz.observers import OBSERVERS, Observer, make_observer
 from flexviz.progress import Progress
 from flexviz.session import Analysis
@@ -28,9 +28,6 @@ from flexviz.view import (
     sweep_html,
 )
 from flexviz.wording import escape, number, plural
-
-if TYPE_CHECKING:
-    from flexviz.identification import SweepResult
 
 LOWEST, HIGHEST = 5.0, 2000.0  # [rad/s] limits of the bandwidth
 MARKS = (5.0, 20.0, 100.0, 500.0, 2000.0)
