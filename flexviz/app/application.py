@@ -29,17 +29,10 @@ TICK = 0.1  # [s] update interval of playheads, time slider and live plots
 
 
 class Application:
-    """Store, page, steps, plots and display, changed by the loop's thread only.
-
-    Attributes:
-        queue: events of browsers and the worker.
-        store: the state of the application.
-        page, dock, plots, playback_panel: the page and its panels.
-        display: the robots.
-    """
+    """Store, page with its panels, and display of the robots, changed by the loop's thread only."""
 
     def __init__(self, server: viser.ViserServer, opened: Opened) -> None:
-        self.queue = EventQueue()
+        self.queue = EventQueue()  # of browsers and the worker
         self.page = Page(server, self.queue)
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
         self.store = Store(opened, STEPS[0].title, self.tasks, self.page.alert)

@@ -79,19 +79,13 @@ class PlaybackClock:
 
 
 class Playback:
-    """Draws the clock's instant from a thread, if it has changed.
-
-    Attributes:
-        draw: draws an instant [s]; None draws nothing.
-        lock: held while an instant is drawn; to be held while the scene is rebuilt.
-        frames: how many have been drawn.
-    """
+    """Draws the clock's instant from a thread, if it has changed."""
 
     def __init__(self, clock: PlaybackClock) -> None:
         self._clock = clock
-        self.draw: Callable[[float], None] | None = None
-        self.lock = threading.Lock()
-        self.frames = 0
+        self.draw: Callable[[float], None] | None = None  # draws an instant [s]; None draws nothing
+        self.lock = threading.Lock()  # of drawing; to be held while the scene is rebuilt
+        self.frames = 0  # drawn so far
         self._drawn: tuple[Callable[[float], None] | None, float] = (None, -1.0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="flexviz-playback", daemon=True)

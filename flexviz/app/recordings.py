@@ -31,15 +31,11 @@ CLOSING_TIME = 20.0  # [s] that the end of the application waits for one recordi
 
 
 class RecordedSession:
-    """One recording, what it has been told of the session, and the rest as it comes.
-
-    Attributes:
-        recording: None until it is open.
-    """
+    """One recording, what it has been told of the session, and the rest as it comes."""
 
     def __init__(self, kind: Kind, store: Store) -> None:
         self.kind: Kind = kind
-        self.recording: LiveRecording | None = None
+        self.recording: LiveRecording | None = None  # until it is open
         self._store = store
         self._result: Identification | None = None
         self._diagnosis: Diagnosis | None = None

@@ -39,29 +39,18 @@ KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them imm
 
 
 class Store(ChangeSignal):
-    """The state of the application.
-
-    Attributes:
-        opened: the measurement set.
-        session: the analysis with its history.
-        folder: of the saved session, or None.
-        joint, group: the selection.
-        clock: the displayed instant.
-        activity: the task that the user waits for, or None.
-        last_action: the last action, for a log.
-        saved: the session when last saved.
-    """
+    """The state of the application."""
 
     def __init__(self, opened: Opened, step: str, tasks: TaskRunner, alert: Callable[[str], None]) -> None:
         """`step` is the first step; `alert` shows a failure to the user."""
         super().__init__()
         self.tasks, self._alert = tasks, alert
-        self.clock = PlaybackClock()
+        self.clock = PlaybackClock()  # the displayed instant
         self.step = step
         self.view = ViewSettings()
-        self.activity: Activity | None = None
-        self.saved: Session | None = None
-        self.last_action = ""
+        self.activity: Activity | None = None  # the task that the user waits for
+        self.saved: Session | None = None  # the session when last saved
+        self.last_action = ""  # for a log
         self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
@@ -73,7 +62,7 @@ class Store(ChangeSignal):
         self.tell(Changed.OPENED)
 
     def _begin(self, opened: Opened) -> None:
-        self.opened, self.folder = opened, opened.folder
+        self.opened, self.folder = opened, opened.folder  # folder of the saved session, or None
         self.session = opened.session or Session.of(opened.measurements)
         self.joint, self.group = 0, opened.measurements.groups[0]
         self.view = replace(self.view, deflection=None)

@@ -88,18 +88,12 @@ def report_file(session: Session, measurements: MeasurementSet, folder: Path | N
 
 @dataclass(frozen=True)
 class SimulateQuiz(Task[Path]):
-    """Simulate a set with a hidden effect, which only its truth.json reveals.
+    """Simulate a set with a hidden effect, which only its truth.json reveals; returns its folder."""
 
-    Attributes:
-        robot: a preset's name, or the path of a URDF.
-        effect: its name, `SURPRISE` or `NOTHING`.
-    """
-
-    robot: str | Path
-    effect: str
+    robot: str | Path  # a preset's name, or the path of a URDF
+    effect: str  # its name, `SURPRISE` or `NOTHING`
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Path:
-        """Simulate it; returns the set's folder."""
         robot = self.robot
         if not isinstance(robot, Path) and robot not in PRESETS:
             raise InputError(f"{robot!r} cannot be simulated here")
@@ -110,7 +104,8 @@ class SimulateQuiz(Task[Path]):
             raise InputError(f"{name!r} cannot be hidden")
         folder = new_folder(output_dir(), f"quiz-{Path(robot).stem}-{seed}")
         folder.parent.mkdir(parents=True, exist_ok=True)
-        joint = "" if _everywhere(name) else f":{rng.choice(make_plan(robot).robot.joints)}"
+        on_one_joint = name != NOTHING and EFFECTS[name].scope == "joint"
+        joint = f":{rng.choice(make_plan(robot).robot.joints)}" if on_one_joint else ""
         simulate_preset(
             robot, folder, [] if name == NOTHING else [name + joint], seed,
             progress=progress, should_stop=should_stop,
@@ -121,7 +116,3 @@ class SimulateQuiz(Task[Path]):
 def hideable() -> tuple[str, ...]:
     """Effects that can be hidden in a simulated set."""
     return tuple(name for name in simulated_effects() if EFFECTS[name].scope != "episode")
-
-
-def _everywhere(name: str) -> bool:
-    return name == NOTHING or EFFECTS[name].scope != "joint"

@@ -147,17 +147,13 @@ class DiagnoseStep(WorkflowStep):
 
 
 class FindingEntry:
-    """One finding's text, chart, explanation and buttons.
-
-    Attributes:
-        opened: whether its evidence is shown.
-    """
+    """One finding's text, chart, explanation and buttons."""
 
     def __init__(self, page: Page, index: int, add: Callable[[int], None]) -> None:
         self._index = index
         self._finding: Finding | None = None
         self._group = ""
-        self.opened = index == 0
+        self.opened = index == 0  # whether its evidence is shown
         gui = page.gui
         self._text = gui.add_html("", visible=False)
         self._toggle = page.button("Show evidence", self._switch, visible=False)
