@@ -139,7 +139,7 @@ def test_a_quiz_hides_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.chdir(tmp_path)
     assert "coulomb_friction" in hideable() and "external_contact" not in hideable()
     asked: list[Any] = []
-    monkeypatch.setattr("flexviz.simulation.simulate_preset", lambda *args, **_: asked.append(args))
+    monkeypatch.setattr(workspace, "simulate_preset", lambda *args, **_: asked.append(args))
     folder = SimulateQuiz("planar-2r", workspace.SURPRISE).run(ignore, never)
     assert folder.name.startswith("quiz-planar-2r-") and asked[0][2][0].partition(":")[0] in hideable()
     SimulateQuiz("panda", "coulomb_friction").run(ignore, never)
