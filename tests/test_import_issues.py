@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -57,7 +58,7 @@ def tables(theta: Any = 1.0, tau: Any = 1.0, q: Any = 1.0, zero: Any = 0.0) -> l
     ]
 
 
-def found(groups: list[LoadedTable], **keys: Any) -> list[Issue]:
+def found(groups: Sequence[LoadedTable], **keys: Any) -> list[Issue]:
     return check_groups(mapping_of(JOINTS, **keys), arm()[0], groups)
 
 

@@ -43,9 +43,9 @@ def identify(
 
 def diagnose(
     measurement_set: SetArgument,
-    apply: Annotated[
-        bool, typer.Option("--apply", help="Add the found effects one by one and refit after each.")
-    ] = False,
+    apply: bool = typer.Option(
+        False, "--apply", help="Add the found effects one by one and refit after each."
+    ),
     json_file: JsonOption = None,
     guard: GuardOption = None,
 ) -> int:
@@ -67,10 +67,9 @@ def record(
     measurement_set: SetArgument,
     out: Annotated[Path, typer.Option(metavar="FILE.rrd", help="File to write.")],
     options: IdentificationOptions,
-    diagnose: Annotated[
-        bool,
-        typer.Option("--diagnose", help="Also find the missing effects, add them and record every step."),
-    ] = False,
+    diagnose: bool = typer.Option(
+        False, "--diagnose", help="Also find the missing effects, add them and record every step."
+    ),
 ) -> int:
     """Identify, and record signals, observer states, residuals, iterations and both robots."""
     from flexviz.results import run_lines
@@ -99,10 +98,9 @@ def report(
     source: SourceArgument,
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .html, .md or .json.")],
     guard: GuardOption = None,
-    keep: Annotated[
-        Path | None,
-        typer.Option("--session", metavar="DIR", help="Also save the results as a session to a new folder."),
-    ] = None,
+    keep: Path | None = typer.Option(
+        None, "--session", metavar="DIR", help="Also save the results as a session to a new folder."
+    ),
 ) -> int:
     """Write a report on a set, after a full diagnosis, or on a saved session."""
     from flexviz.workflows import report_kind, write_report

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -22,15 +22,15 @@ STDOUT = Path("-")
 
 
 def effects(
-    name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="Show this effect in full; default: list all.")
-    ] = None,
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json", metavar="FILE", help="Also write them as JSON; - writes only JSON, to standard output."
-        ),
-    ] = None,
+    name: str | None = typer.Argument(
+        None, metavar="NAME", help="Show this effect in full; default: list all."
+    ),
+    json_file: Path | None = typer.Option(
+        None,
+        "--json",
+        metavar="FILE",
+        help="Also write them as JSON; - writes only JSON, to standard output.",
+    ),
 ) -> int:
     """List the physical effects, or show one with its equation, bounds and signature."""
     from flexviz.effects import EFFECTS

@@ -24,22 +24,17 @@ def export(
     source: SourceArgument,
     out: Annotated[Path, typer.Option(metavar="DIR", help="New or empty folder to write to.")],
     options: IdentificationOptions,
-    to: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="FORMAT", help="urdf, mjcf, yaml, json, c or python; repeat for more; default: all."
-        ),
-    ] = None,
-    result: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help='File from "identify --json" or "diagnose --json" for this set, or exported parameters.',
-        ),
-    ] = None,
-    payload: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The robot carries this payload of the set.")
-    ] = None,
+    to: list[str] | None = typer.Option(
+        None, metavar="FORMAT", help="urdf, mjcf, yaml, json, c or python; repeat for more; default: all."
+    ),
+    result: Path | None = typer.Option(
+        None,
+        metavar="FILE",
+        help='File from "identify --json" or "diagnose --json" for this set, or exported parameters.',
+    ),
+    payload: str | None = typer.Option(
+        None, metavar="NAME", help="The robot carries this payload of the set."
+    ),
 ) -> int:
     """Write the identified robot as URDF, MJCF, parameter files, and C and Python code for feed-forward.
 

@@ -29,21 +29,19 @@ def import_(
             help="A mapping file (*.toml), or logs: MCAP, ROS 2 bags, .bag, CSV, Parquet, .mat, LeRobot.",
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder to write the set to; default: only check.")
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(metavar="URDF", help="With logs: a URDF, example-robot-data:NAME or robots:NAME."),
-    ] = None,
-    mapping: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="With logs: write the mapping drafted from them to this file."),
-    ] = None,
+    out: Path | None = typer.Option(
+        None, metavar="DIR", help="Folder to write the set to; default: only check."
+    ),
+    robot: str | None = typer.Option(
+        None, metavar="URDF", help="With logs: a URDF, example-robot-data:NAME or robots:NAME."
+    ),
+    mapping: Path | None = typer.Option(
+        None, metavar="FILE", help="With logs: write the mapping drafted from them to this file."
+    ),
     table_format: FormatOption = "parquet",
-    yes: Annotated[
-        bool, typer.Option("--yes", help="Ask nothing, and write the set even if something looks wrong.")
-    ] = False,
+    yes: bool = typer.Option(
+        False, "--yes", help="Ask nothing, and write the set even if something looks wrong."
+    ),
     json_file: JsonOption = None,
 ) -> int:
     """Convert logs to a measurement set.

@@ -23,13 +23,10 @@ MARKED_DEVIATION = 3.0  # standard errors from which a difference is marked
 
 def session(
     path: Annotated[Path, typer.Argument(metavar="SESSION", help="Folder with session.json.")],
-    note: Annotated[str | None, typer.Option(metavar="TEXT", help="Add this note.")] = None,
-    measurement_set: Annotated[
-        Path | None,
-        typer.Option(
-            "--set", metavar="DIR", help="New location of its measurement set, saved in the session."
-        ),
-    ] = None,
+    note: str | None = typer.Option(None, metavar="TEXT", help="Add this note."),
+    measurement_set: Path | None = typer.Option(
+        None, "--set", metavar="DIR", help="New location of its measurement set, saved in the session."
+    ),
 ) -> int:
     """Show the content of a saved session, and whether its data have changed."""
     from flexviz.session import open_session, relocate, save_session
@@ -84,10 +81,9 @@ def compare(
     sessions: Annotated[
         list[Path], typer.Argument(metavar="SESSION…", help="Two or more folders with session.json.")
     ],
-    all_parameters: Annotated[
-        bool,
-        typer.Option("--all", help="Also show single inertial parameters, which are seldom identifiable."),
-    ] = False,
+    all_parameters: bool = typer.Option(
+        False, "--all", help="Also show single inertial parameters, which are seldom identifiable."
+    ),
     json_file: JsonOption = None,
 ) -> int:
     """Compare the final results of saved sessions."""

@@ -23,15 +23,13 @@ def simulate(
         ),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write the set to.")],
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME[:joint][:param=value,...]",
-            help="Hide an effect in the robot; repeat for more; none hides nothing.",
-        ),
-    ] = None,
-    start: Annotated[str, typer.Option(metavar="rest|moving", help="How the motion starts.")] = "rest",
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of the measurement noise.")] = 0,
+    effect: list[str] | None = typer.Option(
+        None,
+        metavar="NAME[:joint][:param=value,...]",
+        help="Hide an effect in the robot; repeat for more; none hides nothing.",
+    ),
+    start: str = typer.Option("rest", metavar="rest|moving", help="How the motion starts."),
+    seed: int = typer.Option(0, metavar="N", min=0, help="Seed of the measurement noise."),
     table_format: FormatOption = "parquet",
 ) -> int:
     """Simulate a flexible-joint robot; write its measurement set and truth.json."""

@@ -22,27 +22,15 @@ def review(
     source: Annotated[
         Path, typer.Argument(metavar="FILE.rrd|SESSION", help="A recording (*.rrd), or a session's folder.")
     ],
-    other: Annotated[
-        Path | None, typer.Argument(metavar="[OTHER]", help="A second one to show side by side.")
-    ] = None,
-    check: Annotated[
-        bool, typer.Option("--check", help="Only check it and list its content; open nothing.")
-    ] = False,
-    web: Annotated[
-        bool | None,
-        typer.Option(
-            "--web/--native", help="In the browser or in a window; default: a window if there is a display."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.rrd", help="Keep the file made for it: recording of a session, or comparison."
-        ),
-    ] = None,
-    port: Annotated[
-        int | None, typer.Option(metavar="P", help="Port of the page; default: 9090 or a free one.")
-    ] = None,
+    other: Path | None = typer.Argument(None, metavar="[OTHER]", help="A second one to show side by side."),
+    check: bool = typer.Option(False, "--check", help="Only check it and list its content; open nothing."),
+    web: bool | None = typer.Option(
+        None, "--web/--native", help="In the browser or in a window; default: a window if there is a display."
+    ),
+    out: Path | None = typer.Option(
+        None, metavar="FILE.rrd", help="Keep the file made for it: recording of a session, or comparison."
+    ),
+    port: int | None = typer.Option(None, metavar="P", help="Port of the page; default: 9090 or a free one."),
     browser: BrowserOption = True,
 ) -> int:
     """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
@@ -179,18 +167,15 @@ def say(text: str) -> None:
 
 
 def serve(
-    source: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="SET|SESSION",
-            help="Folder with measurements.toml or session.json; default: a bundled example.",
-        ),
-    ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(metavar="P", help="Port to listen on; default: 8080 or the next free one."),
-    ] = None,
-    host: Annotated[str, typer.Option(metavar="H", help="Address to listen on.")] = "127.0.0.1",
+    source: Path | None = typer.Argument(
+        None,
+        metavar="SET|SESSION",
+        help="Folder with measurements.toml or session.json; default: a bundled example.",
+    ),
+    port: int | None = typer.Option(
+        None, metavar="P", help="Port to listen on; default: 8080 or the next free one."
+    ),
+    host: str = typer.Option("127.0.0.1", metavar="H", help="Address to listen on."),
     browser: BrowserOption = True,
 ) -> int:
     """Show measured and identified motion side by side in the browser; Ctrl+C ends it."""

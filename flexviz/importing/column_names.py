@@ -63,12 +63,18 @@ ROLES = {
     "link": set(["link", "links", "output", "secondary", "arm", "ql"]),
     "sensor": set(["sensor", "sensors", "ext", "external", "jts", "strain"]),
 }
-CLEAR = {word: quantity for quantity, text in CLEAR_WORDS.items() for word in text.split()}
-VAGUE = {word: quantity for quantity, text in VAGUE_WORDS.items() for word in text.split()}
 
 
-_UNITS: dict[Quantity, dict[str, float]] = {"torque": TORQUE, "current": CURRENT, "position": ANGLE}
-QUANTITY_OF = {unit: quantity for quantity, units in _UNITS.items() for unit in units}
+def _by_word(words_of: dict[Quantity, str]) -> dict[str, Quantity]:
+    return {word: quantity for quantity, text in words_of.items() for word in text.split()}
+
+
+CLEAR, VAGUE = _by_word(CLEAR_WORDS), _by_word(VAGUE_WORDS)
+
+
+QUANTITY_OF = _by_word(
+    {"torque": " ".join(TORQUE), "current": " ".join(CURRENT), "position": " ".join(ANGLE)}
+)
 _UNIT_AT_END = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # in brackets
 
 

@@ -43,8 +43,8 @@ def joint_parts(tables: Sequence[GroupTable], j: int, name: str) -> list[JointPa
             continue
         theta, other, tau = table.theta[:, j], columns[:, j], table.tau[:, j]
         offset, span = float(np.mean(theta) - np.mean(other)), float(np.ptp(other))
-        step = float(np.median(np.diff(table.time)))
-        parts.append(JointPart(*(x - np.mean(x) for x in (theta, other, tau)), offset, span, step))
+        theta, other, tau = (x - np.mean(x) for x in (theta, other, tau))
+        parts.append(JointPart(theta, other, tau, offset, span, float(np.median(np.diff(table.time)))))
     return parts
 
 
