@@ -29,12 +29,13 @@ from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress
 from flexviz.recording.files import Recorded, Target
-from flexviz.recording.recorder import FLUSH_INTERVAL, MAX_SAMPLES, Recorder
+from flexviz.recording.recorder import MAX_SAMPLES, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 
 if TYPE_CHECKING:
     from flexviz.progress import Iteration
 
+FLUSH_INTERVAL = 1.0  # [s] between two flushes
 WRITE_TIMEOUT = 120.0  # [s] limit of `flush` and `close`
 
 

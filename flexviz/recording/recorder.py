@@ -18,7 +18,7 @@ from flexviz.recording import signals, texts
 from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.files import Recorded
 from flexviz.recording.layout import blueprint
-from flexviz.recording.optimiser import Optimiser, Solve
+from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
 from flexviz.recording.scene import Stage, send_robot, set_stage
 from flexviz.recording.signals import stride_for
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from flexviz.simulation import Run
 
 MAX_SAMPLES = 10_000  # per signal and group
-FLUSH_INTERVAL = 1.0  # [s] at most between two flushes while a solve runs
+ITERATIONS_INTERVAL = 2.0  # [s] between two batches of iterations: sending them slows the solver
 Check = Callable[[str, float], object]  # called between the parts with the next one and the share done
 
 
@@ -113,31 +113,27 @@ class Recorder:
 
     def start(self, label: str = "") -> Solve:
         """Start a solve: later iterations and the next result belong to it."""
-        number = len(self.solves) + 1
-        solve = Solve(number, label, Optimiser(self.stream, number), time.monotonic())
+        solve = Solve(self.stream, len(self.solves) + 1, label)
         self.solves.append(solve)
-        self.note(f"result {number}{f' ({label})' if label else ''}: started")
+        self.note(f"result {solve.number}{f' ({label})' if label else ''}: started")
         self.arrange()
         return solve
 
     def iteration(self, iteration: Iteration, seconds: float | None = None) -> None:
         """Send an iteration of the newest solve, `seconds` [s] after its start (None: now)."""
-        solve = self._newest()
-        since = time.monotonic() - solve.begun if seconds is None else seconds
-        if solve.optimiser.add(iteration, since) and time.monotonic() - self._flushed > FLUSH_INTERVAL:
-            self.stream.flush()
-            self._flushed = time.monotonic()
+        self._newest().add(iteration, seconds)
+        if time.monotonic() - self._flushed > ITERATIONS_INTERVAL:
+            self.flush()
 
     def result(self, result: Identification, label: str = "") -> None:
         """Send the result of the running solve, or of a new one."""
         if not self.solves or self.solves[-1].result is not None:
             self.start(label)
         solve = self.solves[-1]
-        solve.label, solve.result = label or solve.label, result
-        solve.optimiser.finish(result.iterations, result.seconds)
-        joints = self.measurements.joints
-        for group in result.residuals:
-            signals.send_residual(self.stream, joints, solve.number, group, result, self.samples)
+        solve.label = label or solve.label
+        solve.finish(result)
+        for group, residual in result.residuals.items():
+            self._series(("groups", group), residual, ("residual", "torque", "q"))
         where = result_path(solve.number, "about")
         self.stream.text(where, texts.result_text(result, solve.number, solve.label))
         more = {"label": solve.label, "effects": [effect.text for effect in result.model.effects]}
@@ -148,11 +144,9 @@ class Recorder:
 
     def run(self, group: str, run: Run) -> None:
         """Send the newest result's model, simulated in a group."""
-        solve = self._newest()
         place = self.measurements.group(group)
         motion = with_replay(self._motion(place), run)
-        joints = self.measurements.joints
-        signals.send_run(self.stream, joints, solve.number, group, run, self.samples)
+        self._series(("groups", group, "simulated"), run, ("theta", "q", "tau"), "simulated")
         self._robot(place, "identified", motion)
         self._describe_group(place, motion)
 
@@ -187,7 +181,7 @@ class Recorder:
     def flush(self) -> None:
         """Write everything so far."""
         if self.solves:
-            self.solves[-1].optimiser.flush()
+            self.solves[-1].flush()
         if self._rearranged:
             self.stream.blueprint(self.layout())
             self._rearranged = False
@@ -240,6 +234,14 @@ class Recorder:
 
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()
+
+    def _series(
+        self, where: Sequence[str], series: signals.Series, names: Sequence[str], label: str = ""
+    ) -> None:
+        """Send signals of the newest result."""
+        entity = ("results", self._newest().number, *where)
+        joints = self.measurements.joints
+        signals.send_series(self.stream, entity, joints, series, names, self.samples, label)
 
     def _robot(self, group: Group, name: str, motion: RobotMotion) -> None:
         first = (group.name, name) not in self._drawn

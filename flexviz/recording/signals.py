@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 import rerun as rr
@@ -15,12 +15,15 @@ from flexviz.observers import Observer, ObserverStates
 from flexviz.recording.paths import DISTURBANCE, STATES, TIME, observer_name, path
 from flexviz.recording.stream import Stream
 
-if TYPE_CHECKING:
-    from flexviz.identification import Identification
-    from flexviz.simulation import Run
-
 Array = NDArray[Any]
 GAP = 2.5  # [median intervals] longer intervals break the line
+
+
+class Series(Protocol):
+    """A record of signals over time (N,) [s]."""
+
+    @property
+    def time(self) -> Array: ...
 
 
 def send_measured(stream: Stream, measurements: MeasurementSet, group: Group, most: int) -> None:
@@ -31,11 +34,9 @@ def send_measured(stream: Stream, measurements: MeasurementSet, group: Group, mo
     for name in ("theta", "tau"):
         values = np.concatenate([getattr(segment, name)[::stride] for segment in group.segments])
         send_signal(stream, (*where, name), joints, time, values, "measured", COLOURS.reference)
-    stride = stride_for(len(group.time), most)
     for name in ("q", "tau_joint", "theta_ref"):
-        optional = getattr(group, name)
-        if optional is not None:
-            send_signal(stream, (*where, name), joints, group.time[::stride], optional[::stride], name)
+        if getattr(group, name) is not None:
+            send_series(stream, where, joints, group, (name,), most, name)
 
 
 def send_states(
@@ -68,22 +69,20 @@ def _state(states: ObserverStates, name: str) -> Array:
     return getattr(states, kind)[int(order)]
 
 
-def send_residual(
-    stream: Stream, joints: tuple[str, ...], number: int, group: str, result: Identification, most: int
+def send_series(
+    stream: Stream,
+    where: Sequence[object],
+    joints: Sequence[str],
+    series: Series,
+    names: Iterable[str],
+    most: int,
+    label: str = "",
 ) -> None:
-    """The residual of the identification equation, with torque and link position."""
-    series = result.residuals[group]
-    where, stride = ("results", number, "groups", group), stride_for(len(series.time), most)
-    for name in ("residual", "torque", "q"):
-        send_signal(stream, (*where, name), joints, series.time[::stride], getattr(series, name)[::stride])
-
-
-def send_run(stream: Stream, joints: tuple[str, ...], number: int, group: str, run: Run, most: int) -> None:
-    """The simulated motion of the identified model."""
-    where, stride = ("results", number, "groups", group, "simulated"), stride_for(len(run.time), most)
-    for name in ("theta", "q", "tau"):
-        values = getattr(run, name)[::stride]
-        send_signal(stream, (*where, name), joints, run.time[::stride], values, "simulated")
+    """The signals (N, n) with these names in a record with `time` (N,) [s]; about `most` samples at most."""
+    stride = stride_for(len(series.time), most)
+    for name in names:
+        values = getattr(series, name)[::stride]
+        send_signal(stream, (*where, name), joints, series.time[::stride], values, label)
 
 
 def send_signal(

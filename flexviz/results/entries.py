@@ -165,11 +165,7 @@ class NoteEntry(ResultEntry):
 
 
 class ResultFields(ResultEntry):
-    """A result: of an identification, a diagnosis or an export.
-
-    A diagnosis has `verdict`, `candidates`, `where`, `steps` and `model`; an identification has `parameters`
-    and what belongs to one fit. What a result does not have is left out.
-    """
+    """The fields of a `ResultDocument`."""
 
     format: Literal[1]
     set: str
