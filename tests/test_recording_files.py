@@ -123,7 +123,7 @@ def test_a_failure_leaves_what_was_there(small: Any, tmp_path: Path, monkeypatch
     def fails(*arguments: Any) -> None:
         raise ConvergenceError("no shape")
 
-    monkeypatch.setattr("flexviz.recording.recorder.robot_shape", fails)
+    monkeypatch.setattr("flexviz.recording.scene.robot_shape", fails)
     (tmp_path / "old.rrd").write_text("what was there")
     for file in ("old.rrd", "new.rrd"):
         with pytest.raises(ConvergenceError):

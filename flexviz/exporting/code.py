@@ -106,7 +106,7 @@ def _c_array(name: str, array: CodeArray) -> str:
 def _c_rows(name: str, table: CodeRows) -> str:
     integers = ", ".join(c for c in table.columns if c in INDICES)
     others = ", ".join(c for c in table.columns if c not in INDICES)
-    entries = ", ".join(_nested(row, "{}") for row in _typed(table))
+    entries = ", ".join(_nested(row, "{}") for row in table.rows)
     struct = f"static const struct {{ int {integers}; double {others}; }}"
     return f"/* {_ascii(table.meaning)} */\n{struct} {name}[] = {{{entries}}};"
 
@@ -136,7 +136,7 @@ def _python_array(name: str, array: CodeArray) -> str:
 
 
 def _python_rows(name: str, table: CodeRows) -> str:
-    inside = "".join(f"    {row!r},\n" for row in _typed(table))
+    inside = "".join(f"    {row!r},\n" for row in table.rows)
     return f"# {_ascii(table.meaning)}: ({', '.join(table.columns)})\n{name} = (\n{inside})"
 
 
@@ -154,14 +154,6 @@ def _nested(value: Any, brackets: str, indent: int = 4) -> str:
     if brackets == "{}":
         return left + "\n" + ",\n".join(rows) + right
     return left + "\n" + "".join(f"{row},\n" for row in rows) + " " * (indent - 4) + right
-
-
-def _typed(table: CodeRows) -> list[tuple[float | int, ...]]:
-    """The rows with indices as integers."""
-    return [
-        tuple(int(v) if c in INDICES else float(v) for v, c in zip(row, table.columns, strict=True))
-        for row in table.rows
-    ]
 
 
 def _ascii(text: str) -> str:

@@ -23,7 +23,6 @@ from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
 INDICES = ("joint", "other")  # columns of rows that hold joint indices
-SIGNED = {"motor_coulomb", "load", "stribeck", "presliding"}  # tables whose torque has the speed's sign
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +77,19 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
     }
     rows: dict[str, CodeRows] = {}
     effects: dict[str, str] = {}
+    signed = False
     for effect, code in CODE.items():
         if isinstance(code, PerJoint) and (code.always or laws[code.table].any()):
             arrays |= {a.table.upper(): CodeArray(laws[a.table], a.meaning) for a in code.arrays}
             effects |= {} if code.always else {code.table: effect}
+            signed |= code.signed
         elif isinstance(code, PerRow) and laws.rows[code.table]:
             columns = (*code.joints, *code.columns.values())
             rows[code.table.upper()] = CodeRows(laws.rows[code.table], columns, code.meaning)
             effects[code.table] = effect
+            signed |= code.signed
     sections = {name.lower() for name in (*arrays, *rows)}
-    sections |= {"sign"} if sections & SIGNED else set()
+    sections |= {"sign"} if signed else set()
     sections |= {"lists"} if rows.keys() - {"ERROR"} else set()
     sections |= {"undamped"} if "damping" not in sections else set()
     sections |= {"linear"} if "cubic" not in sections else set()

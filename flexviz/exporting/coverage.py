@@ -42,12 +42,14 @@ class PerJoint(Written):
         parameter: the effect's parameter.
         also: a second array of the same section.
         always: part of every robot's code, zero or not; has no template section.
+        signed: its torque has the sign of the motor's velocity.
     """
 
     table: str
     parameter: str
     also: DerivedNumber | None = None
     always: bool = False
+    signed: bool = False
 
     def number(self, values: Values) -> float:
         """The joint's number."""
@@ -67,11 +69,13 @@ class PerRow(Written):
         table: name in `Laws`, of the array and of the template section.
         columns: effect parameter -> column name in the code, in the row's order after the joints.
         joints: leading columns, which hold joint indices.
+        signed: its torque has the sign of the motor's velocity.
     """
 
     table: str
     columns: Mapping[str, str]
     joints: tuple[str, ...] = ("joint",)
+    signed: bool = False
 
 
 @dataclass(frozen=True)
@@ -118,10 +122,12 @@ CODE: dict[str, PerJoint | PerRow | OnPayload | OnGravity | LeftOut] = {
     "stiffness_hardening": PerJoint("cubic stiffness k3 [Nm/rad^3]", "cubic", "cubic_stiffness"),
     "backlash": PerJoint("backlash half width b [rad]", "half_width", "half_width"),
     "joint_damping": PerJoint("joint damping D [Nm s/rad]", "damping", "damping"),
-    "coulomb_friction": PerJoint("dry friction of the motor f_c [Nm]", "motor_coulomb", "coulomb"),
+    "coulomb_friction": PerJoint(
+        "dry friction of the motor f_c [Nm]", "motor_coulomb", "coulomb", signed=True
+    ),
     "link_coulomb_friction": PerJoint("dry friction of the link f_c [Nm]", "link_coulomb", "coulomb"),
     "quadratic_friction": PerJoint("quadratic friction f_q [Nm s^2/rad^2]", "quadratic", "quadratic"),
-    "load_dependent_friction": PerJoint("load-dependent friction mu [-]", "load", "coefficient"),
+    "load_dependent_friction": PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),
     "torque_offset": PerJoint("torque offset f_0 [Nm]", "offset", "offset"),
     "torque_gain": PerJoint(
         "torque gain error g [-]: applied = (1 + g) commanded", "gain_error", "gain_error"
@@ -131,7 +137,10 @@ CODE: dict[str, PerJoint | PerRow | OnPayload | OnGravity | LeftOut] = {
     ),
     "cable_spring": PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
     "stribeck_friction": PerRow(
-        "Stribeck friction: f_s [Nm], v_s [rad/s]", "stribeck", {"stribeck": "stribeck", "velocity": "width"}
+        "Stribeck friction: f_s [Nm], v_s [rad/s]",
+        "stribeck",
+        {"stribeck": "stribeck", "velocity": "width"},
+        signed=True,
     ),
     "torque_ripple": PerRow("torque ripple: amplitude [Nm], order [-], phase [rad]", "ripple", SINE),
     "transmission_error": PerRow(
@@ -146,6 +155,7 @@ CODE: dict[str, PerJoint | PerRow | OnPayload | OnGravity | LeftOut] = {
         "presliding friction: stiffness sigma [Nm/rad], sliding friction f_c [Nm]",
         "presliding",
         {"presliding_stiffness": "stiffness", "coulomb": "coulomb"},
+        signed=True,
     ),
     "motor_coupling": PerRow(
         "inertia that couples another motor in B_ij [kg m^2]",

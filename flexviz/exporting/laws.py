@@ -32,22 +32,21 @@ class Laws:
     """The model's parameters in the set's joint order; zero disables an effect.
 
     Attributes:
-        base: (n,) arrays: stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad].
-        tables: (n,) arrays of the `PerJoint` effects, by table, units as registered.
+        arrays: (n,) stiffness [Nm/rad], motor_inertia [kg m²], motor_viscous, link_viscous [Nm s/rad], and
+            those of the `PerJoint` effects, by table, units as registered.
         rows: rows of the `PerRow` effects, by table: joint indices, then the numbers.
         gravity: (3,) [m/s²] in the base's frame.
         bodies: the payload's bodies as identified.
     """
 
-    base: Mapping[str, Array]
-    tables: Mapping[str, Array]
+    arrays: Mapping[str, Array]
     rows: Mapping[str, list[Row]]
     gravity: tuple[float, float, float] = GRAVITY
     bodies: tuple[PayloadBody, ...] = ()
 
     def __getitem__(self, name: str) -> Array:
-        """One of `base` or `tables`, (n,)."""
-        return self.base[name] if name in self.base else self.tables[name]
+        """One of `arrays`, (n,)."""
+        return self.arrays[name]
 
     def sliding_friction(self, i: int) -> float:
         """Friction of joint i's motor while it slides: Coulomb and presliding [Nm]."""
@@ -64,7 +63,13 @@ def laws(
     """
     n = robot.n
     per_joint = [code for code in CODE.values() if isinstance(code, PerJoint)]
-    tables = {array.table: np.zeros(n) for code in per_joint for array in code.arrays}
+    arrays = {array.table: np.zeros(n) for code in per_joint for array in code.arrays}
+    arrays |= {
+        "stiffness": model.stiffness,
+        "motor_inertia": model.motor_inertia,
+        "motor_viscous": model.motor_viscous_friction,
+        "link_viscous": model.link_viscous_friction,
+    }
     rows: dict[str, list[Row]] = {code.table: [] for code in CODE.values() if isinstance(code, PerRow)}
     gravity, carried = GRAVITY, tuple(bodies)
     for effect in model.effects:
@@ -80,22 +85,16 @@ def laws(
                 gravity = code.gravity(p)
             case PerJoint():
                 for array in code.arrays:
-                    tables[array.table][[*joints]] += array.number(p)
+                    arrays[array.table][list(joints)] += array.number(p)
             case PerRow():
                 for i in joints:
                     indices = (i, neighbour(robot, int(robot.order[i]))) if "other" in code.joints else (i,)
-                    rows[code.table].append((*indices, *(p[k] for k in code.columns)))
+                    rows[code.table].append((*indices, *(float(p[k]) for k in code.columns)))
             case _:
                 raise InputError(
                     f"{effect.text}: the code has no place for {code}, expected one in coverage.py"
                 )
-    base = {
-        "stiffness": model.stiffness,
-        "motor_inertia": model.motor_inertia,
-        "motor_viscous": model.motor_viscous_friction,
-        "link_viscous": model.link_viscous_friction,
-    }
-    return _checked(Laws(base, tables, rows, gravity, carried), robot.joints)
+    return _checked(Laws(arrays, rows, gravity, carried), robot.joints)
 
 
 def not_of_robot(effect: EffectValue, payload: str | None) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from flexviz.recording.comparing import RecordingComparison, compare_recordings, merge_recordings
-from flexviz.recording.files import Recorded, repair_recording
+from flexviz.recording.files import repair_recording
 from flexviz.recording.live import LiveRecording
-from flexviz.recording.reading import Checked, Recording, TruncatedRecording, check_recording, read_recording
+from flexviz.recording.reading import Recorded, Recording, TruncatedRecording, check_recording, read_recording
 from flexviz.recording.viewers import has_display, show_in_window, web_viewer
 from flexviz.recording.writing import (
     RecordingFile,
@@ -16,7 +16,6 @@ from flexviz.recording.writing import (
 )
 
 __all__ = [
-    "Checked",
     "LiveRecording",
     "Recorded",
     "Recording",

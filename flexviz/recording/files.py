@@ -5,7 +5,7 @@ from __future__ import annotations
 import glob
 import os
 import subprocess
-from dataclasses import dataclass
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 
@@ -15,30 +15,12 @@ from rerun.chunk import RrdReader
 
 from flexviz.errors import InputError
 from flexviz.files import PART, write_whole
-from flexviz.recording.reading import Checked, check_recording, sidecar
+from flexviz.recording.reading import Recorded, check_recording, sidecar
 from flexviz.recording.viewers import rerun_program
 
 SUFFIX = ".rrd"
 NOTHING_TO_SAVE = "holds nothing to repair: the program was killed before anything was written"
 SMALLEST_RECORDING = 1000  # bytes
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """A written recording.
-
-    Attributes:
-        bytes: file size.
-        chunks: number of chunks, read back.
-        sha256: of the file; also in `<file>.sha256`.
-        complete: False if it was stopped early.
-    """
-
-    file: Path
-    bytes: int
-    chunks: int
-    sha256: str
-    complete: bool = True
 
 
 class Target:
@@ -96,7 +78,7 @@ class Target:
         if place != self.now:
             self.now.unlink(missing_ok=True)
         write_sidecar(place, checked.sha256)
-        return Recorded(place, place.stat().st_size, checked.chunks, checked.sha256, complete)
+        return replace(checked, file=place, confirmed=True, complete=complete)
 
     def abandon(self) -> None:
         """Remove the file."""
@@ -161,7 +143,7 @@ def write_sidecar(file: Path, sha256: str) -> None:
     write_whole(sidecar(file), f"{sha256}  {file.name}\n".encode())
 
 
-def repair_recording(path: str | Path) -> Checked:
+def repair_recording(path: str | Path) -> Recorded:
     """Write the readable part of a truncated recording to `<name>.repaired.rrd`, with a footer.
 
     Raises:

@@ -28,7 +28,8 @@ from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress
-from flexviz.recording.files import Recorded, Target
+from flexviz.recording.files import Target
+from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Recorder
 from flexviz.recording.stream import Stream, viewer_address
 

@@ -24,22 +24,25 @@ VIEW = "/__properties/view"
 
 
 @dataclass(frozen=True)
-class Checked:
-    """A checked recording.
+class Recorded:
+    """A recording that was read back.
 
     Attributes:
-        chunks, rows: their numbers.
+        bytes, chunks, rows: their numbers.
         entities: entity paths.
         sha256: of the file.
-        confirmed: whether it agrees with the .sha256 file.
+        confirmed: whether it agrees with `<file>.sha256`.
+        complete: False if writing was stopped early.
     """
 
     file: Path
+    bytes: int
     chunks: int
     rows: int
     entities: tuple[str, ...]
     sha256: str
     confirmed: bool = False
+    complete: bool = True
 
 
 class TruncatedRecording(InputError):
@@ -51,7 +54,7 @@ def sidecar(file: Path) -> Path:
     return file.with_name(file.name + ".sha256")
 
 
-def check_recording(path: str | Path) -> Checked:
+def check_recording(path: str | Path) -> Recorded:
     """Read a recording back.
 
     The viewer's own check accepts empty files and garbage, so every chunk is decoded here and counted against
@@ -78,7 +81,7 @@ def check_recording(path: str | Path) -> Checked:
         raise InputError("is empty, expected a Rerun recording with data", file=file)
     if chunks != promised:
         raise InputError(f"is damaged: its footer lists {promised} chunks, found {chunks}", file=file)
-    return Checked(file, chunks, rows, entities, found, beside)
+    return Recorded(file, file.stat().st_size, chunks, rows, entities, found, beside)
 
 
 @contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import rerun as rr
@@ -16,14 +15,14 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.observers import Observer
 from flexviz.recording import signals, texts
 from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
-from flexviz.recording.files import Recorded
 from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Solve
 from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
-from flexviz.recording.scene import Stage, send_robot, set_stage
+from flexviz.recording.reading import Recorded
+from flexviz.recording.scene import RobotScene
 from flexviz.recording.signals import stride_for
 from flexviz.recording.stream import Stream
-from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape, with_replay
+from flexviz.scene import RobotMotion, with_replay
 from flexviz.wording import as_markdown, verdict_text
 
 if TYPE_CHECKING:
@@ -47,15 +46,13 @@ class Recorder:
         self.measurements = measurements
         self.stream = stream
         self.samples = samples
-        self._both = both
+        self._scene = RobotScene(stream, measurements, both)
         self._rearranged = False
         self._lines: list[str] = []
         self._flushed = time.monotonic()
         self.solves: list[Solve] = []
         self.diagnoses: list[Diagnosis] = []
         self._observers: dict[str, Observer] = {}
-        self._motions: dict[str, RobotMotion] = {}
-        self._drawn: set[tuple[str, str]] = set()  # (group, robot) whose shape was sent
 
     # -- the measurement set -------------------------------------------------------------------------
 
@@ -82,14 +79,15 @@ class Recorder:
                 samples=group.samples,
             )
         check("reading the robot's shape", 0.0)
-        stream.property("view", eye=list(self._stage.eye), centre=list(self._stage.centre))
+        stream.property("view", eye=list(self._scene.stage.eye), centre=list(self._scene.stage.centre))
         self._describe()
         self.arrange()
         for done, group in enumerate(measurements.groups):
             check(f"{group.name}: measured signals and motion", done / len(measurements.groups))
             signals.send_measured(stream, measurements, group, self.samples)
-            motion = self._motion(group)
-            self._robot(group, "measured", motion)
+            motion = self._scene.motion(group)
+            label = "measured (simulated data)" if measurements.simulated else "measured"
+            self._scene.send(group, "measured", motion.theta, label)
             self._describe_group(group, motion)
         self.note(f"measurement set {measurements.name}")
 
@@ -145,15 +143,15 @@ class Recorder:
     def run(self, group: str, run: Run) -> None:
         """Send the newest result's model, simulated in a group."""
         place = self.measurements.group(group)
-        motion = with_replay(self._motion(place), run)
+        motion = with_replay(self._scene.motion(place), run)
         self._series(("groups", group, "simulated"), run, ("theta", "q", "tau"), "simulated")
-        self._robot(place, "identified", motion)
+        self._scene.send(place, "identified", motion.model_theta, f"identified, result {len(self.solves)}")
         self._describe_group(place, motion)
 
     def no_run(self, group: str, reason: str) -> None:
         """Say why the newest result's model could not be simulated in a group."""
         place = self.measurements.group(group)
-        self._describe_group(place, self._motion(place), reason)
+        self._describe_group(place, self._scene.motion(place), reason)
 
     def maps(self, maps: Sequence[ResidualMap]) -> None:
         """Send where the newest result's model fails."""
@@ -217,20 +215,7 @@ class Recorder:
     def layout(self) -> rrb.Blueprint:
         """The layout for the newest content."""
         observer = next(reversed(self._observers.values()), None)
-        return blueprint(self.measurements, self._stage, observer, self.solves, self.diagnoses)
-
-    @cached_property
-    def _shape(self) -> RobotShape:
-        return robot_shape(self.measurements.robot)
-
-    @cached_property
-    def _stage(self) -> Stage:
-        return set_stage(self.measurements, self._shape, self._both)
-
-    def _motion(self, group: Group) -> RobotMotion:
-        if group.name not in self._motions:
-            self._motions[group.name] = measured_motion(self.measurements, group, None)
-        return self._motions[group.name]
+        return blueprint(self.measurements, self._scene.stage, observer, self.solves, self.diagnoses)
 
     def _newest(self) -> Solve:
         return self.solves[-1] if self.solves else self.start()
@@ -242,14 +227,6 @@ class Recorder:
         entity = ("results", self._newest().number, *where)
         joints = self.measurements.joints
         signals.send_series(self.stream, entity, joints, series, names, self.samples, label)
-
-    def _robot(self, group: Group, name: str, motion: RobotMotion) -> None:
-        first = (group.name, name) not in self._drawn
-        self._drawn.add((group.name, name))
-        label = self.solves[-1].number if self.solves else 0
-        send_robot(
-            self.stream, self.measurements, self._shape, self._stage, group, name, motion, first, label
-        )
 
     def _describe(self) -> None:
         self.stream.text(ABOUT, texts.about_text(self.measurements, self.solves, self.diagnoses))

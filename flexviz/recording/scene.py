@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import rerun as rr
@@ -14,8 +16,7 @@ from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.paths import TIME, group_path
 from flexviz.recording.stream import Stream
-from flexviz.robot import Robot
-from flexviz.scene import RobotMotion, RobotShape
+from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape
 
 Array = NDArray[np.float64]
 RADIUS_PER_KG = 0.03  # [m/kg^⅓] of the ball that shows a payload
@@ -65,83 +66,90 @@ def set_stage(measurements: MeasurementSet, shape: RobotShape, both: bool = True
     return Stage(offsets, tops, centre, centre + distance * VIEW / np.linalg.norm(VIEW))
 
 
-def send_robot(
-    stream: Stream,
-    measurements: MeasurementSet,
-    shape: RobotShape,
-    stage: Stage,
-    group: Group,
-    name: str,
-    motion: RobotMotion,
-    first: bool,
-    result: int,
-) -> None:
-    """One of the two robots in one group, moved by its motor angles.
+class RobotScene:
+    """Both robots in every group: the measured one, and the identified one beside it.
 
-    Args:
-        name: "measured" or "identified".
-        first: whether its shape must be sent, too.
-        result: number of the identified robot's result.
+    Attributes:
+        shape: of the robot.
+        stage: where the robots and the camera are.
     """
-    robot, theta = measurements.robot, motion.theta if name == "measured" else motion.model_theta
-    if theta is None:
-        return
-    label = f"identified, result {result}"
-    if name == "measured":
-        label = "measured (simulated data)" if measurements.simulated else "measured"
-    poses, place = [robot.link_poses(row) for row in theta], list(ROBOT_COLOURS).index(name)
-    if first:
-        offset = rr.Transform3D(translation=stage.offsets[place])
-        stream.log(group_path(group.name, "robots", name), offset, static=True)
-        send_shapes(stream, robot, shape, group, name, poses[0])
-    index = rr.TimeColumn(TIME, duration=motion.time)
-    for body in shape.bodies:
-        if body.joint is not None:
-            frames = np.array([pose[body.link] for pose in poses])
-            columns = rr.Transform3D.columns(
-                translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
+
+    def __init__(self, stream: Stream, measurements: MeasurementSet, both: bool) -> None:
+        self._stream = stream
+        self._measurements = measurements
+        self._both = both
+        self._motions: dict[str, RobotMotion] = {}
+        self._drawn: set[tuple[str, str]] = set()  # (group, robot) whose shape was sent
+
+    @cached_property
+    def shape(self) -> RobotShape:
+        return robot_shape(self._measurements.robot)
+
+    @cached_property
+    def stage(self) -> Stage:
+        return set_stage(self._measurements, self.shape, self._both)
+
+    def motion(self, group: Group) -> RobotMotion:
+        """The measured motion of a group."""
+        if group.name not in self._motions:
+            self._motions[group.name] = measured_motion(self._measurements, group, None)
+        return self._motions[group.name]
+
+    def send(self, group: Group, name: str, theta: Array | None, label: str) -> None:
+        """The robot "measured" or "identified" in a group, moved by its motor angles (N, n) [rad]."""
+        if theta is None:
+            return
+        robot, shape, stage = self._measurements.robot, self.shape, self.stage
+        poses, place = [robot.link_poses(row) for row in theta], list(ROBOT_COLOURS).index(name)
+        where, colour = partial(group_path, group.name, "robots", name), rgb(ROBOT_COLOURS[name])
+        if (group.name, name) not in self._drawn:
+            self._drawn.add((group.name, name))
+            self._stream.log(where(), rr.Transform3D(translation=stage.offsets[place]), static=True)
+            self._send_shapes(group, where, colour, poses[0])
+        index = rr.TimeColumn(TIME, duration=self.motion(group).time)
+        for body in shape.bodies:
+            if body.joint is not None:
+                frames = np.array([pose[body.link] for pose in poses])
+                columns = rr.Transform3D.columns(
+                    translation=frames[:, :3, 3], quaternion=quaternions(frames[:, :3, :3])
+                )
+                self._stream.send_columns(where(body.link), [index], columns)
+        trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
+        self._stream.log(where("trail"), trail, static=True)
+        above = rr.Points3D([[0.0, 0.0, stage.tops[place]]], labels=[label], radii=[0.0], colors=[colour])
+        self._stream.log(where("label"), above, static=True)
+
+    def _send_shapes(
+        self, group: Group, where: Callable[..., str], colour: tuple[int, int, int], pose: dict[str, Array]
+    ) -> None:
+        """The constant parts: meshes, base pose, payload; `pose` holds the link poses at any instant."""
+        robot, bodies = self._measurements.robot, self.shape.bodies
+        for body in bodies:
+            mesh = rr.Mesh3D(
+                vertex_positions=body.vertices.astype(np.float32),
+                triangle_indices=body.faces,
+                vertex_normals=trimesh.Trimesh(body.vertices, body.faces, process=False).vertex_normals,
+                albedo_factor=(*colour, 255),
             )
-            stream.send_columns(group_path(group.name, "robots", name, body.link), [index], columns)
-    colour = rgb(ROBOT_COLOURS[name])
-    trail = rr.LineStrips3D([[pose[shape.tip][:3, 3] for pose in poses]], colors=[colour])
-    stream.log(group_path(group.name, "robots", name, "trail"), trail, static=True)
-    above = rr.Points3D([[0.0, 0.0, stage.tops[place]]], labels=[label], radii=[0.0], colors=[colour])
-    stream.log(group_path(group.name, "robots", name, "label"), above, static=True)
-
-
-def send_shapes(
-    stream: Stream, robot: Robot, shape: RobotShape, group: Group, name: str, pose: dict[str, Array]
-) -> None:
-    """The constant parts: meshes, base pose, payload; `pose` holds the link poses at any instant."""
-    for body in shape.bodies:
-        entity = group_path(group.name, "robots", name, body.link)
-        mesh = rr.Mesh3D(
-            vertex_positions=body.vertices.astype(np.float32),
-            triangle_indices=body.faces,
-            vertex_normals=trimesh.Trimesh(body.vertices, body.faces, process=False).vertex_normals,
-            albedo_factor=(*rgb(ROBOT_COLOURS[name]), 255),
-        )
-        stream.log(entity, mesh, static=True)
-        if body.joint is None:
-            frame = pose[body.link]
-            fixed = rr.Transform3D(translation=frame[:3, 3], mat3x3=frame[:3, :3])
-            stream.log(entity, fixed, static=True)
-    for number, payload in enumerate(group.bodies):
-        joint = robot.joint_of_link(payload.link)
-        carrier = next((body.link for body in shape.bodies if body.joint == joint), None)
-        if carrier is None or payload.mass <= 0.0:
-            continue
-        relative = np.linalg.inv(pose[carrier]) @ pose[payload.link]
-        centre = relative[:3, :3] @ payload.com + relative[:3, 3]
-        ball = rr.Points3D(
-            [centre],
-            radii=[RADIUS_PER_KG * payload.mass ** (1 / 3)],
-            colors=[(90, 90, 90)],
-            labels=[f"{payload.mass:g} kg"],
-            show_labels=False,
-        )
-        entity = group_path(group.name, "robots", name, carrier, f"payload {number + 1}")
-        stream.log(entity, ball, static=True)
+            self._stream.log(where(body.link), mesh, static=True)
+            if body.joint is None:
+                frame = pose[body.link]
+                fixed = rr.Transform3D(translation=frame[:3, 3], mat3x3=frame[:3, :3])
+                self._stream.log(where(body.link), fixed, static=True)
+        for number, payload in enumerate(group.bodies):
+            joint = robot.joint_of_link(payload.link)
+            carrier = next((body.link for body in bodies if body.joint == joint), None)
+            if carrier is None or payload.mass <= 0.0:
+                continue
+            relative = np.linalg.inv(pose[carrier]) @ pose[payload.link]
+            ball = rr.Points3D(
+                [relative[:3, :3] @ payload.com + relative[:3, 3]],
+                radii=[RADIUS_PER_KG * payload.mass ** (1 / 3)],
+                colors=[(90, 90, 90)],
+                labels=[f"{payload.mass:g} kg"],
+                show_labels=False,
+            )
+            self._stream.log(where(carrier, f"payload {number + 1}"), ball, static=True)
 
 
 def quaternions(rotations: Array) -> Array:

@@ -15,7 +15,8 @@ from flexviz.errors import Cancelled, ConvergenceError, InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
-from flexviz.recording.files import Recorded, Target
+from flexviz.recording.files import Target
+from flexviz.recording.reading import Recorded
 from flexviz.recording.recorder import MAX_SAMPLES, Check, Recorder
 from flexviz.recording.stream import Stream
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 from flexviz import __version__
 from flexviz.errors import InputError, choose_from
+from flexviz.files import as_json
 from flexviz.measurements import MeasurementSet
 from flexviz.report.blocks import ReportDocument, Section
 from flexviz.report.content import ReportContent, gather, shown_time
 from flexviz.report.html import html
 from flexviz.report.markdown import markdown
-from flexviz.report.numbers import numbers
-from flexviz.report.sections.effects import effects, telling_apart
-from flexviz.report.sections.errors import staircase, where
-from flexviz.report.sections.guard import guard
-from flexviz.report.sections.parameters import parameters
+from flexviz.report.sections.effects import effects, next_experiments, telling_apart
+from flexviz.report.sections.errors import group_rows, staircase, where
+from flexviz.report.sections.parameters import guard, parameters
 from flexviz.report.sections.reproduce import reproduce
-from flexviz.report.sections.summary import summary
+from flexviz.report.sections.summary import sentence, summary, warnings
 from flexviz.session import Session, now
 from flexviz.wording import plural
 
@@ -26,6 +26,7 @@ SECTIONS: tuple[Callable[[ReportContent], Section | None], ...] = (
     summary, staircase, effects, parameters, where, telling_apart, guard, reproduce,
 )  # fmt: skip
 KINDS = ("html", "md", "json")
+FORMAT = 1  # of the JSON
 
 
 def session_report(
@@ -53,7 +54,7 @@ def session_report(
     content = gather(session, measurements, folder, changed)
     when = now()
     if kind == "json":
-        return numbers(content, when)
+        return as_numbers(content, when)
     write = html if kind == "html" else markdown
     return write(compose(content, shown_time(when)))
 
@@ -70,3 +71,59 @@ def compose(content: ReportContent, when: str) -> ReportDocument:
         [section for make in SECTIONS if (section := make(content)) is not None],
         f"Written by flexviz {__version__} on {when}.",
     )
+
+
+def as_numbers(content: ReportContent, when: str) -> str:
+    """Results, settings and data hashes as JSON text; numbers that are not finite are null."""
+    analysis, measurements = content.analysis, content.measurements
+    # the steps of the present model alone; the whole staircase follows
+    diagnosis = None if content.diagnosis is None else content.diagnosis.to_dict(steps=False)
+    document = {
+        "format": FORMAT,
+        "flexviz": __version__,
+        "written": when,
+        "summary": sentence(content),
+        "warnings": warnings(content),
+        "simulated": measurements.simulated,
+        "set": {
+            "name": measurements.name,
+            "path": str(measurements.path),
+            "sha256": content.fingerprint.sha256,
+            "files": [asdict(file) for file in content.fingerprint.files],
+        },
+        "session": None if content.folder is None else str(content.folder),
+        "settings": {
+            "joints": content.joints,
+            "roles": dict(analysis.roles),
+            "effects": analysis.effects,
+            "observer": analysis.observer,
+            "bandwidth": analysis.bandwidth,
+            "refine": analysis.refine,
+        },
+        "staircase": [
+            {
+                "added": one.added,
+                "rms": one.model.step.rms,
+                "rms_validation": one.model.step.rms_validation,
+                "noise_floor": one.model.step.noise_floor,
+                "verdict": one.model.step.verdict,
+            }
+            for one in content.rounds
+        ],
+        "groups": [
+            {"name": name, "used_to": used, "rms": values}
+            for name, used, values in (group_rows(content.steps) if content.steps else ())
+        ],
+        "added": [
+            {"effect": name, "finding": None if finding is None else finding.to_dict()}
+            for name, finding in content.added
+        ],
+        "diagnosis": diagnosis,
+        "identification": None if content.identification is None else content.identification.to_dict(),
+        "guard": None if diagnosis is None else diagnosis["guard"],
+        "next_experiments": next_experiments(content, content.found),
+        "history": [{"when": s.when, "label": s.label, "flexviz": s.version} for s in content.session.steps],
+        "notes": [{"when": note.when, "text": note.text} for note in content.session.notes],
+        "recordings": [str(file) for file in content.session.recordings],
+    }
+    return as_json(document)
