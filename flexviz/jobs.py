@@ -22,7 +22,7 @@ import threading
 import time
 import traceback
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import Pipe
@@ -37,8 +37,8 @@ STOP_GRACE = 5.0  # [s] a stopped task may take to end by itself before its proc
 _CHILD = "import sys; from flexviz.jobs import child_main; child_main(int(sys.argv[1]))"
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
-
-_preparations: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+Preparation = tuple[Callable[..., Any], tuple[Any, ...]]
+_preparations: list[Preparation] = []
 
 
 def in_children(function: Callable[..., Any], *args: Any) -> None:
@@ -55,13 +55,9 @@ def forget_in_children(function: Callable[..., Any], *args: Any) -> None:
 
 
 class Task(ABC, Generic[Result]):
-    """A kind of work: a frozen dataclass whose fields are its arguments. It is pickled to reach the child.
+    """A kind of work: a frozen dataclass whose fields are its arguments. It is pickled to reach the child."""
 
-    Attributes:
-        in_process: whether it runs in the child process; otherwise in a thread of this one.
-    """
-
-    in_process: ClassVar[bool] = True
+    in_process: ClassVar[bool] = True  # whether it runs in the child process, else in a thread of this one
 
     @abstractmethod
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
@@ -209,16 +205,14 @@ class Worker:
         if self._child is None or not self._child.alive:
             self._child = _Child()
         child = self._child
-        for preparation in _preparations:
-            if preparation not in child.prepared:
-                child.send(("prepare", 0, preparation))
-                child.prepared.append(preparation)
-        child.send(("run", job.number, job.task))
+        new = [preparation for preparation in _preparations if preparation not in child.prepared]
+        child.send("run", job.number, (new, job.task))
+        child.prepared += new
         asked: float | None = None
         while True:
             if job.stop.is_set() and asked is None:
                 asked = time.monotonic()
-                child.send(("stop", job.number))
+                child.send("stop", job.number)
             if self._closed or (asked is not None and time.monotonic() - asked > STOP_GRACE):
                 child.kill()
                 raise Cancelled
@@ -242,7 +236,7 @@ class _Child:
     """The parent's end of the child process."""
 
     def __init__(self) -> None:
-        self.prepared: list[tuple[Callable[..., Any], tuple[Any, ...]]] = []
+        self.prepared: list[Preparation] = []
         self._pipe, theirs = Pipe()
         environment = os.environ | dict.fromkeys(_THREADS, "1")
         self._process = subprocess.Popen(
@@ -259,9 +253,9 @@ class _Child:
     def alive(self) -> bool:
         return self._process.poll() is None
 
-    def send(self, message: Sequence[Any]) -> None:
+    def send(self, kind: Literal["run", "stop"], number: int, content: Any = None) -> None:
         try:
-            self._pipe.send(tuple(message))
+            self._pipe.send((kind, number, content))
         except (BrokenPipeError, ConnectionError):
             raise FlexvizError(self._reason()) from None
 
@@ -289,7 +283,7 @@ def child_main(descriptor: int) -> None:
     pipe = mpc.Connection(descriptor)
     lock = threading.Lock()
     stops: dict[int, threading.Event] = {}
-    waiting: queue.SimpleQueue[tuple[str, int, Any]] = queue.SimpleQueue()
+    waiting: queue.SimpleQueue[tuple[int, list[Preparation], Task[Any]]] = queue.SimpleQueue()
 
     def send(kind: Kind, number: int, value: Any) -> None:
         with lock:
@@ -298,7 +292,7 @@ def child_main(descriptor: int) -> None:
     def read() -> None:
         while True:
             try:
-                kind, number, *content = pipe.recv()
+                kind, number, content = pipe.recv()
             except (EOFError, OSError):
                 os._exit(0)
             except Exception as error:  # a task that cannot be unpickled here
@@ -307,23 +301,21 @@ def child_main(descriptor: int) -> None:
             if kind == "stop":
                 stops.setdefault(number, threading.Event()).set()
             else:
-                waiting.put((kind, number, content[0]))
+                waiting.put((number, *content))
 
-    def work(kind: str, number: int, content: Any) -> None:
-        if kind == "prepare":
-            function, args = content
+    def work(number: int, preparations: list[Preparation], task: Task[Any]) -> None:
+        for function, args in preparations:
             function(*args)
-            return
         stop = stops.setdefault(number, threading.Event())
-        send("done", number, content.run(lambda news: send("progress", number, news), stop.is_set))
+        send("done", number, task.run(partial(send, "progress", number), stop.is_set))
 
     threading.Thread(target=read, daemon=True).start()
     while True:
-        message = waiting.get()
-        ended, value = _outcome(partial(work, *message))
+        number, preparations, task = waiting.get()
+        ended, value = _outcome(partial(work, number, preparations, task))
         if ended != "done":
-            send(ended, message[1], value)
-        stops.pop(message[1], None)
+            send(ended, number, value)
+        stops.pop(number, None)
 
 
 def _outcome(work: Callable[[], Any]) -> tuple[Kind, Any]:

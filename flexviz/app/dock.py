@@ -61,16 +61,11 @@ class Dock:
     def _refresh(self) -> None:
         store = self._store
         self._joint.value, self._group.value = store.joint_name, store.group.name
-        for button, label, verb in (
-            (self._undo, store.session.undoes, "undoes"),
-            (self._redo, store.session.redoes, "redoes"),
-        ):
-            off(button, "" if label else "nothing to do", f"{verb}: {label}")
-        off(
-            self._stop,
-            "" if store.running else "nothing is running",
-            "stops the running task and keeps its results",
-        )
+        undo, redo = store.session.undoes, store.session.redoes
+        off(self._undo, "" if undo else "nothing to do", f"undoes: {undo}")
+        off(self._redo, "" if redo else "nothing to do", f"redoes: {redo}")
+        why = "" if store.running else "nothing is running"
+        off(self._stop, why, "stops the running task and keeps its results")
 
     def _progress(self) -> None:
         """Show the progress; an unknown share is drawn as full."""

@@ -46,8 +46,7 @@ class IdleWork:
     ) -> None:
         """Start a task for an entry of a result, unless it is already running."""
         store, kind, running = self._store, type(task), (derived, entry)
-        before = self._under_way.get(kind)
-        if before is not None and before[0] is derived and before[1] == entry:
+        if self._under_way.get(kind) == running:
             return
 
         def end() -> None:

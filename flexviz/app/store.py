@@ -169,16 +169,14 @@ class Store(ChangeSignal):
     @property
     def maps(self) -> tuple[ResidualMap, ...]:
         """Residual maps of the current model, from the diagnosis or from idle work."""
-        analysis = self.analysis
-        if analysis.diagnosis is not None and analysis.diagnosis_up_to_date and analysis.diagnosis.maps:
-            return analysis.diagnosis.maps
-        return self.derived.maps
+        diagnosis = self.analysis.current_diagnosis
+        return diagnosis.maps if diagnosis and diagnosis.maps else self.derived.maps
 
     @property
     def free_curve(self) -> FreeCurve | None:
         """The free curve of the diagnosis, if any."""
-        analysis = self.analysis
-        return analysis.diagnosis.free_curve if analysis.diagnosis and analysis.diagnosis_up_to_date else None
+        diagnosis = self.analysis.current_diagnosis
+        return diagnosis.free_curve if diagnosis else None
 
     # -- what is shown -------------------------------------------------------------------------------
 

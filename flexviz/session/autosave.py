@@ -40,9 +40,8 @@ class Unsaved:
 class Autosave:
     """Writes the latest state of the open session from a background thread.
 
-    Args:
-        root: returns the folder for all autosaved sessions; may raise InputError.
-        failed: called from the thread with a one-line error message.
+    `root` returns the folder for all autosaved sessions, or raises InputError. `failed` is called from the
+    thread with a one-line error message.
     """
 
     def __init__(self, root: Callable[[], Path], failed: Callable[[str], None] = lambda text: None) -> None:

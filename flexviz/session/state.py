@@ -97,6 +97,11 @@ class Analysis:
         """Whether the last diagnosis belongs to the current settings."""
         return self.diagnosis is not None and self.diagnosed == self.diagnosis_settings
 
+    @property
+    def current_diagnosis(self) -> Diagnosis | None:
+        """The last diagnosis, if it belongs to the current settings."""
+        return self.diagnosis if self.diagnosis_up_to_date else None
+
     def same_as(self, other: Analysis) -> bool:
         """Whether both have the same settings and results."""
         results = self.identification is other.identification and self.diagnosis is other.diagnosis

@@ -114,7 +114,7 @@ def next_step(analysis: Analysis, current: str, running: bool) -> NextStep:
     where = "press" if current == "Diagnose" else "step Diagnose, then"
     if not analysis.diagnosis_up_to_date:
         return NextStep("Diagnose", "find", f"Next: {where} <b>Find the missing effect</b>.")
-    diagnosis = analysis.diagnosis
+    diagnosis = analysis.current_diagnosis
     if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
         return NextStep("Diagnose", "add", f"Next: {where} <b>Add and refit</b> and watch the error fall.")
     if len(analysis.model_steps) > 1:

@@ -57,26 +57,23 @@ class DiagnoseStep(WorkflowStep):
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
-        diagnosis, fresh = analysis.diagnosis, analysis.diagnosis_up_to_date
-        self._verdict.content = verdict_html(diagnosis, fresh)
-        curve = store.free_curve
+        self._verdict.content = verdict_html(analysis.diagnosis, analysis.diagnosis_up_to_date)
+        current, curve = analysis.current_diagnosis, store.free_curve
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_chart(curve, height=HEIGHT),))
-        self._heading.content = heading_html(diagnosis) if fresh else ""
+        self._heading.content = heading_html(current)
         self._show_findings()
         self.model.show(store.measurements.effects, analysis.effects, why)
-        found = diagnosis is not None and fresh and diagnosis.verdict == "missing" and diagnosis.findings
-        self._all.visible = bool(found)
+        self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
         self._why.content = dim(f"Off: {why}." if why else "")
         off(self._find, why, "identifies if needed, then tries every effect of the library on the residual")
 
     def _show_findings(self) -> None:
         """Show the findings; of new ones the first is open."""
-        store, diagnosis = self.store, self.store.analysis.diagnosis
-        fresh = diagnosis is not None and store.analysis.diagnosis_up_to_date
-        before, self._findings = self._findings, diagnosis.findings if diagnosis and fresh else ()
+        store, diagnosis = self.store, self.store.analysis.current_diagnosis
+        before, self._findings = self._findings, diagnosis.findings if diagnosis else ()
         shown = (*self._findings, *[None] * MAX_FINDINGS)
         for index, entry in enumerate(self.findings):
             if self._findings != before:
@@ -88,12 +85,10 @@ class DiagnoseStep(WorkflowStep):
 
     def _add(self, index: int) -> None:
         """Add finding `index`, refit, diagnose again."""
-        analysis = self.store.analysis
-        diagnosis = analysis.diagnosis
-        if diagnosis is None or not analysis.diagnosis_up_to_date or index >= len(diagnosis.findings):
+        if index >= len(self._findings):
             raise InputError("there are no findings for the current model: press Find the missing effect")
-        text = diagnosis.findings[index].text
-        self._start(f"added {effect_text_name(text)}", analysis.with_effect(text, True))
+        text = self._findings[index].text
+        self._start(f"added {effect_text_name(text)}", self.store.analysis.with_effect(text, True))
 
     def _add_all(self) -> None:
         self._start("added all found", self.store.analysis, apply=True)
@@ -139,11 +134,11 @@ class DiagnoseStep(WorkflowStep):
         store.say(f"{label} in {number(diagnosis.seconds, 2)} s")
 
     def _select_joint(self) -> None:
+        """Select the joint of the best finding."""
         diagnosis = self.store.analysis.diagnosis
-        if diagnosis is not None and diagnosis.verdict == "missing" and diagnosis.findings:
-            joint = diagnosis.findings[0].joint
-            if joint:
-                self.store.select(joint=self.store.measurements.joint_index(joint))
+        findings = diagnosis.findings if diagnosis and diagnosis.verdict == "missing" else ()
+        if findings and findings[0].joint:
+            self.store.select(joint=self.store.measurements.joint_index(findings[0].joint))
 
 
 class FindingEntry:

@@ -216,28 +216,25 @@ class ParameterCheck:
         self._due = None
         if store.why_not:
             return
-        self._asked = analysis.settings
+        settings = self._asked = analysis.settings
+
+        def stopped() -> None:
+            if self._asked == settings:
+                self._asked = None
+                store.set_check("")
+
+        def done(result: Identification) -> None:
+            if settings == store.analysis.settings:
+                self._show(settings, check_html(result))
+            else:
+                stopped()
+
+        def failed(reason: str) -> None:
+            self._show(settings, warning(f"Check: {reason}"))
+
         store.set_check(dim("Checking what can be identified."))
-        store.tasks.start(
-            CheckParameters(analysis.without_result()),
-            partial(self._done, analysis.settings),
-            failed=partial(self._failed, analysis.settings),
-            stopped=partial(self._stopped, analysis.settings),
-        )
-
-    def _done(self, settings: Settings, result: Identification) -> None:
-        if settings == self._store.analysis.settings:
-            self._show(settings, check_html(result))
-        else:
-            self._stopped(settings)
-
-    def _failed(self, settings: Settings, reason: str) -> None:
-        self._show(settings, warning(f"Check: {reason}"))
-
-    def _stopped(self, settings: Settings) -> None:
-        if self._asked == settings:
-            self._asked = None
-            self._store.set_check("")
+        task = CheckParameters(analysis.without_result())
+        store.tasks.start(task, done, failed=failed, stopped=stopped)
 
     def _show(self, settings: Settings, sentence: str) -> None:
         """Show the sentence of these settings."""
