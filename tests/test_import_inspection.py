@@ -18,8 +18,8 @@ from flexviz.importing import Inspection, import_logs, inspect_logs
 from flexviz.importing.clocks import guess_unit
 from flexviz.importing.column_names import unit_in
 from flexviz.importing.columns import candidates, find_families
+from flexviz.importing.draft import Person
 from flexviz.importing.formats.base import LogTable
-from flexviz.importing.questions import Person
 
 DATA = truth(rows=1500)
 UR = (

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from flexviz.importing.draft import Person, Questions
 from flexviz.importing.importing import Imported, import_logs
 from flexviz.importing.inspecting import Inspection, inspect_logs
 from flexviz.importing.mapping import Issue, Mapping, read_mapping
 from flexviz.importing.plausibility import issues_of_set, with_plausibility_warnings
-from flexviz.importing.questions import Person, Questions
 
 __all__ = [
     "Imported",

@@ -92,9 +92,6 @@ def angle_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]
     return [change_of(mapping, joint, name, one) for one in keys]
 
 
-# -- checks --------------------------------------------------------------------------------------------
-
-
 def check_optional_columns(mapping: Mapping, tables: Sequence[GroupTable]) -> list[Issue]:
     """Issues of the columns that are only for comparison, or of θ beside them."""
     found: list[Issue] = []
@@ -149,9 +146,6 @@ def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
     change = min(correct, key=lambda x: len(str(x)))
     kind = "sign" if change.fixes[0].key == "sign" else "unit"
     return Issue(kind, "wrong", (joint,), name, f"{message}: with {change} they agree", change.fixes)
-
-
-# -- units and gear found while a mapping is drafted ---------------------------------------------------
 
 
 def find_scales(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> bool:

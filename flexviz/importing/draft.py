@@ -1,8 +1,13 @@
-"""A mapping being drafted: it may lack what is not known yet, and gives the reasons for its entries."""
+"""A mapping being drafted, and the questions that this may ask.
+
+The draft may lack what is not known yet, and gives the reasons for its entries.
+"""
 
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +17,7 @@ from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
 from flexviz.robot import is_library_robot
 from flexviz.toml import key_text, value_text
 
+Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
 DEFAULTS: dict[str, Any] = {"side": "joint", "sign": 1, "offset": 0.0}
 HEAD = """# What the columns of these logs are; written by flexviz import after looking at them.
 # Correct what is wrong, then:  flexviz import {name} --out SET
@@ -121,3 +127,71 @@ class Draft:
 def relative(path: Path, folder: Path) -> str:
     """A path relative to `folder`."""
     return Path(os.path.relpath(path.absolute(), folder.absolute())).as_posix()
+
+
+class Questions:
+    """Answers to questions: the defaults, without asking anybody."""
+
+    def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
+        """The index of one of the options, or None for none of them."""
+        return default
+
+    def numbers(self, question: str, count: int) -> list[float] | None:
+        """`count` positive numbers (one stands for all), or None where they are not known."""
+        return None
+
+    def several(self, question: str, options: Sequence[str]) -> list[int]:
+        """The indices of some of the options."""
+        return []
+
+
+class Person(Questions):
+    """Asks a person; `tell` shows a line, `ask` returns what was typed. Invalid answers are asked again."""
+
+    def __init__(self, ask: Ask, tell: Callable[[str], None]) -> None:
+        self.ask, self.tell = ask, tell
+
+    def choose(self, question: str, options: Sequence[str], default: int | None) -> int | None:
+        self._show(question, options)
+        self.tell("  0  none of these")
+        valid = range(len(options) + 1)
+        preset = str(0 if default is None else default + 1)
+        wrong = f"is none of 0 … {len(options)}"
+        (answer,) = self._ask("number", preset, lambda x: len(x) == 1 and x[0] in valid, wrong)
+        return int(answer) - 1 if answer else None
+
+    def numbers(self, question: str, count: int) -> list[float] | None:
+        wanted = "one number" + (f", or {count} with commas" if count > 1 else "")
+        values = self._ask(
+            f"{question} ({wanted}; only Enter where it is not known)",
+            "",
+            lambda x: len(x) in (0, 1, count) and all(0.0 < value < 1e9 for value in x),
+            f"is not {wanted} above 0",
+        )
+        return (values * count if len(values) == 1 else values) or None
+
+    def several(self, question: str, options: Sequence[str]) -> list[int]:
+        self._show(question, options)
+        valid = range(1, len(options) + 1)
+        wrong = f"holds something that is none of 1 … {len(options)}"
+        prompt = "numbers with commas, only Enter for none"
+        found = self._ask(prompt, "", lambda x: all(number in valid for number in x), wrong)
+        return sorted({int(number) - 1 for number in found})
+
+    def _show(self, question: str, options: Sequence[str]) -> None:
+        for line in (question, *(f"  {i + 1}  {option}" for i, option in enumerate(options))):
+            self.tell(line)
+
+    def _ask(
+        self, prompt: str, default: str, valid: Callable[[list[float]], bool], wrong: str
+    ) -> list[float]:
+        """Numbers separated by commas or spaces, asked for until they are valid."""
+        while True:
+            text = self.ask(prompt, default).strip()
+            try:
+                numbers = [float(word) for word in re.findall(r"[^,\s]+", text)]
+                if valid(numbers):
+                    return numbers
+            except ValueError:
+                pass
+            self.tell(f'"{text}" {wrong}')

@@ -191,9 +191,6 @@ def offset_issues(offsets: list[ClockOffset], mapping: Mapping) -> list[Issue]:
     return found
 
 
-# -- writing -------------------------------------------------------------------------------------------
-
-
 def write_groups(
     new: Path,
     mapping: Mapping,

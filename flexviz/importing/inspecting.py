@@ -15,12 +15,11 @@ from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import clock_offsets
-from flexviz.importing.draft import Draft, DraftJoint
+from flexviz.importing.draft import Draft, DraftJoint, Questions
 from flexviz.importing.formats import LogSource, find_logs, open_log
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
-from flexviz.importing.questions import Questions
 from flexviz.measurements import Array, read_robot
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.robot import Robot

@@ -59,9 +59,6 @@ def check_range(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     return found
 
 
-# -- sets made elsewhere -------------------------------------------------------------------------------
-
-
 def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
     """The set with a warning, logged too, for everything that its robot's masses contradict.
 

@@ -154,9 +154,6 @@ def issue_of(best: Hypothesis, before: Array, after: Array, mapping: Mapping) ->
     return Issue("sign" if key == "sign" else "unit", "wrong", joints, signals, message, best.fixes)
 
 
-# -- unit of θ -----------------------------------------------------------------------------------------
-
-
 def theta_changes(mapping: Mapping, model: TorqueModel, j: int, already: float) -> dict[str, ColumnChange]:
     """Changes that bring a motion too large for joint j into its range, or a very small one up.
 
@@ -206,9 +203,6 @@ def check_theta_by_q(mapping: Mapping, model: TorqueModel) -> tuple[list[Issue],
 def agrees(ratio: float) -> bool:
     """Whether a ratio is 1 except for the deflection of the spring."""
     return 1 / LIMITS.agrees < ratio < LIMITS.agrees
-
-
-# -- unit of τ -----------------------------------------------------------------------------------------
 
 
 def check_scale(mapping: Mapping, model: TorqueModel, result: SearchResult) -> list[Issue]:

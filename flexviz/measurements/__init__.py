@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
-from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, Segment
-from flexviz.measurements.fingerprints import FileHash, Fingerprint, fingerprint
+from flexviz.measurements.data import (
+    OPTIONAL_SIGNALS,
+    Array,
+    FileHash,
+    Fingerprint,
+    Group,
+    MeasurementSet,
+    Segment,
+    fingerprint,
+)
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader
 from flexviz.measurements.segments import GAP, POINTS, interpolate

@@ -198,14 +198,5 @@ def read_group(
     if resampled:
         warn_here("the time jitters: the signals were resampled to a uniform step")
         time = time.copy()  # so that the table can be forgotten
-    return Group(
-        name=entry.name,
-        trajectory=entry.trajectory,
-        payload=entry.payload,
-        bodies=bodies,
-        validation=entry.validation,
-        file=file,
-        segments=tuple(segments),
-        time=time,
-        **compared,
-    )
+    names = entry.name, entry.trajectory, entry.payload
+    return Group(*names, bodies, entry.validation, file, tuple(segments), time, **compared)

@@ -137,9 +137,6 @@ def readable(file: Path, kind: str) -> Iterator[None]:
         raise InputError(f"not a readable {kind}: {reason}{hint}", file=file) from None
 
 
-# -- CSV ---------------------------------------------------------------------------------------------
-
-
 def csv_header(file: Path) -> list[str]:
     """The names in the first line (spaces around a name do not count)."""
     with file.open("rb") as stream:
