@@ -160,10 +160,7 @@ class Robot:
         return total
 
     def model_with(
-        self,
-        parameters: np.ndarray,
-        payload: Sequence[PayloadBody] = (),
-        gravity: Sequence[float] = GRAVITY,
+        self, parameters: np.ndarray, payload: Sequence[PayloadBody] = (), gravity: Sequence[float] = GRAVITY
     ) -> Any:
         """A copy of the model with inertias `parameters` (n, 10) + payload, and this gravity (3,) [m/s²]."""
         values = np.asarray(parameters, dtype=float) + self.payload_parameters(payload)

@@ -79,12 +79,7 @@ def record(
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         measurements = read_selected(measurement_set, options)
         done = record_analysis(
-            measurements,
-            out,
-            add_missing=diagnose,
-            progress=report,
-            should_stop=stop,
-            **options.arguments(),
+            measurements, out, add_missing=diagnose, progress=report, should_stop=stop, **options.arguments()
         )
     written = done.recorded
     state = "" if written.complete else ", stopped before everything was recorded"

@@ -9,11 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.options import (
-    IdentificationOptions,
-    SourceArgument,
-    run_identification,
-)
+from flexviz.cli.options import IdentificationOptions, SourceArgument, run_identification
 from flexviz.errors import Cancelled, InputError
 
 if TYPE_CHECKING:

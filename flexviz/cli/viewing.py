@@ -65,8 +65,7 @@ def prepared(source: Path, temporary: Path, out: Path | None) -> Path:
         return from_session(source, out or temporary / f"{source.resolve().name}.rrd")
     if source.is_dir():
         raise InputError(
-            "neither a recording nor a session; `flexviz record` records a measurement set",
-            file=source,
+            "neither a recording nor a session; `flexviz record` records a measurement set", file=source
         )
     try:
         checked = check_recording(source)
