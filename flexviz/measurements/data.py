@@ -79,6 +79,11 @@ class Group:
         """Total length of the segments [s]."""
         return sum(segment.step * (len(segment) - 1) for segment in self.segments)
 
+    def joined(self, name: str) -> Array:
+        """time (N,), theta or tau (N, n) over all segments; not copied if there is only one."""
+        parts = [getattr(segment, name) for segment in self.segments]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
     def at(self, name: str, time: Array) -> Array | None:
         """An optional signal ("q", "tau_joint", "theta_ref") at `time` (M,) by linear interpolation."""
         values: Array | None = getattr(self, name)

@@ -46,10 +46,7 @@ class GroupTable:
     @staticmethod
     def of(group: Group) -> GroupTable:
         """A group that was read, with the signals that are used (jitter resampled)."""
-        signals: dict[str, Any] = {
-            name: np.concatenate([getattr(segment, name) for segment in group.segments])
-            for name in ("time", "theta", "tau")
-        }
+        signals: dict[str, Any] = {name: group.joined(name) for name in ("time", "theta", "tau")}
         if len(group.segments) == 1 and len(signals["time"]) == len(group.time):
             signals["time"] = group.time  # as recorded: no rounding is added
         signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}

@@ -113,20 +113,15 @@ def measured_motion(measurements: MeasurementSet, group: Group, result: Identifi
     start, end = group.segments[0].time[0], group.segments[-1].time[-1]
     count = max(int((end - start) * SAMPLE_RATE) + 1, 2)
     time = np.linspace(start, end, count)
-    all_time = joined(group, "time")
-    theta = _columns(time, all_time, joined(group, "theta"))
-    deflection, source = _deflection(measurements, group, result, time, all_time, theta)
-    link = None
-    if group.q is not None and np.isfinite(group.q).all():
-        link = _columns(time, group.time, group.q)
-    torque = _columns(time, all_time, joined(group, "tau"))
+    recorded = group.joined("time")
+    theta, torque = (_columns(time, recorded, group.joined(name)) for name in ("theta", "tau"))
+    link = group.at("q", time)
+    if link is not None and np.isfinite(link).all():
+        deflection, source = theta - link, "link encoders"
+    else:
+        link = None
+        deflection, source = _deflection(measurements, group, result, time)
     return RobotMotion(group.name, time, theta, deflection, source, link=link, torque=torque)
-
-
-def joined(group: Group, name: str) -> Array:
-    """time (N,), theta or tau (N, n) over all segments; not copied if there is only one."""
-    parts = [getattr(segment, name) for segment in group.segments]
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def with_replay(motion: RobotMotion, run: Any) -> RobotMotion:
@@ -154,25 +149,17 @@ def _columns(time: Array, from_time: Array, values: Array) -> Array:
 
 
 def _deflection(
-    measurements: MeasurementSet,
-    group: Group,
-    result: Identification | None,
-    time: Array,
-    all_time: Array,
-    theta: Array,
+    measurements: MeasurementSet, group: Group, result: Identification | None, time: Array
 ) -> tuple[Array | None, str]:
-    """Deflection (M, n) [rad] and its source: link encoders, the identified model, or rough start values."""
-    if group.q is not None and np.isfinite(group.q).all():
-        return theta - _columns(time, group.time, group.q), "link encoders"
+    """Deflection (M, n) [rad] and its source, without link encoders: the model, or rough start values."""
     series = None if result is None else result.residuals.get(group.name)
     if series is not None and result is not None and len(series.time):
-        deflection = series.torque / result.model.stiffness
-        return _columns(time, series.time, deflection), "identified"
+        return _columns(time, series.time, series.torque / result.model.stiffness), "identified"
     if measurements.initial_stiffness is None:
         return None, "unknown"
-    tau = joined(group, "tau")
-    rough = _smooth(tau, all_time) / measurements.initial_stiffness
-    return _columns(time, all_time, rough), "rough, from start K"
+    recorded = group.joined("time")
+    rough = _smooth(group.joined("tau"), recorded) / measurements.initial_stiffness
+    return _columns(time, recorded, rough), "rough, from start K"
 
 
 def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:

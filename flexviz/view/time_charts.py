@@ -45,8 +45,7 @@ EVIDENCE = "evidence"
 
 def torque(group: Group, joint: int) -> tuple[Array, Array]:
     """Time (N,) [s] and measured torque (N,) [Nm] of one joint over all segments."""
-    time = np.concatenate([segment.time for segment in group.segments])
-    return time, measured(group.segments, joint, "tau")
+    return group.joined("time"), group.joined("tau")[:, joint]
 
 
 def model_torque(
