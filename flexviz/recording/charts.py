@@ -14,7 +14,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, Chart, cividis, rgb
-from flexviz.recording.paths import TIME, diagnosis_path, path
+from flexviz.recording.paths import TIME, path
 from flexviz.recording.signals import send_line
 from flexviz.recording.stream import Stream
 from flexviz.view import MAP_COLUMNS, free_chart, map_charts, map_of, staircase_chart
@@ -212,6 +212,6 @@ def send_evidence(stream: Stream, number: int, rank: int, finding: Finding) -> N
             ("residual", evidence.residual, COLOURS.residual, 4.0),
             ("signature", evidence.signature, COLOURS.model, 1.5),
         ):
-            entity = diagnosis_path(number, "evidence", rank, group, name)
+            entity = path("diagnoses", number, "evidence", rank, group, name)
             label = f"{name} {evidence.joint}"
             send_line(stream, entity, [index], np.asarray(values[first:last]), label, colour, width)

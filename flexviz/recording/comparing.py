@@ -16,14 +16,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.recording.layout import document, page, plot, scene_view
-from flexviz.recording.paths import (
-    APPLICATION,
-    STATES,
-    TITLES,
-    diagnosis_path,
-    observer_path,
-    result_path,
-)
+from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
 from flexviz.recording.texts import table
 from flexviz.results import bandwidth_text
@@ -169,7 +162,7 @@ def _largest_residuals(recording: Recording) -> dict[str, float]:
     """Group -> largest residual of the newest result [Nm]."""
     found: dict[str, float] = {}
     for group in recording.groups:
-        where = result_path(len(recording.results), "groups", group, "residual")
+        where = path("results", len(recording.results), "groups", group, "residual")
         values = [
             float(np.nanmax(np.abs(np.asarray(batch.column(SCALARS).flatten(), dtype=float)), initial=0.0))
             for chunk in RrdReader(str(recording.file)).stream().filter(content=f"{where}/**")
@@ -210,7 +203,7 @@ def _blueprint(found: RecordingComparison) -> rrb.Blueprint:
 
 def _residual(side: str, recording: Recording, group: str, top: float) -> rrb.TimeSeriesView:
     """The newest result's residual in one group, up to ± `top` [Nm]."""
-    origin = f"/{side}" + result_path(len(recording.results), "groups", group, "residual")
+    origin = f"/{side}" + path("results", len(recording.results), "groups", group, "residual")
     return plot(f"{side} residual [Nm] {group}", origin, ["$origin/**"], span=(-top, top))
 
 
@@ -218,12 +211,12 @@ def _details(found: RecordingComparison, groups: Sequence[str]) -> rrb.Container
     """Differences, convergence, verdicts, descriptions, and the states of A and B overlaid."""
     curves, verdicts, about = [], [], []
     for side, r in found.sides:
-        optimiser = f"/{side}" + result_path(len(r.results), "optimiser")
+        optimiser = f"/{side}" + path("results", len(r.results), "optimiser")
         for name, entity in (("cost, log10", "log10_cost"), ("parameters / last value", "relative")):
             if r.results:
                 curves.append(plot(f"{side} {name}", optimiser, [f"$origin/{entity}"], legend=False))
         if r.diagnoses:
-            verdict = f"/{side}" + diagnosis_path(len(r.diagnoses), "verdict")
+            verdict = f"/{side}" + path("diagnoses", len(r.diagnoses), "verdict")
             verdicts.append(document(verdict, f"{side} verdict"))
         about.append(document(f"/{side}/about", f"{side} about"))
     rows = {"Convergence": curves, "Verdicts": verdicts, "About": about}
@@ -243,7 +236,7 @@ def _states(found: RecordingComparison, group: str) -> rrb.Container:
         overrides: dict[str, Any] = {}
         for side, recording in found.sides:
             for joint in recording.joints if recording.observer is not None else ():
-                entity = f"/{side}" + observer_path(recording.observer, group, name, joint)
+                entity = f"/{side}" + path("observers", recording.observer, group, name, joint)
                 contents.append(entity)
                 if side == "A":
                     style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"A {joint}", widths=3.0)

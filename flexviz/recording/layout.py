@@ -17,19 +17,7 @@ from rerun.blueprint.components import AbsoluteTimeRange
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.recording.charts import MAX_EVIDENCE
-from flexviz.recording.paths import (
-    ABOUT,
-    ITERATION,
-    LOG,
-    TIME,
-    TITLES,
-    diagnosis_path,
-    group_path,
-    observer_name,
-    observer_path,
-    path,
-    result_path,
-)
+from flexviz.recording.paths import ABOUT, ITERATION, LOG, TIME, TITLES, observer_name, path
 from flexviz.recording.scene import Stage
 from flexviz.recording.signals import state_names
 from flexviz.recording.texts import group_title
@@ -95,7 +83,7 @@ def scene_view(root: str, name: str, group: str, eye: Any, centre: Any) -> rrb.S
     if eye is not None and centre is not None:
         controls = rrb.EyeControls3D(position=eye, look_target=centre, eye_up=[0.0, 0.0, 1.0])
     return rrb.Spatial3DView(
-        origin=root + group_path(group, "robots"),
+        origin=root + path("groups", group, "robots"),
         name=name,
         eye_controls=controls,
         line_grid=rrb.LineGrid3D(visible=True),
@@ -141,10 +129,10 @@ def _texts(groups: Sequence[Group], solves: Sequence[Solve], diagnoses: Sequence
     """The set, the verdict, the newest results, each group, the log."""
     views = [document(ABOUT, "About")]
     if diagnoses:
-        views.append(document(diagnosis_path(len(diagnoses), "verdict"), "Verdict"))
+        views.append(document(path("diagnoses", len(diagnoses), "verdict"), "Verdict"))
     for solve in reversed(solves[-MAX_RESULT_TABS:]):
-        views.append(document(result_path(solve.number, "about"), f"Result {solve.number}"))
-    views += [document(group_path(group.name, "about"), f"Group {group.name}") for group in groups]
+        views.append(document(path("results", solve.number, "about"), f"Result {solve.number}"))
+    views += [document(path("groups", group.name, "about"), f"Group {group.name}") for group in groups]
     views.append(document(LOG, "Log"))
     return rrb.Tabs(*views, active_tab=1 if diagnoses else 0, name="In words")
 
@@ -152,7 +140,7 @@ def _texts(groups: Sequence[Group], solves: Sequence[Solve], diagnoses: Sequence
 def _measured(group: Group) -> rrb.Container:
     """The recorded signals of one group."""
     views = [
-        plot(TITLES[f"{name}_0"], "/", [group_path(group.name, "measured", name) + "/**"])
+        plot(TITLES[f"{name}_0"], "/", [path("groups", group.name, "measured", name) + "/**"])
         for name in ("theta", "tau")
     ]
     return rrb.Vertical(*views, name=f"Measured {group_title(group)}")
@@ -162,9 +150,9 @@ def _states(group: Group, observer: Observer) -> rrb.Container:
     """All observer states of one group, with the measured signals for comparison."""
     views = []
     for name in state_names(observer):
-        contents = [observer_path(observer_name(observer), group.name, name) + "/**"]
+        contents = [path("observers", observer_name(observer), group.name, name) + "/**"]
         if name in ("theta_0", "tau_0"):
-            contents.append(group_path(group.name, "measured", name.partition("_")[0]) + "/**")
+            contents.append(path("groups", group.name, "measured", name.partition("_")[0]) + "/**")
         views.append(plot(TITLES[name], "/", contents, legend=False))
     return rrb.Grid(*views, grid_columns=3, name=f"States {group_title(group)}")
 
@@ -180,30 +168,30 @@ def _where_it_fails(
         if groups:
             over_time = (_residual(measurements.joints, group, solves) for group in groups)
             views.append(rrb.Tabs(*over_time, name="Where it fails: over time"))
-        where = result_path(solves[-1].number) if solves[-1].mapped else ""
+        where = path("results", solves[-1].number) if solves[-1].mapped else ""
     if diagnoses and diagnoses[-1].maps and not where:
-        where = diagnosis_path(number)
+        where = path("diagnoses", number)
     if where:
         curves = [drawing(where + path("curves", joint), joint) for joint in measurements.joints]
         views.append(drawing(f"{where}/map", "joint × variable"))
         views.append(rrb.Tabs(*curves, name="against each variable"))
     if diagnoses:
-        views.append(drawing(diagnosis_path(number, "staircase"), "Errors step by step"))
+        views.append(drawing(path("diagnoses", number, "staircase"), "Errors step by step"))
         if evidence := _evidence(diagnoses[-1], number):
             views.append(rrb.Tabs(*evidence, name="Evidence"))
         if diagnoses[-1].free_curve is not None:
-            views.append(drawing(diagnosis_path(number, "free"), "Free curve"))
+            views.append(drawing(path("diagnoses", number, "free"), "Free curve"))
     return rrb.Tabs(*views, name="Where it fails")
 
 
 def _residual(joints: Sequence[str], group: Group, solves: Sequence[Solve]) -> rrb.TimeSeriesView:
     """The newest result's residual in one group, in front of the first result's in grey."""
     number = solves[-1].number
-    origin = result_path(number, "groups", group.name, "residual")
+    origin = path("results", number, "groups", group.name, "residual")
     contents: list[str] = ["$origin/**"]
     overrides: dict[str, Any] = {}
     for joint in joints if len(solves) > 1 and solves[0].residuals else ():
-        before = result_path(1, "groups", group.name, "residual", joint)
+        before = path("results", 1, "groups", group.name, "residual", joint)
         contents.append(before)
         style = rr.SeriesLines(colors=rgb(COLOURS.reference), names=f"{joint}, result 1", widths=1.0)
         overrides[before] = style.visualizer()
@@ -217,14 +205,14 @@ def _evidence(diagnosis: Diagnosis, number: int) -> list[rrb.TimeSeriesView]:
     for rank, finding in enumerate(diagnosis.findings[:MAX_EVIDENCE], 1):
         if finding.evidence is not None and finding.evidence.groups:
             group = max(finding.evidence.groups, key=lambda entry: entry[2] - entry[1])[0]
-            origin = diagnosis_path(number, "evidence", rank, group)
+            origin = path("diagnoses", number, "evidence", rank, group)
             views.append(plot(f"{rank}. {finding.text}, {group} [Nm]", origin, ["$origin/**"]))
     return views
 
 
 def _convergence(result: int) -> rrb.Container:
     """Cost, step and parameters of the newest result, and a table by iteration."""
-    origin = result_path(result, "optimiser")
+    origin = path("results", result, "optimiser")
     table = rrb.DataframeView(
         origin=origin,
         contents=["$origin/cost", "$origin/step", "$origin/parameters/**"],

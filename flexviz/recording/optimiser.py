@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from flexviz.charts import rgb
-from flexviz.recording.paths import ITERATION, TIME, parameter_path, result_path
+from flexviz.recording.paths import ITERATION, TIME, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
 
@@ -63,14 +63,14 @@ class Solve:
             return
         for colour, name in enumerate(("cost", "step")):
             values = np.array([float(getattr(iteration, name)) for iteration in iterations])
-            where, indexes = result_path(self.number, "optimiser"), self._indexes(rows)
+            where, indexes = path("results", self.number, "optimiser"), self._indexes(rows)
             send_line(self._stream, f"{where}/{name}", indexes, values)  # in the table, not drawn
             usable = np.isfinite(values) & (values > 0.0)
             logarithm = np.log10(np.where(usable, values, np.nan))
             style = (f"log10 {name}", series_colour(colour)) if first == 0 else ("", "")
             send_line(self._stream, f"{where}/log10_{name}", indexes, logarithm, *style)
         stages = rr.TextLog.columns(text=[iteration.stage for iteration in iterations])
-        where = result_path(self.number, "optimiser", "stage")
+        where = path("results", self.number, "optimiser", "stage")
         self._stream.send_columns(where, self._indexes(rows), stages)
         for name in parameter_names(iterations):
             inside, values = self._values(name, rows)
@@ -94,7 +94,7 @@ class Solve:
         for place, name in enumerate(names):
             rows, values = self._values(name, range(len(self._iterations)))
             relative[rows, place] = np.clip(values / (values[-1] or 1.0), -RELATIVE_LIMIT, RELATIVE_LIMIT)
-        entity = result_path(self.number, "optimiser", "relative")
+        entity = path("results", self.number, "optimiser", "relative")
         colours = [rgb(series_colour(place)) for place in range(len(names))]
         style = rr.SeriesLines(names=[name.replace(":", " ") for name in names], colors=colours, widths=1.5)
         self._stream.log(entity, style, static=True)

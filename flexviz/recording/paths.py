@@ -27,7 +27,6 @@ views are never empty, also on `time` [s] since its start. Results and diagnoses
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,12 +62,6 @@ def path(*parts: object) -> str:
     return rr.new_entity_path([str(part) for part in parts])
 
 
-group_path = partial(path, "groups")  # group, …
-observer_path = partial(path, "observers")  # name with bandwidth, group, …
-result_path = partial(path, "results")  # number, …
-diagnosis_path = partial(path, "diagnoses")  # number, …
-
-
 def observer_name(observer: Observer) -> str:
     """Observer name with its bandwidth, "eso-50", or one per joint, "eso-40-60"."""
     return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
@@ -77,4 +70,4 @@ def observer_name(observer: Observer) -> str:
 def parameter_path(number: int, name: str) -> str:
     """The entity of a result's parameter "stiffness:joint1"."""
     parameter, _, joint = name.partition(":")
-    return result_path(number, "optimiser", "parameters", parameter, *([joint] if joint else []))
+    return path("results", number, "optimiser", "parameters", parameter, *([joint] if joint else []))

@@ -17,7 +17,7 @@ from flexviz.recording import signals, texts
 from flexviz.recording.charts import MAX_EVIDENCE, send_evidence, send_free_curve, send_maps, send_staircase
 from flexviz.recording.layout import blueprint
 from flexviz.recording.optimiser import Solve
-from flexviz.recording.paths import ABOUT, LOG, diagnosis_path, group_path, observer_name, result_path
+from flexviz.recording.paths import ABOUT, LOG, observer_name, path
 from flexviz.recording.reading import Recorded
 from flexviz.recording.scene import RobotScene
 from flexviz.recording.signals import stride_for
@@ -132,10 +132,10 @@ class Recorder:
         solve.finish(result)
         for group, residual in result.residuals.items():
             self._series(("groups", group), residual, ("residual", "torque", "q"))
-        where = result_path(solve.number, "about")
+        where = path("results", solve.number, "about")
         self.stream.text(where, texts.result_text(result, solve.number, solve.label))
         more = {"label": solve.label, "effects": [effect.text for effect in result.model.effects]}
-        self._json(result_path(solve.number, "json"), result.to_dict() | more)
+        self._json(path("results", solve.number, "json"), result.to_dict() | more)
         self.note(f"result {solve.number}: {result.message}")
         self._describe()
         self.arrange()
@@ -156,7 +156,7 @@ class Recorder:
     def maps(self, maps: Sequence[ResidualMap]) -> None:
         """Send where the newest result's model fails."""
         solve = self._newest()
-        send_maps(self.stream, result_path(solve.number), self.measurements.joints, maps)
+        send_maps(self.stream, path("results", solve.number), self.measurements.joints, maps)
         solve.mapped = True
         self.arrange()
 
@@ -164,9 +164,9 @@ class Recorder:
         """Send a diagnosis with its evidence; `steps` replaces its own model steps."""
         self.diagnoses.append(diagnosis)
         number, joints = len(self.diagnoses), self.measurements.joints
-        where = diagnosis_path(number)
-        self.stream.text(diagnosis_path(number, "verdict"), texts.diagnosis_text(diagnosis))
-        self._json(diagnosis_path(number, "json"), diagnosis.to_dict())
+        where = path("diagnoses", number)
+        self.stream.text(path("diagnoses", number, "verdict"), texts.diagnosis_text(diagnosis))
+        self._json(path("diagnoses", number, "json"), diagnosis.to_dict())
         send_staircase(self.stream, where, steps or diagnosis.steps)
         send_maps(self.stream, where, joints, diagnosis.maps)
         send_free_curve(self.stream, where, diagnosis.free_curve)
@@ -234,7 +234,7 @@ class Recorder:
     def _describe_group(self, group: Group, motion: RobotMotion, reason: str = "") -> None:
         stride = stride_for(group.samples, self.samples)
         text = texts.group_text(self.measurements, group, motion, stride, reason)
-        self.stream.text(group_path(group.name, "about"), text)
+        self.stream.text(path("groups", group.name, "about"), text)
 
     def _json(self, entity: str, document: dict) -> None:
         text = json.dumps(document, ensure_ascii=False, allow_nan=True)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.recording.paths import TIME, group_path
+from flexviz.recording.paths import TIME, path
 from flexviz.recording.stream import Stream
 from flexviz.scene import RobotMotion, RobotShape, measured_motion, robot_shape
 
@@ -101,7 +101,7 @@ class RobotScene:
             return
         robot, shape, stage = self._measurements.robot, self.shape, self.stage
         poses, place = [robot.link_poses(row) for row in theta], list(ROBOT_COLOURS).index(name)
-        where, colour = partial(group_path, group.name, "robots", name), rgb(ROBOT_COLOURS[name])
+        where, colour = partial(path, "groups", group.name, "robots", name), rgb(ROBOT_COLOURS[name])
         if (group.name, name) not in self._drawn:
             self._drawn.add((group.name, name))
             self._stream.log(where(), rr.Transform3D(translation=stage.offsets[place]), static=True)

@@ -81,21 +81,13 @@ class GuardEntry(ResultEntry):
     def _by_joint(cls, data: Any) -> Any:
         if isinstance(data, Mapping):
             return data
-        rows = [
-            {
-                "joint": joint,
-                "rms": data.rms[:, j],
-                "change": data.change[:, j],
-                "change_noise": data.change_noise[:, j],
-                "observer_error": bool(data.observer_error[j]),
-            }
-            for j, joint in enumerate(data.joints)
-        ]
+        columns = (data.rms.T, data.change.T, data.change_noise.T, data.observer_error.tolist())
+        rows = zip(data.joints, *columns, strict=True)  # the fields of a GuardJointEntry
         return {
             "observer": data.observer,
             "bandwidths": data.bandwidths,
             "in_use": int(data.in_use),
-            "joints": rows,
+            "joints": list(rows),
             "parameters": data.parameters,
             "texts": data.texts(),
         }
