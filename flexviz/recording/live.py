@@ -20,10 +20,10 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import partial, wraps
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Self
+from typing import TYPE_CHECKING, Concatenate, ParamSpec
 
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.measurements import MeasurementSet
@@ -55,7 +55,7 @@ def queued(
     return put
 
 
-class LiveRecording:
+class LiveRecording(AbstractContextManager["LiveRecording"]):
     """A growing recording of one measurement set; thread-safe.
 
     A failure (full disk, result of another set) ends the recording and is passed to `on_failure`; `flush`
@@ -115,11 +115,17 @@ class LiveRecording:
         return self.recorder.stream.lost
 
     observer = queued(Recorder.observe)
+    """Record all states of an observer, once."""
     identified = queued(Recorder.result)
+    """Record a result with residuals and parameters; `label` describes its model."""
     replayed = queued(Recorder.run)
+    """Record the newest result's model, simulated in a group, with its robot."""
     mapped = queued(Recorder.maps)
+    """Record where the newest result's model fails."""
     diagnosed = queued(Recorder.diagnosis)
+    """Record a diagnosis; `steps` replaces its own model steps."""
     note = queued(Recorder.note)
+    """Add a line to the log."""
 
     def started(self, label: str = "") -> None:
         """Start a solve: later iterations and the next result belong to it."""
@@ -146,11 +152,9 @@ class LiveRecording:
         done = threading.Event()
         self.put(lambda: (self.recorder.flush(), done.set()))
         end = time.monotonic() + timeout
-        while not done.wait(0.05) and not self.failure:
-            if time.monotonic() > end:
-                raise FlexvizError(f"writing the recording took longer than {timeout:g} s")
-        if self.failure:
-            raise FlexvizError(self.failure)
+        while not done.wait(0.05) and not self.failure and time.monotonic() < end:
+            pass
+        self._check(done.is_set(), timeout)
 
     def close(self, timeout: float = WRITE_TIMEOUT) -> Recorded | None:
         """Write the rest, check the file and move it into place; returns None without a file.
@@ -163,18 +167,16 @@ class LiveRecording:
         if not closed:
             self._queue.put(None)
         self._thread.join(timeout)
-        if self._thread.is_alive():
-            raise FlexvizError(f"writing the recording took longer than {timeout:g} s")
-        if self.failure:
-            raise FlexvizError(self.failure)
+        self._check(not self._thread.is_alive(), timeout)
         return self._written
 
-    def __enter__(self) -> Self:
-        return self
+    def _check(self, done: bool, timeout: float) -> None:
+        if self.failure:
+            raise FlexvizError(self.failure)
+        if not done:
+            raise FlexvizError(f"writing the recording took longer than {timeout:g} s")
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     # -- the thread ----------------------------------------------------------------------------------
