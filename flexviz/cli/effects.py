@@ -62,16 +62,11 @@ def print_json(data: dict[str, Any]) -> None:
 
 def list_all(console: Console, shown: Iterable[Effect]) -> None:
     """A table with one row per effect."""
-    from rich import box
-    from rich.table import Table
-
-    from flexviz.results import WIDE
+    from flexviz.results import WIDE, plain_table
     from flexviz.wording import parameter_text
 
     wide = console.width >= WIDE
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for title in ("effect", "title", "where") if wide else ("effect",):
-        table.add_column(title, no_wrap=True)
+    table = plain_table(*(("effect", "title", "where") if wide else ("effect",)))
     table.add_column("description", ratio=3)
     if wide:
         table.add_column("parameters", ratio=2)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from flexviz import toml
 from flexviz.importing.formats import LogSource
 from flexviz.importing.mapping import SIGNALS, Fix, Mapping, parse
 from flexviz.robot import is_library_robot
-from flexviz.toml import key_text, value_text
 
 Ask = Callable[[str, str], str]  # question, answer when only Enter is pressed -> answer
 DEFAULTS: dict[str, Any] = {"side": "joint", "sign": 1, "offset": 0.0}
@@ -23,6 +23,10 @@ HEAD = """# What the columns of these logs are; written by flexviz import after 
 # Correct what is wrong, then:  flexviz import {name} --out SET
 # Every key: docs/importing.md. torque_hold, [initial], [controller] and [model] of a set may stand here too.
 """
+PAYLOAD_EXAMPLE = [
+    "# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame",
+    '# bodies = [{ link = "…", mass = 2.0, com = [0, 0, 0], inertia = [0.01, 0.01, 0.01, 0, 0, 0] }]',
+]
 
 
 @dataclass
@@ -52,7 +56,7 @@ class DraftJoint:
         document, lines = self.document(), []
         for key, value in document.items():
             lines += [f"# {key}: {why}" for why in self.comments.get(key, [])]
-            lines.append(f"{key} = {value_text(value)}")
+            lines.append(f"{key} = {toml.value_text(value)}")
         unknown = (item for item in self.comments.items() if item[0] not in document)
         return lines + [f"# {key} = …  # {'; '.join(comments)}" for key, comments in unknown]
 
@@ -102,25 +106,23 @@ class Draft:
         folder = Path.cwd() if file is None else file.absolute().parent
         document = self.document(folder)
         lines = [*HEAD.format(name=file.name if file else "mapping.toml").splitlines(), ""]
-        lines += ["format = 1", f"robot = {value_text(document['robot'])}", ""]
-        lines += [f"# {line}" for line in self.seen]
+        lines += toml.dumps({"format": 1, "robot": document["robot"]}).splitlines()
+        lines += ["", *(f"# {line}" for line in self.seen)]
         if self.missing:
             lines += ["", *(f"# MISSING: {line}" for line in self.missing)]
         if self.time:
-            lines += ["", "[time]", *(f"{key} = {value_text(value)}" for key, value in self.time.items())]
+            lines += [
+                "",
+                "[time]",
+                *(f"{key} = {toml.value_text(value)}" for key, value in self.time.items()),
+            ]
             lines[-1] += f"  # {self.time_comment}" if self.time_comment else ""
-        lines += ["", "[payloads.none]", "bodies = []"]
-        lines += ["# [payloads.p1]  # mass [kg], com [m] and inertia [kg m²] in the link's frame"]
-        lines += [
-            '# bodies = [{ link = "…", mass = 2.0, com = [0, 0, 0], inertia = [0.01, 0.01, 0.01, 0, 0, 0] }]'
-        ]
-        for entry in document["logs"]:
-            lines += ["", "[[logs]]", *(f"{key} = {value_text(value)}" for key, value in entry.items())]
+        lines += toml.dumps({"payloads": document["payloads"]}).splitlines() + PAYLOAD_EXAMPLE
+        lines += toml.dumps({"logs": document["logs"]}).splitlines()
         if not self.validation and len(self.groups) > 1:
             lines[-1] += "  # true on one log keeps it for checking the result"
         for name, joint in self.joints.items():
-            lines += ["", f"[joints.{key_text(name)}]"]
-            lines += joint.lines()
+            lines += ["", f"[joints.{toml.key_text(name)}]", *joint.lines()]
         return "\n".join(lines) + "\n"
 
 
