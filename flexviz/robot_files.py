@@ -30,11 +30,9 @@ _SUFFIXES = ("_robot", "_description")
 
 def share_dir() -> Path:
     """The folder `package://` paths of example-robot-data are relative to."""
-    for key in ("purelib", "platlib"):
-        folder = Path(sysconfig.get_paths()[key]) / "cmeel.prefix" / "share"
-        if folder.is_dir():
-            return folder
-    return Path(sysconfig.get_paths()["purelib"]) / "cmeel.prefix" / "share"
+    paths = sysconfig.get_paths()
+    folders = [Path(paths[key]) / "cmeel.prefix" / "share" for key in ("purelib", "platlib")]
+    return next((folder for folder in folders if folder.is_dir()), folders[0])
 
 
 @lru_cache(maxsize=1)
@@ -117,17 +115,14 @@ def resolve_mesh(name: str, urdf_path: Path) -> Path:
     """The file of a mesh name in `urdf_path`; InputError if it does not exist."""
     folder = urdf_path.parent
     match = re.match(r"(package|file|model)://(.*)", name)
-    tried: list[Path] = []
     if match is None:
-        tried.append(folder / name)
+        tried = [folder / name]
     elif match[1] == "file":
-        tried.append(Path(match[2]))
+        tried = [Path(match[2])]
     else:
         inside = match[2].split("/", 1)[-1]
-        tried.append(share_dir() / match[2])
-        for parent in folder.resolve().parents:
-            tried.append(parent / match[2])
-        tried += [folder / match[2], folder / inside, folder.parent / inside]
+        above = (parent / match[2] for parent in folder.resolve().parents)
+        tried = [share_dir() / match[2], *above, folder / match[2], folder / inside, folder.parent / inside]
     for path in tried:
         if path.is_file():
             return path

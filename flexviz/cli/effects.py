@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -42,7 +42,8 @@ def effects(
     if json_file is not None:
         data = {"format": 1, "effects": [effect_json(effect) for effect in shown]}
         if json_file == STDOUT:
-            print_json(data)
+            escaped = "utf" not in (sys.stdout.encoding or "").lower()
+            print(json.dumps(data, indent=2, ensure_ascii=escaped, allow_nan=False))
             return 0
         terminal.check_output_file(json_file, ".json")
         terminal.write_json(json_file, data)
@@ -52,12 +53,6 @@ def effects(
     else:
         show_one(console, shown[0])
     return 0
-
-
-def print_json(data: dict[str, Any]) -> None:
-    """Print JSON, escaped if standard output is not Unicode."""
-    plain = "utf" not in (sys.stdout.encoding or "").lower()
-    print(json.dumps(data, indent=2, ensure_ascii=plain, allow_nan=False))
 
 
 def list_all(console: Console, shown: Iterable[Effect]) -> None:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from flexviz.errors import InputError, choose_from
 from flexviz.files import as_json, write_whole
-from flexviz.progress import Iteration, Progress, StopCallback
+from flexviz.progress import Progress, StopCallback
 
 if TYPE_CHECKING:
     import rich.progress
@@ -95,14 +95,6 @@ def note(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
-def iteration_text(iteration: Iteration | None) -> str:
-    """State of a solver in words; empty for None."""
-    if iteration is None:
-        return ""
-    step = "" if not math.isfinite(iteration.step) else f"  step {iteration.step:.2g}"
-    return f"iteration {iteration.number}  cost {iteration.cost:.6g}{step}"
-
-
 class Reporter:
     """Progress display: a live line on a terminal, otherwise plain lines at most every few seconds.
 
@@ -150,7 +142,10 @@ class Reporter:
 
     def __call__(self, news: Progress) -> None:
         """Show the news; a `ProgressCallback`."""
-        stage, detail = news.text, iteration_text(news.iteration)
+        stage, detail, solver = news.text, "", news.iteration
+        if solver is not None:
+            step = f"  step {solver.step:.2g}" if math.isfinite(solver.step) else ""
+            detail = f"iteration {solver.number}  cost {solver.cost:.6g}{step}"
         if self._bar is not None:
             self._bar.update(self._task, description=stage or self._title, detail=detail)
             if news.share is not None:

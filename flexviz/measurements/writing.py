@@ -139,12 +139,10 @@ def fill_folder(
 
 def check_free(folder: Path, overwrite: bool = False) -> None:
     """InputError unless `folder` is new, empty, or a measurement set that may be replaced."""
-    if not folder.exists():
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
     if not folder.is_dir():
         raise InputError("this is a file, expected a new folder", file=folder)
-    if not any(folder.iterdir()):
-        return
     if not (folder / FILE_NAME).is_file():
         raise InputError("the folder is not empty, expected a new or empty folder", file=folder)
     if not overwrite:
