@@ -113,7 +113,7 @@ class Page:
     def dropdown(
         self, label: str, options: Sequence[str], action: Callable[[str], None] = lambda _: None, **look: Any
     ) -> Any:
-        """A dropdown that calls `action(option)`; it begins with the first option."""
+        """A dropdown that calls `action(option)`; without `initial_value` it begins with the first option."""
         return self.watch(self.gui.add_dropdown(label, tuple(options), **look), action)
 
     def button(self, label: str, action: Callable[[], None], **look: Any) -> Any:

@@ -6,7 +6,7 @@ import json
 import os
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -159,7 +159,7 @@ class SetReference:
         document = {"name": self.name, "path": self.path, "absolute": self.absolute}
         if self.fingerprint is None:
             return document
-        files = [{"name": f.name, "sha256": f.sha256, "bytes": f.bytes} for f in self.fingerprint.files]
+        files = [asdict(file) for file in self.fingerprint.files]
         return document | {"sha256": self.fingerprint.sha256, "files": files}
 
     @staticmethod
@@ -182,9 +182,6 @@ def read_reference(folder: Path) -> SetReference:
     """The set reference of the session in a folder; InputError if it cannot be read."""
     try:
         return SetReference.from_json(read_document(folder)["set"])
-    except InputError as error:
-        raise InputError(f"not a usable session: {error}", file=folder / SESSION_FILE) from None
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(
-            f"not a usable session ({type(error).__name__}: {error})", file=folder / SESSION_FILE
-        ) from None
+        why = f": {error}" if isinstance(error, InputError) else f" ({type(error).__name__}: {error})"
+        raise InputError(f"not a usable session{why}", file=folder / SESSION_FILE) from None
