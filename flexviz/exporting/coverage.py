@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
 
 from flexviz.effects import EFFECTS, is_user_defined
 from flexviz.robot import PayloadBody
@@ -117,104 +118,106 @@ SPRING_TORQUE = DerivedNumber(
     lambda values: values["stiffness"] * values["rest_angle"],
 )
 SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
+STRIBECK = {"stribeck": "stribeck", "velocity": "width"}
+DRIFT = {"relative_rise": "rise", "time_constant": "constant"}
+DAHL = {"presliding_stiffness": "stiffness", "coulomb": "coulomb"}
+FRICTION = Written("part of the joint's friction")
 
-CODE: dict[str, PerJoint | PerRow | OnPayload | OnGravity | LeftOut] = {
-    "stiffness_hardening": PerJoint("cubic stiffness k3 [Nm/rad^3]", "cubic", "cubic_stiffness"),
-    "backlash": PerJoint("backlash half width b [rad]", "half_width", "half_width"),
-    "joint_damping": PerJoint("joint damping D [Nm s/rad]", "damping", "damping"),
-    "coulomb_friction": PerJoint(
-        "dry friction of the motor f_c [Nm]", "motor_coulomb", "coulomb", signed=True
+
+class Coverage(NamedTuple):
+    """An effect in generated code, in MJCF and in URDF."""
+
+    code: PerJoint | PerRow | OnPayload | OnGravity | LeftOut
+    mjcf: Entry
+    urdf: Entry = RIGID
+
+
+COVERAGE = {
+    "stiffness_hardening": Coverage(
+        PerJoint("cubic stiffness k3 [Nm/rad^3]", "cubic", "cubic_stiffness"),
+        Written("cubic stiffness of the tendon"),
     ),
-    "link_coulomb_friction": PerJoint("dry friction of the link f_c [Nm]", "link_coulomb", "coulomb"),
-    "quadratic_friction": PerJoint("quadratic friction f_q [Nm s^2/rad^2]", "quadratic", "quadratic"),
-    "load_dependent_friction": PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),
-    "torque_offset": PerJoint("torque offset f_0 [Nm]", "offset", "offset"),
-    "torque_gain": PerJoint(
-        "torque gain error g [-]: applied = (1 + g) commanded", "gain_error", "gain_error"
+    "backlash": Coverage(
+        PerJoint("backlash half width b [rad]", "half_width", "half_width"), Written("slack of the tendon")
     ),
-    "torque_delay": PerJoint(
-        "delay from commanded to applied torque [s]", "torque_delay", "delay", always=True
+    "joint_damping": Coverage(
+        PerJoint("joint damping D [Nm s/rad]", "damping", "damping"), Written("damping of the tendon")
     ),
-    "cable_spring": PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
-    "stribeck_friction": PerRow(
-        "Stribeck friction: f_s [Nm], v_s [rad/s]",
-        "stribeck",
-        {"stribeck": "stribeck", "velocity": "width"},
-        signed=True,
+    "coulomb_friction": Coverage(
+        PerJoint("dry friction of the motor f_c [Nm]", "motor_coulomb", "coulomb", signed=True),
+        Written("frictionloss of the motor"),
+        FRICTION,
     ),
-    "torque_ripple": PerRow("torque ripple: amplitude [Nm], order [-], phase [rad]", "ripple", SINE),
-    "transmission_error": PerRow(
-        "transmission error: amplitude [rad], order [-], phase [rad]", "error", SINE
+    "link_coulomb_friction": Coverage(
+        PerJoint("dry friction of the link f_c [Nm]", "link_coulomb", "coulomb"),
+        Written("frictionloss of the link"),
+        FRICTION,
     ),
-    "friction_drift": PerRow(
-        "cold-gear viscous friction: relative rise [-], time constant [s]",
-        "drift",
-        {"relative_rise": "rise", "time_constant": "constant"},
+    "quadratic_friction": Coverage(
+        PerJoint("quadratic friction f_q [Nm s^2/rad^2]", "quadratic", "quadratic"),
+        Written("quadratic damping of the motor"),
     ),
-    "presliding_hysteresis": PerRow(
-        "presliding friction: stiffness sigma [Nm/rad], sliding friction f_c [Nm]",
-        "presliding",
-        {"presliding_stiffness": "stiffness", "coulomb": "coulomb"},
-        signed=True,
+    "load_dependent_friction": Coverage(
+        PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),
+        LeftOut("MJCF has no load-dependent friction"),
     ),
-    "motor_coupling": PerRow(
-        "inertia that couples another motor in B_ij [kg m^2]",
-        "coupling",
-        {"inertia": "inertia"},
-        ("joint", "other"),
+    "torque_offset": Coverage(
+        PerJoint("torque offset f_0 [Nm]", "offset", "offset"), Written("bias of the actuator")
     ),
-    "payload_error": PAYLOAD,
-    "base_tilt": GRAVITY,
-    "external_contact": EVENT,
+    "torque_gain": Coverage(
+        PerJoint("torque gain error g [-]: applied = (1 + g) commanded", "gain_error", "gain_error"),
+        Written("gain of the actuator"),
+    ),
+    "torque_delay": Coverage(
+        PerJoint("delay from commanded to applied torque [s]", "torque_delay", "delay", always=True),
+        Written("delay of the actuator"),
+    ),
+    "cable_spring": Coverage(
+        PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
+        Written("stiffness of the link's joint"),
+    ),
+    "stribeck_friction": Coverage(
+        PerRow("Stribeck friction: f_s [Nm], v_s [rad/s]", "stribeck", STRIBECK, signed=True),
+        LeftOut("MJCF has no friction that decreases with speed"),
+    ),
+    "torque_ripple": Coverage(
+        PerRow("torque ripple: amplitude [Nm], order [-], phase [rad]", "ripple", SINE),
+        LeftOut("MJCF has no torque that is a sine of the angle"),
+    ),
+    "transmission_error": Coverage(
+        PerRow("transmission error: amplitude [rad], order [-], phase [rad]", "error", SINE),
+        LeftOut("MJCF has no gear error that is a sine of the angle"),
+    ),
+    "friction_drift": Coverage(
+        PerRow("cold-gear viscous friction: relative rise [-], time constant [s]", "drift", DRIFT),
+        LeftOut("MJCF has no friction that decays with time; this is the warm robot"),
+    ),
+    "presliding_hysteresis": Coverage(
+        PerRow(
+            "presliding friction: stiffness sigma [Nm/rad], sliding friction f_c [Nm]",
+            "presliding",
+            DAHL,
+            signed=True,
+        ),
+        Written("frictionloss of the motor", missing="frictionloss reproduces sliding only, not presliding"),
+        FRICTION,
+    ),
+    "motor_coupling": Coverage(
+        PerRow(
+            "inertia that couples another motor in B_ij [kg m^2]",
+            "coupling",
+            {"inertia": "inertia"},
+            ("joint", "other"),
+        ),
+        LeftOut("MuJoCo's inertia matrix is symmetric, this coupling acts in one direction only"),
+    ),
+    "payload_error": Coverage(PAYLOAD, PAYLOAD, PAYLOAD),
+    "base_tilt": Coverage(GRAVITY, GRAVITY),
+    "external_contact": Coverage(EVENT, EVENT, EVENT),
 }
-FRICTION_IN_URDF = ("coulomb_friction", "link_coulomb_friction", "presliding_hysteresis")
-URDF: dict[str, Entry] = {
-    **dict.fromkeys(FRICTION_IN_URDF, Written("part of the joint's friction")),
-    "payload_error": PAYLOAD,
-    "external_contact": EVENT,
-    "stiffness_hardening": RIGID,
-    "backlash": RIGID,
-    "joint_damping": RIGID,
-    "quadratic_friction": RIGID,
-    "load_dependent_friction": RIGID,
-    "torque_offset": RIGID,
-    "torque_gain": RIGID,
-    "torque_delay": RIGID,
-    "cable_spring": RIGID,
-    "stribeck_friction": RIGID,
-    "torque_ripple": RIGID,
-    "transmission_error": RIGID,
-    "friction_drift": RIGID,
-    "motor_coupling": RIGID,
-    "base_tilt": RIGID,
-}
-MJCF: dict[str, Entry] = {
-    "stiffness_hardening": Written("cubic stiffness of the tendon"),
-    "backlash": Written("slack of the tendon"),
-    "joint_damping": Written("damping of the tendon"),
-    "coulomb_friction": Written("frictionloss of the motor"),
-    "link_coulomb_friction": Written("frictionloss of the link"),
-    "quadratic_friction": Written("quadratic damping of the motor"),
-    "load_dependent_friction": LeftOut("MJCF has no load-dependent friction"),
-    "torque_offset": Written("bias of the actuator"),
-    "torque_gain": Written("gain of the actuator"),
-    "torque_delay": Written("delay of the actuator"),
-    "cable_spring": Written("stiffness of the link's joint"),
-    "stribeck_friction": LeftOut("MJCF has no friction that decreases with speed"),
-    "torque_ripple": LeftOut("MJCF has no torque that is a sine of the angle"),
-    "transmission_error": LeftOut("MJCF has no gear error that is a sine of the angle"),
-    "friction_drift": LeftOut("MJCF has no friction that decays with time; this is the warm robot"),
-    "presliding_hysteresis": Written(
-        "frictionloss of the motor",
-        missing="frictionloss reproduces sliding only, not presliding",
-    ),
-    "motor_coupling": LeftOut(
-        "MuJoCo's inertia matrix is symmetric, this coupling acts in one direction only"
-    ),
-    "payload_error": PAYLOAD,
-    "base_tilt": GRAVITY,
-    "external_contact": EVENT,
-}
+CODE = {name: row.code for name, row in COVERAGE.items()}
+MJCF = {name: row.mjcf for name, row in COVERAGE.items()}
+URDF = {name: row.urdf for name, row in COVERAGE.items()}
 REGISTRIES: Mapping[str, Mapping[str, Entry]] = {"urdf": URDF, "mjcf": MJCF, "c": CODE, "python": CODE}
 FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
 

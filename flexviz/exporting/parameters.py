@@ -16,6 +16,7 @@ from flexviz.results import EffectEntry, ResultDocument, ValueEntry
 from flexviz.statistics import NORMAL_95
 
 AMBIGUOUS = ("yes", "no", "y", "n", "on", "off", "true", "false", "null", "~")
+OF_THE_FIT = ("observer", "refined", "groups", "converged", "stopped", "base_parameters", "residual")
 CONVENTIONS = {
     "motor": "all quantities of the motor are expressed at the joint: angle / N, torque × N, inertia × N²",
     "inertial": "of all bodies that a joint moves, about the joint frame, without the payload",
@@ -70,16 +71,10 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         format=1,
         set=ms.name,
         set_sha256=identified.sha256,
-        observer=document.observer,
-        refined=document.refined,
-        groups=document.groups,
-        converged=document.converged,
-        stopped=document.stopped,
         verdict=identified.verdict,
         parameters=document.all_parameters,
-        base_parameters=document.base_parameters,
         effects=effect_entries(document),
-        residual=document.residual,
+        **{name: getattr(document, name) for name in OF_THE_FIT},
     )
     return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}
 

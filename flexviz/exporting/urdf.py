@@ -69,11 +69,10 @@ def _write_inertia(document: Any, link: Any, i: int, carrier: Carrier, identifie
     }
     inertial = document.createElement("inertial")
     for name, attributes in parts.items():
-        element = document.createElement(name)
+        inertial.appendChild(document.createTextNode(f"\n{indent}  "))
+        element = inertial.appendChild(document.createElement(name))
         for key, value in attributes.items():
             element.setAttribute(key, value)
-        inertial.appendChild(document.createTextNode(f"\n{indent}  "))
-        inertial.appendChild(element)
     inertial.appendChild(document.createTextNode(f"\n{indent}"))
     _put(document, link, old, [document.createComment(comment_text(lines, indent)), inertial])
 
