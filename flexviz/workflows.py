@@ -82,8 +82,12 @@ def write_report(
         raise InputError("exists and is not empty, expected a new folder", file=keep)
     opened = source if isinstance(source, OpenedSession) else open_session(source)
     saved = is_session(opened.folder)
-    complete = _completed if saved else _diagnosed
-    session = complete(opened, guard, progress, should_stop)
+    if saved:
+        session = _completed(opened, guard, progress, should_stop)
+    else:
+        callbacks = {"progress": progress, "should_stop": should_stop}
+        found = diagnose(opened.measurements, apply=True, guarded=guard, **callbacks)
+        session = diagnosed_session(opened.measurements, found)
     if keep is not None:
         save_session(session, opened.measurements, keep)
     folder = keep or (opened.folder if saved and session is opened.session else None)
@@ -105,16 +109,6 @@ def report_kind(out: Path) -> str:
             f'"{found}" is not a kind of report; {choose_from(found, REPORT_SUFFIXES)}', file=out
         )
     return kind
-
-
-def _diagnosed(
-    opened: OpenedSession, guard: bool | None, progress: ProgressCallback, should_stop: StopCallback
-) -> Session:
-    """A set: find and add every missing effect."""
-    found = diagnose(
-        opened.measurements, apply=True, guarded=guard, progress=progress, should_stop=should_stop
-    )
-    return diagnosed_session(opened.measurements, found)
 
 
 def _completed(

@@ -83,8 +83,7 @@ class _Plane:
         self.logarithmic = chart.y.logarithmic
         if self.logarithmic:
             low, high = limits([np.log10(y[y > 0]) for y in ys])
-            middle = (low + high) / 2
-            half = MIN_LOG_HALF_SPAN
+            middle, half = (low + high) / 2, MIN_LOG_HALF_SPAN
             self.y_limits = min(low, middle - half), max(high, middle + half)
         else:
             self.y_limits = chart.y.limits or limits(ys)
@@ -109,8 +108,7 @@ def limits(values: Sequence[Array], margin: float = 0.04) -> tuple[float, float]
     found = found[np.isfinite(found)]
     low, high = (float(found.min()), float(found.max())) if found.size else (0.0, 1.0)
     if high - low < 1e-9 * max(abs(low), abs(high)) or high == low:
-        low, high = (1.2 * min(low, 0.0), 1.2 * max(high, 0.0)) if high or low else (-1.0, 1.0)
-        return low, high
+        return (1.2 * min(low, 0.0), 1.2 * max(high, 0.0)) if high or low else (-1.0, 1.0)
     return low - margin * (high - low), high + margin * (high - low)
 
 
@@ -137,7 +135,6 @@ def _ribbon(ribbon: Ribbon, plane: _Plane) -> str:
         upper = _points(x, plane.y(ribbon.high[rows]))
         lower = _points(x[::-1], plane.y(ribbon.low[rows])[::-1])
         out.append(f'<polygon points="{upper} {lower}" fill="{ribbon.colour}" fill-opacity="0.25"/>')
-
     return "".join(out)
 
 

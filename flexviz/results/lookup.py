@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
 from flexviz.errors import FlexvizError, choose_from
+from flexviz.wording import Placed
 
 
 class ParameterNotFound(FlexvizError, KeyError):
@@ -14,20 +15,14 @@ class ParameterNotFound(FlexvizError, KeyError):
     exit_code = 2
 
 
-class Placed(Protocol):
-    """Anything with a parameter name and a place."""
+class NamedParameter(Placed, Protocol):
+    """A parameter of an identification or of a results document."""
 
     @property
     def name(self) -> str: ...
-    @property
-    def joint(self) -> str | None: ...
-    @property
-    def payload(self) -> str | None: ...
-    @property
-    def group(self) -> str | None: ...
 
 
-P = TypeVar("P", bound=Placed)
+P = TypeVar("P", bound=NamedParameter)
 
 
 def find_parameter(parameters: Sequence[P], key: str | tuple[str, str | None]) -> P:

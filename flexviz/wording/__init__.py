@@ -11,6 +11,7 @@ from flexviz.wording.effects import (
 )
 from flexviz.wording.findings import (
     ALONG,
+    Placed,
     absorbed_list,
     effect_text_name,
     effect_title,
@@ -41,6 +42,7 @@ __all__ = [
     "MARKS",
     "SCOPES",
     "SYMBOLS",
+    "Placed",
     "absorbed_list",
     "as_markdown",
     "bounds_text",

@@ -29,17 +29,22 @@ INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
 MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
 
 
-class FindingLike(Protocol):
-    """A candidate of a diagnosis or of a results document."""
+class Placed(Protocol):
+    """A parameter or an effect of a joint, a payload or a group, or of the whole robot."""
 
-    @property
-    def effect(self) -> str: ...
     @property
     def joint(self) -> str | None: ...
     @property
     def payload(self) -> str | None: ...
     @property
     def group(self) -> str | None: ...
+
+
+class FindingLike(Placed, Protocol):
+    """A candidate of a diagnosis or of a results document."""
+
+    @property
+    def effect(self) -> str: ...
     @property
     def score(self) -> float: ...
     @property
