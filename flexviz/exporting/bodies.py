@@ -7,7 +7,6 @@ difference is not physically consistent, the link takes the total and the others
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,6 @@ from flexviz.estimation import pseudo_inertia
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
-TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class Carrier:
 
 def carriers(robot: Robot, inertial: Array) -> list[Carrier]:
     """The carriers of all joints, in the set's order; `inertial` (n, 10) as in `Robot.cad_parameters`."""
-    given = link_inertias(robot.urdf)
+    given = link_inertias(robot)
     return [_carrier(robot, i, inertial[i], given) for i in range(robot.n)]
 
 
@@ -71,21 +69,15 @@ def placement(robot: Robot, link: str) -> Any:
     return robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)].placement
 
 
-def link_inertias(urdf: str) -> dict[str, tuple[Any, Array]]:
-    """Link -> its `pin.Inertia` in a URDF and the axes (3, 3) of the tensor there, for links with mass."""
+def link_inertias(robot: Robot) -> dict[str, tuple[Any, Array]]:
+    """Link -> its `pin.Inertia` in the URDF and the axes (3, 3) of the tensor there, for links with mass."""
     found = {}
-    for link in ElementTree.fromstring(urdf).findall("link"):
-        mass, origin, tensor = (
-            {} if element is None else element.attrib
-            for element in (link.find(f"inertial/{name}") for name in ("mass", "origin", "inertia"))
-        )
-        if float(mass.get("value", 0)) <= 0.0:
+    for name, link in robot.description.link_map.items():
+        given = link.inertial
+        if given is None or (given.mass or 0.0) <= 0.0:
             continue
-        xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
-        matrix = np.zeros((3, 3))
-        for name, (row, column) in TENSOR.items():
-            matrix[row, column] = matrix[column, row] = float(tensor.get(name, 0))
-        rotation = np.array(pin.rpy.rpyToMatrix(rpy))
-        inertia = pin.Inertia(float(mass["value"]), xyz, rotation @ matrix @ rotation.T)
-        found[link.get("name", "")] = inertia, rotation
+        origin = np.eye(4) if given.origin is None else given.origin
+        tensor = np.zeros((3, 3)) if given.inertia is None else given.inertia
+        rotation = origin[:3, :3]
+        found[name] = pin.Inertia(given.mass, origin[:3, 3], rotation @ tensor @ rotation.T), rotation
     return found

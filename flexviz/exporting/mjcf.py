@@ -115,7 +115,7 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
             parent = world if link == "world" else _frame(world, link, placement(robot, link))
             parent.extend(shapes.geoms(link))
     joint_of_body = np.argsort(robot.order)
-    children = child_links(robot)
+    children = {name: joint.child for name, joint in robot.description.joint_map.items()}
     for b in range(robot.n):
         i = joint_of_body[b]
         joint, pose = robot.joints[i], robot.model.jointPlacements[1 + b]
@@ -132,16 +132,6 @@ def _bodies(identified: IdentifiedRobot, world: Element, shapes: Shapes, names: 
             if robot.joint_of_link(link) == i:
                 own = body if link == children[joint] else _frame(body, link, placement(robot, link))
                 own.extend(shapes.geoms(link))
-
-
-def child_links(robot: Robot) -> dict[str, str]:
-    """Joint -> its child link."""
-    found = {}
-    for element in ElementTree.fromstring(robot.urdf).findall("joint"):
-        child = element.find("child")
-        if element.get("name") in robot.joints and child is not None:
-            found[element.get("name", "")] = child.get("link", "")
-    return found
 
 
 def _joints(identified: IdentifiedRobot, i: int, motor: Element, body: Element, motor_name: str) -> None:
@@ -202,10 +192,10 @@ def _add(parent: Element, tag: str, **attributes: str | ArrayLike) -> Element:
     return ElementTree.SubElement(parent, tag, texts)
 
 
-def _frame(parent: Element, name: str, pose: object) -> Element:
+def _frame(parent: Element, name: str, pose: Any) -> Element:
     """A body in `parent` at a Pinocchio pose."""
-    quaternion = pin.Quaternion(pose.rotation).coeffs()  # type: ignore[attr-defined]  # x y z w
-    place = {"pos": pose.translation}  # type: ignore[attr-defined]
+    quaternion = pin.Quaternion(pose.rotation).coeffs()  # x y z w
+    place = {"pos": pose.translation}
     if abs(quaternion[3]) < 1.0:
         place["quat"] = (quaternion[3], *quaternion[:3])
     return _add(parent, "body", name=name, **place)

@@ -13,11 +13,12 @@ from xml.dom import minidom
 
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.errors import InputError
-from flexviz.exporting.bodies import TENSOR, Carrier, carriers
+from flexviz.exporting.bodies import Carrier, carriers
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
 from flexviz.exporting.xml_text import comment_text, number_text
 from flexviz.robot_files import resolve_mesh
 
+TENSOR = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 GRADES = {"yes": "determined by the data", "weak": "weakly determined", "no": "prior (near CAD)"}
 
 
