@@ -48,9 +48,12 @@ def export(
         if is_session(source):
             message = "the saved result is exported, expected no identification options, or a measurement set"
             raise InputError(message, file=source)
-    identified = _from_file(source, result, payload) if result is not None else None
-    identified = identified or _from_session(source, payload)
-    identified = identified or _identified(source, options, payload)
+    if result is not None:
+        identified = _from_file(source, result, payload)
+    elif is_session(source):
+        identified = _from_session(source, payload)
+    else:
+        identified = _identified(source, options, payload)
     for text in identified.remarks:
         terminal.note(f"note: {text}")
     terminal.print_lines(summary(write(identified, out, formats)))
@@ -80,13 +83,11 @@ def _from_file(source: Path, file: Path, payload: str | None) -> IdentifiedRobot
     return identified_robot(measurements, document, payload=payload, file=file)
 
 
-def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
-    """The current result of a session; None for a measurement set."""
+def _from_session(source: Path, payload: str | None) -> IdentifiedRobot:
+    """The current result of a session."""
     from flexviz.exporting import identified_robot
-    from flexviz.session import is_session, open_session
+    from flexviz.session import open_session
 
-    if not is_session(source):
-        return None
     opened = open_session(source)
     analysis = opened.session.analysis
     diagnosis = analysis.diagnosis
@@ -104,13 +105,9 @@ def _from_session(source: Path, payload: str | None) -> IdentifiedRobot | None:
     elif not current:
         remarks.append("The session's settings have been changed since these values were found.")
     fits = found is not diagnosis and analysis.diagnosis_up_to_date
+    checked = diagnosis if fits else None
     return identified_robot(
-        opened.measurements,
-        found,
-        payload=payload,
-        diagnosis=diagnosis if fits else None,
-        file=source,
-        remarks=remarks,
+        opened.measurements, found, payload=payload, diagnosis=checked, file=source, remarks=remarks
     )
 
 

@@ -17,7 +17,7 @@ from flexviz.measurements.schema import FILE_NAME, SetHeader
 from flexviz.measurements.segments import GAP, POINTS, interpolate
 from flexviz.measurements.tables import readable
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
-from flexviz.measurements.writing import SUFFIXES, GroupTable, body_entry, check_free, write_set
+from flexviz.measurements.writing import SUFFIXES, GroupTable, check_free, write_set
 
 __all__ = [
     "FILE_NAME",
@@ -34,7 +34,6 @@ __all__ = [
     "SampledMotion",
     "Segment",
     "SetHeader",
-    "body_entry",
     "check_free",
     "fingerprint",
     "interpolate",
