@@ -79,6 +79,36 @@ class ModelErrorThresholds:
 
 
 @dataclass(frozen=True)
+class MotionThresholds:
+    """Fits in the band of the motion, where the model errs more than the sensors, and their selection."""
+
+    longest_edge: float = 0.1  # share of a stretch that is dropped at each of its ends at most
+    stiffness_spread: float = 0.5  # prior standard deviation of the log of a rough stiffness ...
+    motor_inertia_spread: float = 0.35  # ... and of a rough motor inertia
+    inertial_spread: float = 0.2  # relative prior standard deviation of CAD inertias
+    split_spread: float = 0.2  # prior standard deviation of the link's share of viscous friction, relative ...
+    split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
+    massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy ...
+    massless_weight: float = 0.1  # ... and the weight of its prior
+    outlier: float = 2.5  # [standard deviations] from which a residual counts linearly
+    settled_objective: float = 0.5  # change of the objective that ends a fit
+    negligible_step: float = 0.05  # [standard deviations] step length that ends a fit
+    significant: float = 4.0  # [standard deviations] that an effect's size needs
+    plain: float = 10.0  # the same where held-out groups are not clearly worse without the effect ...
+    rise_deviations: float = 2.0  # ... by this many standard errors
+    least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
+    stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise
+    small_start: float = 1e-3  # share of a typical size from which the rich model starts
+    eliminations: int = 4  # fits until all effects of a model are needed
+    rounds: int = 6  # of scoring what is left
+    least_share: float = 0.05  # of a joint's mean square that a candidate has to explain ...
+    least_share_episode: float = 0.3  # ... an episode, which no other group confirms and which imitates many
+    quiet: float = 1.3  # times the noise: a joint below is not searched
+    longest_episode: float = 0.6  # share of a stretch
+    leading: int = 12  # candidates kept for ties
+
+
+@dataclass(frozen=True)
 class EvidenceThresholds:
     """Reporting of findings."""
 
@@ -112,6 +142,7 @@ class Thresholds:
     acceptance: AcceptanceThresholds = AcceptanceThresholds()
     search: SearchThresholds = SearchThresholds()
     model_error: ModelErrorThresholds = ModelErrorThresholds()
+    motion: MotionThresholds = MotionThresholds()
     evidence: EvidenceThresholds = EvidenceThresholds()
     bandwidth: BandwidthThresholds = BandwidthThresholds()
 

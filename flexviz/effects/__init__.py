@@ -1,7 +1,7 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
-from flexviz.effects.law import LawEffect, LinearEffect
+from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
 from flexviz.effects.selection import ChosenEffect, choose_effects
@@ -34,6 +34,7 @@ __all__ = [
     "JointState",
     "LawEffect",
     "LinearEffect",
+    "LoadedEffect",
     "ParameterSpec",
     "Terms",
     "choose_effects",

@@ -22,6 +22,8 @@ class CableSpring(Effect):
         "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, "
         "IEEE Control Systems Magazine 27(5), 2007"
     )
+    usual = True
+    offset_parameter = "rest_angle"
     parameters = (
         ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),
         ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle of zero torque", "q₀"),

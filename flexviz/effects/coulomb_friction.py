@@ -21,6 +21,7 @@ class CoulombFriction(LinearEffect):
     signature = "A step at every reversal of the motor, of the same size at any speed and load."
     confirm = "Slow motions with many reversals."
     reference = ARMSTRONG
+    usual = True
     parameters = (SLIDING,)
     twins = ("link_coulomb_friction",)
     common = True

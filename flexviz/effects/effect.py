@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -101,6 +101,10 @@ class Effect(ABC):
         memory: u depends on the time before the record.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
+        size_count: number of leading parameters that are zero when the effect is absent.
+        usual: most robots have it, on any joint: the search backwards starts with it everywhere.
+        offset_parameter: parameter that amounts to a constant torque of the joint.
+        expected: parameter → standard deviation around zero that a real robot may show.
         example: clearly visible parameters, for checks and for simulated sets that give none.
     """
 
@@ -129,6 +133,10 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
+    size_count: ClassVar[int] = 1
+    usual: ClassVar[bool] = False
+    offset_parameter: ClassVar[str | None] = None
+    expected: ClassVar[Mapping[str, float]] = {}
     example: ClassVar[tuple[float, ...]] = ()
 
     @property

@@ -91,3 +91,11 @@ class LinearEffect(LawEffect):
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
         columns = self.columns(motion)
         return values @ columns, columns
+
+
+class LoadedEffect(LinearEffect):
+    """A law whose torque follows the transmission torque s."""
+
+    @abstractmethod
+    def torque_slope(self, motion: JointMotion, values: Array) -> Array:
+        """∂u/∂s, shape (N,), with the feedback of u on s itself."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.law import LinearEffect
+from flexviz.effects.law import LoadedEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 
-class LoadDependentFriction(LinearEffect):
+class LoadDependentFriction(LoadedEffect):
     """Gear friction proportional to the transmitted torque."""
 
     name = "load_dependent_friction"
@@ -23,6 +23,7 @@ class LoadDependentFriction(LinearEffect):
         "Hamon, Gautier, Garrec: Dynamic identification of robots with a dry friction model depending "
         "on load and velocity, IROS 2010"
     )
+    usual = True
     parameters = (
         ParameterSpec("coefficient", "-", 0.0, 0.9, "share of the transmitted torque that is lost", "μ"),
     )
@@ -30,6 +31,10 @@ class LoadDependentFriction(LinearEffect):
 
     def columns(self, motion: JointMotion) -> Array:
         return (np.abs(motion.torque) * smooth_sign(motion.velocity))[np.newaxis]
+
+    def torque_slope(self, motion: JointMotion, values: Array) -> Array:
+        slope = values[0] * np.sign(motion.torque) * smooth_sign(motion.velocity)
+        return slope / (1 + slope)
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.1,)

@@ -21,6 +21,7 @@ class QuadraticFriction(LinearEffect):
     signature = "A parabola against velocity, with opposite signs in the two directions."
     confirm = "The same motion at clearly different speeds."
     reference = ARMSTRONG
+    usual = True
     parameters = (
         ParameterSpec("quadratic", "Nm s²/rad²", lower=0.0, explanation="friction at 1 rad/s", symbol="f_q"),
     )

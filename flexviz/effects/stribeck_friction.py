@@ -23,6 +23,7 @@ class StribeckFriction(LawEffect):
     signature = "A pair of peaks against velocity, on either side of standstill."
     confirm = "Very slow motion in both directions beside normal motion."
     reference = ARMSTRONG
+    usual = True
     parameters = (
         ParameterSpec(
             "stribeck", "Nm", 0.0, explanation="friction at creeping speed above that in motion", symbol="f_s"

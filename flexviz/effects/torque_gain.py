@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
+
 from flexviz.effects.effect import Effect, EffectEvidence, JointScale
 from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
 
+EXPECTED_GAIN_ERROR = 0.05  # of a drive whose data sheet is right
 LARGEST_GAIN_ERROR = 0.4  # larger errors of a drive would have been noticed
 
 
@@ -27,6 +30,7 @@ class TorqueGain(Effect):
         ParameterSpec("gain_error", "-", lower=-0.8, upper=4.0, explanation="relative error", symbol="g"),
     )
     linear = True
+    expected = MappingProxyType({"gain_error": EXPECTED_GAIN_ERROR})
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         column = -context.tau(place.own_joint)[:3, :, None]

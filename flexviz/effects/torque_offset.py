@@ -25,6 +25,7 @@ class TorqueOffset(LinearEffect):
         "Swevers, Verdonck, De Schutter: Dynamic model identification for industrial robots, "
         "IEEE Control Systems Magazine 27(5), 2007"
     )
+    usual = True
     parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
     smooth = True
     twins = ("base_tilt",)

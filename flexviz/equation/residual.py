@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect, Terms
+from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import EffectContext, viscous_scale
 from flexviz.equation.initial_state import InitialStates, initial_states
@@ -246,7 +246,36 @@ class OperatingPoint:
                 column = chain.column(term.entry, term.joints, term.value / scale)
                 jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
+        self._add_load_chain(jacobian, x, terms, chain)
         return jacobian
+
+    def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
+        """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s.
+
+        Without it, a direction that the rest of the equation does not show (motor inertia against link
+        inertia) seems free, although it changes s and with it the friction.
+        """
+        lay, theta = self.layout, self.signals.theta
+        for effect, where in lay.effect_slices():
+            law, j = EFFECTS[effect.effect], effect.joint
+            if not isinstance(law, LoadedEffect) or j is None:
+                continue
+            parts = [law.torque_slope(m, x[where])[None] for m in self.context.motions(j)]
+            gain = self.context.filtered(parts, j, 3)[0]  # (3, N)
+            moves = [(lay.motor_inertia.start + j, theta[2:5, :, j])]
+            moves.append((lay.motor_viscous.start + j, theta[1:4, :, j]))
+            for at, term in terms:
+                if term.entry == "torque" and term.joints == (j,) and at != where:
+                    moves += [(at.start + p, term.slopes[p, :, :, 0]) for p in range(at.stop - at.start)]
+            for column, fall in moves:  # s falls by this
+                product = np.stack(
+                    (
+                        gain[0] * fall[0],
+                        gain[1] * fall[0] + gain[0] * fall[1],
+                        gain[2] * fall[0] + 2 * gain[1] * fall[1] + gain[0] * fall[2],
+                    )
+                )
+                jacobian[:, :, column] += chain.torque(-product, j)
 
     def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""

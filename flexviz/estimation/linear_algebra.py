@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+RELEASE_TOLERANCE = 1e-9  # share of the largest gradient below which a bound is not left
+
 
 def scaled_solve(matrix: Array, right: Array) -> Array:
     """Solve a symmetric positive system with its diagonal scaled to one; least squares if singular."""
@@ -65,3 +67,45 @@ def bounded_step(
         step[crossing] = bounds.clip(x + step)[crossing] - x[crossing]
         fixed |= crossing
     return step, fixed
+
+
+def bounded_minimum(
+    gradient: Array, hessian: Array, x: Array, bounds: Bounds
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Minimum of g·s + ½ s·H s with x + s within the bounds, and what is held at one, shape (P,) each.
+
+    Primal active set: every step goes to the minimum over the free parameters or to the first bound in its
+    way, and a bound whose gradient points inside is released, so that the quadratic never rises
+    (Nocedal, Wright: Numerical Optimization, 2nd ed., section 16.5). `bounded_step` is faster, but with many
+    nearly collinear parameters at bounds its step may lead uphill.
+    """
+    size = len(x)
+    lower, upper = bounds.lower - x, bounds.upper - x
+    scale = _scale(hessian)
+    step = np.zeros(size)
+    held = (upper - lower <= 0) | ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
+    fixed = upper - lower <= 0
+    for _ in range(4 * size):
+        free = ~held
+        slope = gradient + hessian @ step
+        target = step.copy()
+        target[free] += scaled_solve(hessian[np.ix_(free, free)], -slope[free])
+        move = target - step
+        with np.errstate(divide="ignore", invalid="ignore"):
+            room = np.where(move > 0, (upper - step) / move, np.where(move < 0, (lower - step) / move, np.inf))
+        room[held] = np.inf
+        first = int(np.argmin(room))
+        if room[first] < 1.0:
+            step = step + max(room[first], 0.0) * move
+            step[first] = upper[first] if move[first] > 0 else lower[first]
+            held[first] = True
+            continue
+        step = target
+        slope = (gradient + hessian @ step) * scale
+        inward = np.where(step <= lower, -slope, slope)  # positive: the quadratic falls away from the bound
+        inward[~held | fixed] = -np.inf
+        best = int(np.argmax(inward))
+        if inward[best] <= RELEASE_TOLERANCE * (np.abs(gradient * scale).max() + 1e-300):
+            break
+        held[best] = False
+    return np.clip(step, lower, upper), held

@@ -79,14 +79,16 @@ class Prior:
         centre: shape (P,), mean of the normal part.
         spread: shape (P,), standard deviations of the normal part, infinite for no prior; inertial entries
             unused.
-        weight: weight of the inertial part.
+        weight: of the inertial part, one number or shape (n,).
+        log_spread: shape (P,), standard deviations of ln(x / centre), infinite for no such prior; None: nowhere.
     """
 
     layout: Layout
     cad: Array
     centre: Array
     spread: Array
-    weight: float = 1.0
+    weight: float | Array = 1.0
+    log_spread: Array | None = None
 
     def feasible(self, x: Array) -> bool:
         """Whether all bodies are physically consistent and the parameters of every effect admissible."""
@@ -107,7 +109,9 @@ class Prior:
         relative = np.linalg.solve(pseudo_inertia(self.cad), p)
         divergence = np.trace(relative, axis1=1, axis2=2) - np.linalg.slogdet(relative)[1] - 4.0
         normal = ((x - self.centre) / self.spread)[self.layout.compliance.start :]
-        return float(self.weight * divergence.sum() + 0.5 * normal @ normal)
+        ratio, precision = self._logs(x)
+        relative_part = float(precision @ ratio**2)
+        return float((self.weight * divergence).sum() + 0.5 * normal @ normal + 0.5 * relative_part)
 
     def gradient_and_hessian(self, x: Array) -> tuple[Array, Array]:
         """Derivatives of `value`, shapes (P,) and (P, P)."""
@@ -115,14 +119,28 @@ class Prior:
         gradient, hessian = np.zeros(size), np.zeros((size, size))
         inverse = np.linalg.inv(pseudo_inertia(x[self.layout.inertial].reshape(-1, 10)))
         inverse_cad = np.linalg.inv(pseudo_inertia(self.cad))
-        for body in range(len(self.cad)):
+        weights = np.broadcast_to(self.weight, len(self.cad))
+        for body, weight in enumerate(weights):
             rows = slice(10 * body, 10 * body + 10)
-            gradient[rows] = self.weight * np.tensordot(BASIS, inverse_cad[body] - inverse[body], axes=2)
+            gradient[rows] = weight * np.tensordot(BASIS, inverse_cad[body] - inverse[body], axes=2)
             moved = inverse[body] @ BASIS  # (10, 4, 4)
-            hessian[rows, rows] = self.weight * np.einsum("kab,lba->kl", moved, moved)
+            hessian[rows, rows] = weight * np.einsum("kab,lba->kl", moved, moved)
         rest = slice(self.layout.compliance.start, size)
         precision = 1 / self.spread[rest] ** 2
         gradient[rest] = precision * (x - self.centre)[rest]
         index = np.arange(rest.start, size)
         hessian[index, index] = precision
+        ratio, precision = self._logs(x)
+        tight = precision > 0
+        gradient[tight] += precision[tight] * ratio[tight] / x[tight]
+        hessian[tight, tight] += precision[tight] / x[tight] ** 2
         return gradient, hessian
+
+    def _logs(self, x: Array) -> tuple[Array, Array]:
+        """ln(x / centre) where `log_spread` is finite, and its precision, shape (P,) each; zero elsewhere."""
+        ratio, precision = np.zeros(len(x)), np.zeros(len(x))
+        if self.log_spread is not None:
+            tight = np.isfinite(self.log_spread)
+            ratio[tight] = np.log(np.maximum(x[tight], 1e-300) / self.centre[tight])
+            precision[tight] = 1 / self.log_spread[tight] ** 2
+        return ratio, precision

@@ -1,0 +1,163 @@
+"""Backward elimination in closed form: which effects of a fitted model do the data need?
+
+A fit gives its parameters as a normal distribution N(x, C). Leaving an effect out means conditioning on its
+size being zero, which moves all other parameters linearly and changes the residual by the Jacobian times that
+move. One covariance and one Jacobian therefore judge every smaller model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.motion
+
+
+@dataclass(frozen=True)
+class Necessity:
+    """How much a model needs one of its effects.
+
+    Attributes:
+        deviations: size of the effect in standard errors.
+        held_out_rise: rise of the judged mean square of the effect's joint without it, relative to that with
+            it; of all joints for effects without a joint.
+        rise_error: standard error of the rise, from its scatter between short stretches.
+        share: root of the absolute rise, relative to the spread of the joint's torque.
+        credible: its parameters could be real.
+    """
+
+    deviations: float
+    held_out_rise: float
+    rise_error: float
+    share: float
+    credible: bool
+
+    @property
+    def needed(self) -> bool:
+        """Whether the effect stays in the model."""
+        harmless = self.held_out_rise < LIMITS.rise_deviations * self.rise_error
+        return (
+            self.credible
+            and self.deviations > (LIMITS.plain if harmless else LIMITS.significant)
+            and self.held_out_rise > 0
+            and self.share > LIMITS.least_torque_share
+        )
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Result of an elimination: the effects that stay, and the start of a fit without the others.
+
+    Attributes:
+        kept: effects that stay, with their necessity in the reduced model.
+        dropped: effects left out, in this order.
+        x: shape (P,), parameters of the full layout with the dropped effects at zero.
+    """
+
+    kept: dict[ChosenEffect, Necessity]
+    dropped: tuple[ChosenEffect, ...]
+    x: Array
+
+
+def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> Elimination:
+    """Drop, one by one, the effects that a model does not need, the least significant first.
+
+    Args:
+        fit: the model.
+        firm: effects that are not dropped, such as those of the set's own model.
+    """
+    x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
+    judged, jacobian = fit.judged.residual.copy(), fit.judged.jacobian
+    stretches = _stretches(fit)
+    left = dict(fit.layout.effect_slices())
+    dropped: list[ChosenEffect] = []
+    while True:
+        found = {
+            effect: _necessity(fit, effect, where, x, covariance, judged, jacobian, stretches)
+            for effect, where in left.items()
+        }
+        weak = [e for e, n in found.items() if not n.needed and e not in firm]
+        if not weak:
+            return Elimination(found, tuple(dropped), x)
+        worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
+        move, covariance = _without(x, covariance, sizes(worst, left[worst]))
+        x = x + move
+        judged = judged + jacobian @ move
+        x[left.pop(worst)] = 0.0
+        dropped.append(worst)
+
+
+def sizes(effect: ChosenEffect, where: slice) -> slice:
+    """Parameters whose zero means that the effect is absent."""
+    return slice(where.start, where.start + EFFECTS[effect.effect].size_count)
+
+
+def _without(x: Array, covariance: Array, rows: slice) -> tuple[Array, Array]:
+    """Move (P,) of the parameters when those at `rows` become zero, and the covariance given that."""
+    inside = covariance[rows, rows]
+    if np.any(np.diag(inside) <= 0):  # held at a bound
+        move = np.zeros(len(x))
+        move[rows] = -x[rows]
+        return move, covariance
+    gain = np.linalg.solve(inside, covariance[rows]).T
+    return -gain @ x[rows], covariance - gain @ covariance[rows]
+
+
+def _necessity(
+    fit: MotionFit,
+    effect: ChosenEffect,
+    where: slice,
+    x: Array,
+    covariance: Array,
+    judged: Array,
+    jacobian: Array,
+    stretches: list[slice],
+) -> Necessity:
+    rows = sizes(effect, where)
+    values, inside = x[rows], covariance[rows, rows]
+    if np.any(np.diag(inside) <= 0) or not np.any(values):
+        return Necessity(0.0, 0.0, 0.0, 0.0, False)
+    deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
+    move, _ = _without(x, covariance, rows)
+    joints = slice(None) if effect.joint is None else slice(effect.joint, effect.joint + 1)
+    change = jacobian[:, joints] @ move
+    sigma = fit.sigma[joints]
+    old, new = judged[:, joints] / sigma, (judged[:, joints] + change) / sigma
+    limit = LIMITS.outlier * max(1.0, float(np.sqrt(np.mean(old**2))))
+    squares = np.minimum(new**2, 9 * limit**2) - np.minimum(old**2, limit**2)
+    rise = squares.sum(axis=1)
+    level = float(np.minimum(old**2, limit**2).sum(axis=1).mean()) + 1e-300
+    each = np.array([rise[part].mean() for part in stretches]) / level
+    error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else 0.0
+    mean = float(each.mean())
+    torque = np.sqrt(np.maximum(squares.mean(axis=0), 0.0))
+    share = float(np.max(torque * sigma / fit.context.spread[joints]))
+    return Necessity(deviations, mean, error, share, _credible(fit, effect, x[where]))
+
+
+def _credible(fit: MotionFit, effect: ChosenEffect, values: Array) -> bool:
+    torque = fit.evaluation.torque[0][:, effect.joint or 0]
+    step = max(b.segment.step for b in fit.context.signals.blocks)
+    evidence = EffectEvidence(torque, step, frozenset(e.effect for e in fit.layout.effects))
+    law = EFFECTS[effect.effect]
+    return law.credible(values, evidence) and not law.at_bound(values)
+
+
+def _stretches(fit: MotionFit) -> list[slice]:
+    """Stretches of the judged samples of about `LIMITS.stretch` seconds."""
+    signals = fit.context.judged_signals
+    out = []
+    for block in signals.blocks:
+        count = block.rows.stop - block.rows.start
+        length = max(2, round(LIMITS.stretch / (block.segment.step * block.stride)))
+        ends = np.linspace(0, count, max(1, count // length) + 1).astype(int) + block.rows.start
+        out += [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+    return out

@@ -1,0 +1,278 @@
+"""Fits in the band of the motion, weighted by what the model leaves.
+
+Where many effects are missing the model errs more than the sensors, and weights from the sensors' noise are
+misleading. Here every joint is weighted by its own residual, large residuals count linearly (Huber), and CAD
+inertias, rough stiffness and motor inertia are believed as firmly as they deserve, so that a quantity that
+the data do not show stays where it was given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
+from flexviz.estimation import (
+    Bounds,
+    Covariance,
+    Prior,
+    Start,
+    bounded_minimum,
+    other_effects,
+    residual_noise,
+    sandwich,
+    score_covariance,
+    start_values,
+)
+from flexviz.measurements import Group, MeasurementSet
+from flexviz.noise import segments_noise
+from flexviz.observers import ButterworthZeroPhase
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.motion
+HERTZ = 7.0  # band of the motion
+MAX_ITERATIONS = 25
+MAX_HALVINGS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFit:
+    """A model fitted to the fit groups, with its residuals on all groups.
+
+    Attributes:
+        context: the data.
+        layout, x: the model and its parameters, shape (P,).
+        point: operating point of the effects in the fit groups.
+        evaluation: equation of the fit groups at x.
+        weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
+        sigma: shape (n,), σ of each joint [Nm].
+        at_bound: shape (P,), parameters held at a bound.
+        objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
+        converged: the last step was negligible.
+    """
+
+    context: MotionContext
+    layout: Layout
+    x: Array
+    point: OperatingPoint
+    evaluation: Evaluation
+    weights: Array
+    sigma: Array
+    at_bound: NDArray[np.bool_]
+    objective: float
+    converged: bool
+
+    @cached_property
+    def prior_hessian(self) -> Array:
+        """Shape (P, P)."""
+        return self.context.start(self.layout).prior.gradient_and_hessian(self.x)[1]
+
+    @cached_property
+    def whitened(self) -> tuple[Array, Array]:
+        """Weighted residual (N, n) and Jacobian (N, n, P)."""
+        return self.evaluation.residual * self.weights, self.evaluation.jacobian * self.weights[:, :, None]
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Of the parameters, from the residual's own spectra."""
+        r, z = self.whitened
+        flat = z.reshape(-1, self.layout.size)
+        rows = [b.rows for b in self.context.signals.blocks]
+        return sandwich(flat.T @ flat, score_covariance(r, z, rows), self.prior_hessian, self.at_bound)
+
+    @cached_property
+    def rms(self) -> Array:
+        """Residual of the fit groups, shape (n,) [Nm]."""
+        return np.sqrt(np.mean(self.evaluation.residual**2, axis=0))
+
+    @cached_property
+    def held_out(self) -> Evaluation | None:
+        """Equation of the validation groups at x; None without any."""
+        equation = self.context.held_out_equation(self.layout)
+        return None if equation is None else equation.evaluate(self.x)
+
+    @property
+    def judged(self) -> Evaluation:
+        """The validation groups, or the fit groups where there are none."""
+        return self.held_out or self.evaluation
+
+    def held_out_rms(self) -> Array:
+        """Residual of `judged`, shape (n,) [Nm]."""
+        return np.sqrt(np.mean(self.judged.residual**2, axis=0))
+
+    @property
+    def chain(self) -> Chain:
+        """Sensitivity of the residual to s and q."""
+        lay = self.layout
+        return Chain(self.x[lay.compliance], self.x[lay.link_viscous], self.evaluation.link)
+
+
+class MotionContext:
+    """Signals of a set in the band of the motion, shared by all models.
+
+    Attributes:
+        measurements: the set.
+        signals: of the fit groups.
+    """
+
+    def __init__(self, measurements: MeasurementSet, joints: tuple[str, ...]) -> None:
+        self.measurements = measurements
+        fit = [g for g in measurements.groups if not g.validation]
+        held = [g for g in measurements.groups if g.validation]
+        self.signals = self._signals(fit)
+        self._held = self._signals(held) if held else None
+        self._shared: dict[object, Any] = {}
+        self._held_shared: dict[object, Any] = {}
+        bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
+        self._start = start_values(measurements, bare)
+        rigid = bare.evaluate(self._start.x)
+        noise = segments_noise([b.segment for b in self.signals.blocks])
+        variance = residual_noise(self.signals, Layout(joints), self._start.x, rigid.link, noise)
+        self.noise_floor: Array = np.sqrt(variance)
+        self.spread: Array = np.std(self.signals.tau[0], axis=0)
+
+    def _signals(self, groups: list[Group]) -> Signals:
+        observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
+        shortest = min(float(s.time[-1] - s.time[0]) for g in groups for s in g.segments)
+        edge = min(max(observer.settling()), LIMITS.longest_edge * shortest)
+        return build_signals(self.measurements, groups, observer, drop=(edge, edge))
+
+    def equation(self, layout: Layout) -> Equation:
+        """Equation of the fit groups."""
+        return Equation(self.measurements.robot, self.signals, layout, self._shared)
+
+    def held_out_equation(self, layout: Layout) -> Equation | None:
+        """Equation of the validation groups; None without any."""
+        if self._held is None:
+            return None
+        return Equation(self.measurements.robot, self._held, layout, self._held_shared)
+
+    @property
+    def judged_signals(self) -> Signals:
+        """Of the validation groups, or of the fit groups where there are none."""
+        return self._held or self.signals
+
+    def start(self, layout: Layout) -> Start:
+        """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
+        start = other_effects(self._start, layout, self.signals)
+        prior, logs = start.prior, np.full(layout.size, np.inf)
+        if self.measurements.initial_stiffness is not None:
+            logs[layout.compliance] = LIMITS.stiffness_spread
+        if self.measurements.initial_motor_inertia is not None:
+            logs[layout.motor_inertia] = LIMITS.motor_inertia_spread
+        masses = self.measurements.robot.cad_parameters[:, 0]
+        real = masses > LIMITS.massless * masses.max()
+        weight = np.where(real, LIMITS.inertial_spread**-2, LIMITS.massless_weight)
+        spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
+        # stiff joints do not show how viscous friction is split between motor and link
+        speed = np.sqrt(np.mean(self.signals.theta[1] ** 2, axis=0)) + 1e-9
+        rms_torque = np.sqrt(np.mean(self.signals.tau[0] ** 2, axis=0))
+        half = start.x[layout.link_viscous]
+        spread[layout.link_viscous] = LIMITS.split_spread * half + LIMITS.split_torque * rms_torque / speed
+        offsets = {e.joint for e in layout.effects if e.effect == "torque_offset"}
+        for effect, where in layout.effect_slices():
+            law = EFFECTS[effect.effect]
+            for k, spec in zip(range(where.start, where.stop), law.parameters, strict=True):
+                spread[k] = law.expected.get(spec.name, spread[k])
+                if spec.name == law.offset_parameter and effect.joint in offsets:
+                    lower[k] = upper[k] = float(np.mean(self.signals.theta[0, :, effect.joint]))
+        firm = replace(prior, weight=weight, log_spread=logs, spread=spread)
+        return replace(start, prior=firm, bounds=Bounds(lower, upper))
+
+    def fit(
+        self,
+        layout: Layout,
+        x: Array,
+        *,
+        iterations: int = MAX_ITERATIONS,
+        check: Callable[[], None] = lambda: None,
+    ) -> MotionFit:
+        """Gauss–Newton with weights from the residual, which are renewed at every step.
+
+        Args:
+            layout: the model.
+            x: start, shape (P,).
+            iterations: maximum number of steps.
+            check: called before each step; may raise to stop.
+        """
+        start, equation = self.start(layout), self.equation(layout)
+        prior, bounds = start.prior, start.bounds
+        x = bounds.clip(x)
+        point, fit, before = None, None, np.inf
+        for iteration in range(iterations + 1):
+            check()
+            moved = point is None or equation.has_state
+            if moved:
+                renewed = equation.at(x, point)
+                moved = renewed is not point
+                point = renewed
+            assert point is not None
+            evaluation = point.evaluate(x) if moved or fit is None else fit.evaluation
+            fit = self._weighted(layout, x, point, evaluation, prior)
+            settled = abs(before - fit.objective) < LIMITS.settled_objective
+            before = fit.objective
+            r, z = fit.whitened
+            flat = z.reshape(-1, layout.size)
+            gradient, hessian = prior.gradient_and_hessian(x)
+            gradient = gradient + flat.T @ r.ravel()
+            hessian = hessian + flat.T @ flat
+            step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
+            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
+            fit = replace(fit, at_bound=at_bound, converged=length < LIMITS.negligible_step or settled)
+            if fit.converged or iteration == iterations:
+                break
+            after = self._along(fit, step, prior, bounds)
+            if after is None:
+                fit = replace(fit, converged=length < 1.0)
+                break
+            x, fit = after.x, after
+        assert fit is not None
+        return fit
+
+    def _along(self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds) -> MotionFit | None:
+        """The first of x + step, x + step/2, … that lowers the objective; None if none does."""
+        length, compliance = 1.0, fit.layout.compliance
+        for _ in range(MAX_HALVINGS):
+            trial = bounds.clip(fit.x + length * step)
+            trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
+            if prior.feasible(trial):
+                after = self._weighted(fit.layout, trial, fit.point, fit.point.evaluate(trial), prior)
+                if after.objective < fit.objective:
+                    return after
+            length *= 0.5
+        return None
+
+    def _weighted(
+        self, layout: Layout, x: Array, point: OperatingPoint, evaluation: Evaluation, prior: Prior
+    ) -> MotionFit:
+        """An evaluation with its weights and objective."""
+        residual = evaluation.residual
+        sigma = robust_deviation(residual, self.noise_floor)
+        ratio = np.abs(residual) / sigma
+        weights = np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
+        loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
+        objective = float(2 * len(residual) * np.log(sigma).sum() + loss.sum()) + 2 * prior.value(x)
+        bound = np.zeros(layout.size, bool)
+        return MotionFit(self, layout, x, point, evaluation, weights, sigma, bound, objective, False)
+
+
+def robust_deviation(residual: Array, floor: Array) -> Array:
+    """Standard deviation of each column of (N, n) with outliers clipped, at least `floor`."""
+    sigma = np.sqrt(np.mean(residual**2, axis=0)) + 1e-300
+    for _ in range(3):
+        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma)
+        sigma = np.sqrt(np.mean(clipped**2, axis=0)) + 1e-300
+    return np.maximum(sigma, floor)
+
+
+def place(layout: Layout, effect: ChosenEffect) -> slice:
+    """Where the parameters of an effect are."""
+    return dict(layout.effect_slices())[effect]
