@@ -17,6 +17,15 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 WEIGHTS = (1.294, 0.598, 0.546, -2.372)  # intercept, then the features
 
 
+# of an effect among many: intercept, then `rich_result.features`
+WEIGHTS_AMONG_MANY = (0.5, 0.8, 0.5, 0.3, -0.8)
+
+
+def probability_among_many(evidence: Sequence[float]) -> float:
+    """Probability that an effect found by the search backwards is correct, or tied with the correct one."""
+    return probability(evidence, WEIGHTS_AMONG_MANY)
+
+
 def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
     """Features of a finding.
 

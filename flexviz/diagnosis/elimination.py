@@ -7,7 +7,9 @@ move. One covariance and one Jacobian therefore judge every smaller model.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +77,7 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         firm: effects that are not dropped, such as those of the set's own model.
     """
     x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
-    judged, jacobian = fit.judged.residual.copy(), fit.judged.jacobian
+    judged, jacobian = fit.judged
     stretches = _stretches(fit)
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
@@ -93,6 +95,29 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         judged = judged + jacobian @ move
         x[left.pop(worst)] = 0.0
         dropped.append(worst)
+
+
+def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[ChosenEffect]:
+    """The effects, the weightiest first: what may be left out with the least harm comes last.
+
+    Harm is the judged mean square relative to each joint's torque, summed over the joints.
+    """
+    x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
+    judged, jacobian = fit.judged
+    left = {effect: where for effect, where in fit.layout.effect_slices() if effect in effects}
+    order: list[ChosenEffect] = []
+    while left:
+        moves = {e: _without(x, covariance, sizes(e, where)) for e, where in left.items()}
+        harm = {
+            e: float(np.sum(np.mean((judged + jacobian @ move) ** 2, axis=0) / fit.context.spread**2))
+            for e, (move, _) in moves.items()
+        }
+        least = min(harm, key=lambda e: harm[e])
+        move, covariance = moves[least]
+        x, judged = x + move, judged + jacobian @ move
+        del left[least]
+        order.append(least)
+    return order[::-1]
 
 
 def sizes(effect: ChosenEffect, where: slice) -> slice:
@@ -139,7 +164,8 @@ def _necessity(
     error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else 0.0
     mean = float(each.mean())
     torque = np.sqrt(np.maximum(squares.mean(axis=0), 0.0))
-    share = float(np.max(torque * sigma / fit.context.spread[joints]))
+    # an effect without a joint acts on all of them, not only on one that lacks something else
+    share = float(np.median(torque * sigma / fit.context.spread[joints]))
     return Necessity(deviations, mean, error, share, _credible(fit, effect, x[where]))
 
 
@@ -159,5 +185,5 @@ def _stretches(fit: MotionFit) -> list[slice]:
         count = block.rows.stop - block.rows.start
         length = max(2, round(LIMITS.stretch / (block.segment.step * block.stride)))
         ends = np.linspace(0, count, max(1, count // length) + 1).astype(int) + block.rows.start
-        out += [slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False)]
+        out += [slice(int(a), int(b)) for a, b in pairwise(ends)]
     return out

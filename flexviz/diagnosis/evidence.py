@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,9 +15,21 @@ from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Findin
 from flexviz.diagnosis.search import CandidateScores, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Layout
 from flexviz.estimation import Covariance, ScoredCandidate, sandwich
 
 Array = NDArray[np.float64]
+
+
+class Fitted(Protocol):
+    """A model with its parameters."""
+
+    @property
+    def layout(self) -> Layout: ...
+
+    @property
+    def x(self) -> Array: ...
+
 
 LIMITS = THRESHOLDS.evidence
 
@@ -129,7 +143,7 @@ def _kinds_of_motion(context: FitContext, joint: int, name: str) -> dict[str, ND
     return kinds
 
 
-def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
+def absorbed(before: Fitted, after: Fitted, std: Array) -> tuple[Absorbed, ...]:
     """Parameters that changed when the effect was added, the largest change in standard errors first."""
     old, new = before.layout, after.layout
     count = new.effect_start
@@ -150,18 +164,24 @@ def absorbed(before: Fit, after: Fit, std: Array) -> tuple[Absorbed, ...]:
 
 
 def explained_residual(
-    step: SearchStep, band: PredictionErrorBand, before: PredictionErrors, after: PredictionErrors
+    layout: Layout,
+    joint: int | None,
+    band: PredictionErrorBand,
+    before: PredictionErrors,
+    after: PredictionErrors,
 ) -> Evidence:
-    """Residual before the step on the joint that changes most, and the part that the effect explains."""
+    """Residual before a step on the effect's joint, and the part that the effect explains.
+
+    Without a joint: on the one that changes most.
+    """
     change = before.residual - after.residual
-    joint = step.chosen.effect.joint
     if joint is None:
         size = np.sqrt(np.mean(before.residual**2, axis=0)) + 1e-300
         joint = int(np.argmax(np.mean(change**2, axis=0) / size**2))
     ends = np.cumsum([0, *map(len, band.rows.values())])
     order = np.concatenate(list(band.rows.values()))
     return Evidence(
-        step.before.layout.joints[joint],
+        layout.joints[joint],
         tuple((name, int(a), int(b)) for name, a, b in zip(band.rows, ends, ends[1:], strict=False)),
         band.signals.time[order],
         before.residual[order, joint],

@@ -8,7 +8,7 @@ the data do not show stays where it was given.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_curve import SPREAD, Eliminated, UnknownCurve, Variable, eliminated
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -55,6 +56,8 @@ class MotionFit:
         weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
         sigma: shape (n,), σ of each joint [Nm].
         at_bound: shape (P,), parameters held at a bound.
+        residual, jacobian: shape (N, n), (N, n, P): of the fit groups, without unknown curves.
+        eliminated: the unknown curves.
         objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
         converged: the last step was negligible.
     """
@@ -67,6 +70,9 @@ class MotionFit:
     weights: Array
     sigma: Array
     at_bound: NDArray[np.bool_]
+    residual: Array
+    jacobian: Array
+    eliminated: tuple[Eliminated, ...]
     objective: float
     converged: bool
 
@@ -78,7 +84,7 @@ class MotionFit:
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
-        return self.evaluation.residual * self.weights, self.evaluation.jacobian * self.weights[:, :, None]
+        return self.residual * self.weights, self.jacobian * self.weights[:, :, None]
 
     @cached_property
     def covariance(self) -> Covariance:
@@ -91,22 +97,25 @@ class MotionFit:
     @cached_property
     def rms(self) -> Array:
         """Residual of the fit groups, shape (n,) [Nm]."""
-        return np.sqrt(np.mean(self.evaluation.residual**2, axis=0))
+        return np.sqrt(np.mean(self.residual**2, axis=0))
 
     @cached_property
-    def held_out(self) -> Evaluation | None:
-        """Equation of the validation groups at x; None without any."""
+    def judged(self) -> tuple[Array, Array]:
+        """Residual and Jacobian of the validation groups, or of the fit groups where there are none."""
         equation = self.context.held_out_equation(self.layout)
-        return None if equation is None else equation.evaluate(self.x)
-
-    @property
-    def judged(self) -> Evaluation:
-        """The validation groups, or the fit groups where there are none."""
-        return self.held_out or self.evaluation
+        if equation is None:
+            return self.residual, self.jacobian
+        point = equation.at(self.x)
+        found = point.evaluate(self.x)
+        residual, jacobian = found.residual, found.jacobian
+        for curve in self.eliminated:
+            residual = curve.remove_elsewhere(residual, self.evaluation.residual, point)
+            jacobian = curve.remove_elsewhere(jacobian, self.evaluation.jacobian, point)
+        return residual, jacobian
 
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
-        return np.sqrt(np.mean(self.judged.residual**2, axis=0))
+        return np.sqrt(np.mean(self.judged[0] ** 2, axis=0))
 
     @property
     def chain(self) -> Chain:
@@ -164,10 +173,11 @@ class MotionContext:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
         start = other_effects(self._start, layout, self.signals)
         prior, logs = start.prior, np.full(layout.size, np.inf)
-        if self.measurements.initial_stiffness is not None:
-            logs[layout.compliance] = LIMITS.stiffness_spread
-        if self.measurements.initial_motor_inertia is not None:
-            logs[layout.motor_inertia] = LIMITS.motor_inertia_spread
+        given = self.measurements
+        known = given.initial_stiffness is not None
+        logs[layout.compliance] = LIMITS.stiffness_spread if known else LIMITS.guessed_spread
+        known = given.initial_motor_inertia is not None
+        logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
         masses = self.measurements.robot.cad_parameters[:, 0]
         real = masses > LIMITS.massless * masses.max()
         weight = np.where(real, LIMITS.inertial_spread**-2, LIMITS.massless_weight)
@@ -192,6 +202,7 @@ class MotionContext:
         layout: Layout,
         x: Array,
         *,
+        curves: Sequence[UnknownCurve] = (),
         iterations: int = MAX_ITERATIONS,
         check: Callable[[], None] = lambda: None,
     ) -> MotionFit:
@@ -200,6 +211,7 @@ class MotionContext:
         Args:
             layout: the model.
             x: start, shape (P,).
+            curves: unknown laws, eliminated.
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
         """
@@ -216,7 +228,7 @@ class MotionContext:
                 point = renewed
             assert point is not None
             evaluation = point.evaluate(x) if moved or fit is None else fit.evaluation
-            fit = self._weighted(layout, x, point, evaluation, prior)
+            fit = self._weighted(layout, x, point, evaluation, prior, curves)
             settled = abs(before - fit.objective) < LIMITS.settled_objective
             before = fit.objective
             r, z = fit.whitened
@@ -229,7 +241,7 @@ class MotionContext:
             fit = replace(fit, at_bound=at_bound, converged=length < LIMITS.negligible_step or settled)
             if fit.converged or iteration == iterations:
                 break
-            after = self._along(fit, step, prior, bounds)
+            after = self._along(fit, step, prior, bounds, curves)
             if after is None:
                 fit = replace(fit, converged=length < 1.0)
                 break
@@ -237,31 +249,54 @@ class MotionContext:
         assert fit is not None
         return fit
 
-    def _along(self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds) -> MotionFit | None:
+    def _along(
+        self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds, curves: Sequence[UnknownCurve]
+    ) -> MotionFit | None:
         """The first of x + step, x + step/2, … that lowers the objective; None if none does."""
         length, compliance = 1.0, fit.layout.compliance
         for _ in range(MAX_HALVINGS):
             trial = bounds.clip(fit.x + length * step)
             trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
             if prior.feasible(trial):
-                after = self._weighted(fit.layout, trial, fit.point, fit.point.evaluate(trial), prior)
+                after = self._weighted(fit.layout, trial, fit.point, fit.point.evaluate(trial), prior, curves)
                 if after.objective < fit.objective:
                     return after
             length *= 0.5
         return None
 
     def _weighted(
-        self, layout: Layout, x: Array, point: OperatingPoint, evaluation: Evaluation, prior: Prior
+        self,
+        layout: Layout,
+        x: Array,
+        point: OperatingPoint,
+        evaluation: Evaluation,
+        prior: Prior,
+        curves: Sequence[UnknownCurve],
     ) -> MotionFit:
         """An evaluation with its weights and objective."""
-        residual = evaluation.residual
+        residual, jacobian, gone = evaluation.residual, evaluation.jacobian, []
+        for curve in curves:
+            sigma = robust_deviation(residual, self.noise_floor)
+            uniform = np.full(len(residual), 1 / sigma[curve.joint])
+            gone.append(eliminated(curve, point, uniform))
+            residual, jacobian = gone[-1].remove(residual), gone[-1].remove(jacobian)
         sigma = robust_deviation(residual, self.noise_floor)
         ratio = np.abs(residual) / sigma
         weights = np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
         loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
         objective = float(2 * len(residual) * np.log(sigma).sum() + loss.sum()) + 2 * prior.value(x)
-        bound = np.zeros(layout.size, bool)
-        return MotionFit(self, layout, x, point, evaluation, weights, sigma, bound, objective, False)
+        return MotionFit(
+            self, layout, x, point, evaluation, weights, sigma, np.zeros(layout.size, bool),
+            residual, jacobian, tuple(gone), objective, False,
+        )  # fmt: skip
+
+    def unknown_curve(self, joint: int, variable: Variable) -> UnknownCurve:
+        """A free curve over the range of all groups."""
+        parts = [self.signals, *([self._held] if self._held else [])]
+        row = 1 if variable == "velocity" else 0
+        values = np.concatenate([signals.theta[row, :, joint] for signals in parts])
+        low, high = float(values.min()), float(values.max())
+        return UnknownCurve(joint, variable, low, high, SPREAD * float(self.spread[joint]))
 
 
 def robust_deviation(residual: Array, floor: Array) -> Array:

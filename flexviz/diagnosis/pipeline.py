@@ -18,10 +18,13 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.model_error import ModelErrorSearch
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
+from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
+from flexviz.diagnosis.rich_search import RichModel, RichSearch
 from flexviz.diagnosis.search import RefittedCandidate, Search, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -36,6 +39,7 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
+LISTED_CANDIDATES = 8
 PROGRESS_SHARE = 0.06  # of the remaining progress bar per step: the number of steps is unknown
 
 
@@ -98,13 +102,9 @@ class _Pipeline:
     ) -> None:
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
         self.began, self.share, self.stopped = time.perf_counter(), 0.0, False
-        layout = layout_of(measurements)
-        self.context = FitContext(measurements, layout)
-        self.search = Search(self.context, self.say)
+        self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
-        model = identify(measurements, should_stop=should_stop).model if start is None else start
-        self.base = self.context.fit(layout, layout.vector(model), iterations=LIMITS.first_iterations)
-        self.reference = self.context.without_effects(self.base)
+        self.start = start
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
@@ -128,12 +128,86 @@ class _Pipeline:
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         try:
+            if (many := self.many_effects()) is not None:
+                return self.result_of_many(*many, apply, guarded)
+        except Interrupted:
+            pass
+        self.prepare()
+        try:
+            self.check_stop()
             self.add_effects(apply)
             if verdict(self.final, self.reference) == "unknown":
                 self.continue_beside_model_error(apply)
         except Interrupted:
             pass  # the result contains the findings so far
         return self.result(apply, guarded)
+
+    # -- many effects at once
+
+    def many_effects(self) -> tuple[MotionContext, RichModel] | None:
+        """The model found backwards; None for a set that hides few effects."""
+        motion = MotionContext(self.measurements, self.layout.joints)
+        search = RichSearch(motion, self.layout, self.say)
+        survey = search.survey()
+        if not search.hides_many(survey):
+            return None
+        rich = search.run(survey)
+        return (motion, rich) if rich.added(self.layout) or rich.curves else None
+
+    def result_of_many(
+        self, motion: MotionContext, rich: RichModel, apply: bool, guarded: bool | None
+    ) -> Diagnosis:
+        """The result of a search backwards."""
+        stairs = staircase(motion, self.layout, rich, self.error_band, lambda: self.say(""))
+        found = list(findings(stairs, rich, self.error_band))
+        last = verdict_on(rich)
+        if not apply:
+            stairs, last = stairs[:1], "missing" if found else last
+        taken = steps(stairs, found if apply else [], last)
+        final = stairs[-1].fit
+        context = FitContext(self.measurements, final.layout)
+        at_noise = context.fit(final.layout, final.x, iterations=0)
+        where, maps = locate_residual(context, at_noise)
+        curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
+        bandwidths = None
+        if guarded:
+            self.tell("checking parameters against the observer's bandwidth")
+            bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
+        prior = motion.start(final.layout).prior
+        return Diagnosis(
+            set_name=self.measurements.name,
+            verdict=taken[0].verdict,
+            findings=tuple(found[:LISTED_CANDIDATES]),
+            where=where,
+            steps=tuple(taken),
+            effects=_effect_values(final, final.covariance.standard_errors),
+            parameters=parameter_estimates(
+                final.layout, final.x, prior.centre, final.covariance, final.at_bound, prior
+            ),
+            seconds=time.perf_counter() - self.began,
+            stopped=self.stopped,
+            notes=notes(at_noise, last, stairs[-1].errors, None, curve, bandwidths),
+            model=final.layout.model(final.x),
+            maps=maps,
+            free_curve=curve,
+            guard=bandwidths,
+        )  # fmt: skip
+
+    # -- one after the other
+
+    def prepare(self) -> None:
+        """Fit the set's own model in units of the noise."""
+        self.context = FitContext(self.measurements, self.layout)
+        self.search = Search(self.context, self.say)
+        identified = identify(self.measurements, should_stop=self.should_stop) if self.start is None else None
+        model = self.start if identified is None else identified.model
+        assert model is not None
+        x = self.layout.vector(model)
+        self.base = self.context.fit(self.layout, x, iterations=LIMITS.first_iterations)
+        self.reference = self.context.without_effects(self.base)
+
+    def check_stop(self) -> None:
+        self.say("")
 
     # -- the search -------------------------------------------------------------------------------------
 
@@ -216,7 +290,9 @@ class _Pipeline:
                 self.context,
                 step,
                 in_noise_units if step.adapted is None else self.final,
-                explained_residual(step, self.error_band, before, after),
+                explained_residual(
+                    step.before.layout, step.chosen.effect.joint, self.error_band, before, after
+                ),
             )
             for step, before, after in zip(self.steps, errors, errors[1:], strict=False)
         ]
@@ -225,7 +301,7 @@ class _Pipeline:
             fits[-1], errors[-1] = last.fit, self.error_band.errors(last.fit)
         added = [None, *findings] if apply else [None]
         verdicts: list[Verdict] = [*("missing" for _ in self.steps), last.verdict]
-        steps = [_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
+        taken = [_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
         prior = self.context.start(layout).prior
         where, maps = locate_residual(self.context, final)
@@ -238,10 +314,10 @@ class _Pipeline:
                 bandwidths = check_bandwidth(self.measurements, layout, final.x)
         return Diagnosis(
             set_name=self.measurements.name,
-            verdict=steps[0].verdict,
+            verdict=taken[0].verdict,
             findings=tuple(self.ranked(findings[:1])),
             where=where,
-            steps=tuple(steps),
+            steps=tuple(taken),
             effects=_effect_values(final, last.covariance.standard_errors),
             parameters=parameter_estimates(
                 layout, final.x, prior.centre, last.covariance, np.zeros(layout.size, bool), prior
@@ -299,7 +375,7 @@ def _step(added: Finding | None, fit: Fit, errors: PredictionErrors, verdict: Ve
     )
 
 
-def _effect_values(fit: Fit, std: Array) -> tuple[dict[str, object], ...]:
+def _effect_values(fit: Fit | MotionFit, std: Array) -> tuple[dict[str, object], ...]:
     """Effects of a model with parameters and standard errors; std has shape (P,)."""
     out = []
     for effect, where in fit.layout.effect_slices():

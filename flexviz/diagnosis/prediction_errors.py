@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.equation import Equation, build_signals
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
@@ -55,7 +56,7 @@ class PredictionErrorBand:
             for k, group in enumerate(self.signals.groups)
         }
 
-    def errors(self, fit: Fit) -> PredictionErrors:
+    def errors(self, fit: Fit | MotionFit) -> PredictionErrors:
         """Residuals of a model."""
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
         evaluation = equation.evaluate(fit.x)

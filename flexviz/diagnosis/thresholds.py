@@ -85,8 +85,11 @@ class MotionThresholds:
     longest_edge: float = 0.1  # share of a stretch that is dropped at each of its ends at most
     stiffness_spread: float = 0.5  # prior standard deviation of the log of a rough stiffness ...
     motor_inertia_spread: float = 0.35  # ... and of a rough motor inertia
+    guessed_spread: float = 1.5  # the same of values that the set does not give
     inertial_spread: float = 0.2  # relative prior standard deviation of CAD inertias
-    split_spread: float = 0.2  # prior standard deviation of the link's share of viscous friction, relative ...
+    split_spread: float = (
+        0.2  # prior standard deviation of the link's share of viscous friction, relative ...
+    )
     split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
     massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy ...
     massless_weight: float = 0.1  # ... and the weight of its prior
@@ -102,10 +105,22 @@ class MotionThresholds:
     eliminations: int = 4  # fits until all effects of a model are needed
     rounds: int = 6  # of scoring what is left
     least_share: float = 0.05  # of a joint's mean square that a candidate has to explain ...
-    least_share_episode: float = 0.3  # ... an episode, which no other group confirms and which imitates many
+    least_share_episode: float = (
+        0.3  # ... an episode, which no other group confirms and which imitates many ...
+    )
+    episode_noise: float = 3.0  # ... leave less than this many times the noise on its joint
     quiet: float = 1.3  # times the noise: a joint below is not searched
     longest_episode: float = 0.6  # share of a stretch
-    leading: int = 12  # candidates kept for ties
+    replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove
+    far_off: float = 8.0  # times the noise: a joint above may hide a law of no library
+    least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
+    curve_lead: float = 1.5  # ... and relative to the best candidate's
+    superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
+    many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
+    explains_all: float = 1.5  # ... unless one effect leaves no more than this many times as much
+    singles: int = 4  # effects of which this is tried
+    stair_iterations: int = 5  # of the models of the staircase
+    idle_rounds: int = 1  # of scoring without a find
 
 
 @dataclass(frozen=True)

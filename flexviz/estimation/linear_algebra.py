@@ -92,7 +92,9 @@ def bounded_minimum(
         target[free] += scaled_solve(hessian[np.ix_(free, free)], -slope[free])
         move = target - step
         with np.errstate(divide="ignore", invalid="ignore"):
-            room = np.where(move > 0, (upper - step) / move, np.where(move < 0, (lower - step) / move, np.inf))
+            room = np.where(
+                move > 0, (upper - step) / move, np.where(move < 0, (lower - step) / move, np.inf)
+            )
         room[held] = np.inf
         first = int(np.argmin(room))
         if room[first] < 1.0:

@@ -80,7 +80,7 @@ class Prior:
         spread: shape (P,), standard deviations of the normal part, infinite for no prior; inertial entries
             unused.
         weight: of the inertial part, one number or shape (n,).
-        log_spread: shape (P,), standard deviations of ln(x / centre), infinite for no such prior; None: nowhere.
+        log_spread: shape (P,), standard deviations of ln(x / centre), infinite without; None: all infinite.
     """
 
     layout: Layout

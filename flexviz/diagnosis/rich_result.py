@@ -1,0 +1,184 @@
+"""A diagnosis from a search backwards: the staircase of its effects, with the evidence of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.confidence import probability_among_many
+from flexviz.diagnosis.elimination import Necessity, by_weight
+from flexviz.diagnosis.evidence import absorbed, explained_residual
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit, place
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
+from flexviz.diagnosis.result import EffectParameter, Evidence, Finding, Step, Tie
+from flexviz.diagnosis.rich_search import RichModel
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Layout
+from flexviz.results import Verdict
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.motion
+
+
+@dataclass(frozen=True, eq=False)
+class Stair:
+    """One model of the staircase.
+
+    Attributes:
+        added: the effect that it has more than the one before; None for the first.
+        fit: its fit.
+        errors: its residuals.
+    """
+
+    added: ChosenEffect | None
+    fit: MotionFit
+    errors: PredictionErrors
+
+
+def staircase(
+    context: MotionContext,
+    own: Layout,
+    rich: RichModel,
+    band: PredictionErrorBand,
+    check: Callable[[], None],
+) -> list[Stair]:
+    """The set's own model, then one effect more at a time, the weightiest first.
+
+    Every model is fitted a few steps from the values of the final one, which is the last.
+    """
+    order = by_weight(rich.fit, rich.added(own))
+    stairs = []
+    for count in range(len(order)):
+        effects = (*own.effects, *order[:count])
+        layout = Layout(own.joints, effects)
+        x = layout.vector(rich.fit.layout.model(rich.fit.x))
+        fit = context.fit(layout, x, iterations=LIMITS.stair_iterations, check=check)
+        stairs.append(Stair(order[count - 1] if count else None, fit, band.errors(fit)))
+    last = Stair(order[-1] if order else None, rich.fit, band.errors(rich.fit))
+    return [*stairs, last]
+
+
+def verdict_on(rich: RichModel) -> Verdict:
+    """Whether the final model is complete: no unknown law, and every joint near its noise."""
+    ratio = rich.fit.rms / rich.fit.context.noise_floor
+    return "unknown" if rich.curves or np.any(ratio > LIMITS.far_off) else "nothing-missing"
+
+
+def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) -> Iterator[Finding]:
+    """One finding per added effect, in the order of the staircase."""
+    std = rich.fit.covariance.standard_errors
+    for before, after in pairwise(stairs):
+        assert after.added is not None
+        effect, need = after.added, rich.needed[after.added]
+        where = place(rich.fit.layout, effect)
+        specs = EFFECTS[effect.effect].parameters
+        yield Finding(
+            effect.effect,
+            rich.fit.layout.joint_name(effect),
+            effect.group,
+            effect.payload,
+            score=removed_share(before.errors, after.errors),
+            confidence=probability_among_many(features(rich, effect, need)),
+            parameters={
+                p.name: EffectParameter(float(v), float(e), p.unit)
+                for p, v, e in zip(specs, rich.fit.x[where], std[where], strict=True)
+            },
+            inseparable_from=tuple(ties(rich, effect)),
+            gain=float(before.fit.objective - after.fit.objective),
+            absorbed=absorbed(before.fit, after.fit, after.fit.covariance.standard_errors),
+            evidence=_evidence(before, after, band),
+            features=features(rich, effect, need),
+        )
+
+
+def features(rich: RichModel, effect: ChosenEffect, need: Necessity) -> tuple[float, ...]:
+    """What the confidence depends on.
+
+    Returns:
+        logs of the effect's size in standard errors, of its share of the joint's torque in per cent, of the
+        held-out rise without it in standard errors, and of the joint's residual relative to the noise.
+    """
+    ratio = rich.fit.rms / rich.fit.context.noise_floor
+    here = float(ratio.max() if effect.joint is None else ratio[effect.joint])
+    rise = need.held_out_rise / max(need.rise_error, 1e-12)
+    return (
+        float(np.log(max(need.deviations, 1.0))),
+        float(np.log(max(100 * need.share, 1e-2))),
+        float(np.log(np.clip(rise, 0.1, 1e3))),
+        float(np.log(max(here, 1.0))),
+    )
+
+
+def ties(rich: RichModel, effect: ChosenEffect) -> Iterator[Tie]:
+    """Twins of an effect whose signature in these data is nearly its own."""
+    fit = rich.fit
+    law = EFFECTS[effect.effect]
+    if effect.joint is None or not law.twins:
+        return
+    _, jacobian = fit.whitened
+    others = np.ones(fit.layout.size, bool)
+    others[place(fit.layout, effect)] = False
+    rest = jacobian.reshape(-1, fit.layout.size)
+    mine = rest[:, place(fit.layout, effect).start]
+    inside = rest[:, others]
+    precision = inside.T @ inside + fit.prior_hessian[np.ix_(others, others)]
+
+    def outside(column: Array) -> Array:
+        left = column - inside @ np.linalg.solve(precision, inside.T @ column)
+        return left / max(float(np.linalg.norm(left)), 1e-300)
+
+    mine = outside(mine)
+    for name in law.twins:
+        other = ChosenEffect(name, effect.joint)
+        if name not in EFFECTS or other in fit.layout.effects:
+            continue
+        best = 0.0
+        for guess in EFFECTS[name].guesses(fit.point.context, other.place):
+            for one in guess.columns:
+                column = fit.chain.column(guess.entry, guess.joints, one) * fit.weights
+                best = max(best, abs(float(outside(column.ravel()) @ mine)))
+        if best > THRESHOLDS.evidence.tied_correlation:
+            yield Tie(name, fit.layout.joint_name(effect), best)
+
+
+def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
+    """Share of the held-out excess over the noise that a step removed, each joint relative to its noise."""
+    floor = np.maximum(np.array(before.noise_floor), 1e-300)
+
+    def excess(errors: PredictionErrors) -> float:
+        rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
+        return float(np.maximum((rms / floor) ** 2 - 1, 0).sum())
+
+    old, new = excess(before), excess(after)
+    return float(np.clip(1 - new / max(old, 1e-300), 0.0, 1.0))
+
+
+def _evidence(before: Stair, after: Stair, band: PredictionErrorBand) -> Evidence:
+    joint = None if after.added is None else after.added.joint
+    return explained_residual(before.fit.layout, joint, band, before.errors, after.errors)
+
+
+def steps(stairs: list[Stair], found: list[Finding], last: Verdict) -> list[Step]:
+    """The staircase as steps of a result."""
+    out = []
+    for stair, added in zip(stairs, [None, *found], strict=True):
+        e = stair.errors
+        out.append(
+            Step(
+                added,
+                e.rms,
+                e.rms_validation,
+                "missing",
+                e.groups,
+                e.noise_floor,
+                stair.fit.layout.model(stair.fit.x),
+            )
+        )
+    out[-1] = replace(out[-1], verdict=last)
+    return out
