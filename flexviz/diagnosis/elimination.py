@@ -120,14 +120,14 @@ def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[ChosenEff
     return order[::-1]
 
 
-def sizes(effect: ChosenEffect, where: slice) -> slice:
+def sizes(effect: ChosenEffect, where: slice) -> list[int]:
     """Parameters whose zero means that the effect is absent."""
-    return slice(where.start, where.start + EFFECTS[effect.effect].size_count)
+    return [where.start + k for k in EFFECTS[effect.effect].size_at]
 
 
-def _without(x: Array, covariance: Array, rows: slice) -> tuple[Array, Array]:
+def _without(x: Array, covariance: Array, rows: list[int]) -> tuple[Array, Array]:
     """Move (P,) of the parameters when those at `rows` become zero, and the covariance given that."""
-    inside = covariance[rows, rows]
+    inside = covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0):  # held at a bound
         move = np.zeros(len(x))
         move[rows] = -x[rows]
@@ -147,7 +147,7 @@ def _necessity(
     stretches: list[slice],
 ) -> Necessity:
     rows = sizes(effect, where)
-    values, inside = x[rows], covariance[rows, rows]
+    values, inside = x[rows], covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0) or not np.any(values):
         return Necessity(0.0, 0.0, 0.0, 0.0, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))

@@ -8,7 +8,7 @@ added, and the model is thinned out again, until nothing is found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ from flexviz.estimation import Projection, ScoredCandidate, best_intervals, scor
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
+OFFSET = "torque_offset"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,8 @@ class RichSearch:
 
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
-        fit, needed, idle = survey.fit, survey.needed, 0
+        idle = 0
+        fit, needed = self.refined(survey.fit, survey.needed)
         for _ in range(LIMITS.rounds):
             self.say("scoring what is left")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
@@ -108,6 +110,7 @@ class RichSearch:
                 self._refused |= added
                 idle += 1
         fit, needed = self.without_superfluous_curves(fit, needed)
+        fit, needed = self.with_rest_angles(fit, needed)
         return RichModel(fit, needed, self.curves)
 
     def without_superfluous_curves(
@@ -144,7 +147,7 @@ class RichSearch:
             if beside is not None and effect in own:
                 continue
             values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0)))
-            values[: EFFECTS[effect.effect].size_count] *= LIMITS.small_start
+            values[list(EFFECTS[effect.effect].size_at)] *= LIMITS.small_start
             x[where] = values
         return self.context.fit(layout, x, curves=self.curves, check=self.check)
 
@@ -170,18 +173,39 @@ class RichSearch:
 
     def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without the effects that it does not need, fitted again until all are needed."""
-        firm = frozenset(self.own.effects)
         for _ in range(LIMITS.eliminations):
-            result = eliminate(fit, firm)
-            merged = self.merged_offsets(fit.layout, result.x, tuple(result.kept))
-            if not result.dropped and merged is None:
+            result = eliminate(fit, frozenset(self.own.effects) | self.offsets_of_springs(fit.layout))
+            if not result.dropped:
                 return fit, result.kept
-            kept, x = merged or (tuple(result.kept), result.x)
-            smaller = Layout(fit.layout.joints, kept)
-            fit = self.context.fit(
-                smaller, self.feasible(fit, smaller, x), curves=self.curves, check=self.check
-            )
+            smaller = Layout(fit.layout.joints, tuple(result.kept))
+            start = self.feasible(fit, smaller, result.x)
+            fit = self.context.fit(smaller, start, curves=self.curves, check=self.check)
         return fit, eliminate(fit, frozenset(fit.layout.effects)).kept
+
+    def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
+        """Torque offsets beside a spring, whose rest angle they stand for during the search.
+
+        k (q − q₀) with both free is singular where k is small; k (q − q̄) and an offset are linear.
+        """
+        springs = {e.joint for e in layout.effects if EFFECTS[e.effect].offset_parameter}
+        return frozenset(e for e in layout.effects if e.effect == OFFSET and e.joint in springs)
+
+    def with_rest_angles(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with torque offsets beside a spring turned into the spring's rest angle."""
+        merged = self.offsets_of_springs(fit.layout) - set(self.own.effects)
+        if not merged:
+            return fit, needed
+        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
+        x = smaller.vector(fit.layout.model(fit.x))
+        for offset in merged:
+            for effect, where in smaller.effect_slices():
+                if effect.joint == offset.joint and EFFECTS[effect.effect].offset_parameter and x[where.start]:
+                    torque = fit.x[place(fit.layout, offset).start]
+                    x[where.start + 1] = np.clip(x[where.start + 1] - torque / x[where.start], -50.0, 50.0)
+        fit = self.context.fit(smaller, x, curves=self.curves, check=self.check)
+        return fit, eliminate(fit, frozenset(smaller.effects)).kept
 
     def feasible(self, fit: MotionFit, smaller: Layout, x: Array) -> Array:
         """Start of a smaller model on the way from a fit to x: the linear move may leave what is possible."""
@@ -192,22 +216,50 @@ class RichSearch:
                 return start
         return smaller.vector(fit.layout.model(fit.x))
 
-    def merged_offsets(
-        self, layout: Layout, x: Array, kept: tuple[ChosenEffect, ...]
-    ) -> tuple[tuple[ChosenEffect, ...], Array] | None:
-        """A torque offset beside a spring becomes part of the spring's rest angle; None without any such."""
-        x, merged = x.copy(), []
-        springs = {e.joint: e for e in kept if EFFECTS[e.effect].offset_parameter}
-        for effect in kept:
-            if effect.effect != "torque_offset" or effect.joint not in springs or effect in self.own.effects:
-                continue
-            where = place(layout, springs[effect.joint])
-            stiffness, rest = x[where]
-            if stiffness <= 0:
-                continue
-            x[where.start + 1] = np.clip(rest - x[place(layout, effect).start] / stiffness, -50.0, 50.0)
-            merged.append(effect)
-        return (tuple(e for e in kept if e not in merged), x) if merged else None
+    # -- refinements of effects that it has
+
+    def refined(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with effects replaced by their refinement on the joints where that helps clearly.
+
+        All at once: the score of a single refinement says little, because its law is far from linear.
+        """
+        loud = fit.rms > LIMITS.far_off * self.context.noise_floor
+        finer = {law.replaces: name for name, law in EFFECTS.items() if law.replaces}
+        swaps = {
+            e: ChosenEffect(finer[e.effect], e.joint)
+            for e in fit.layout.effects
+            if e.effect in finer and e.joint is not None and loud[e.joint] and e not in self.own.effects
+        }
+        if not swaps:
+            return fit, needed
+        self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
+        trial = self.swapped(fit, fit, swaps)
+        old, new = fit.held_out_rms() ** 2, trial.held_out_rms() ** 2
+        better = {
+            e: swap
+            for e, swap in swaps.items()
+            if max(new[e.joint] / old[e.joint], (trial.sigma[e.joint] / fit.sigma[e.joint]) ** 2)
+            < 1 - LIMITS.replaced_share
+        }
+        if not better:
+            return fit, needed
+        return self.thinned(trial if len(better) == len(swaps) else self.swapped(fit, trial, better))
+
+    def swapped(
+        self, fit: MotionFit, values: MotionFit, swaps: Mapping[ChosenEffect, ChosenEffect]
+    ) -> MotionFit:
+        """The model with effects swapped, from the values of a model that may have the new ones."""
+        layout = Layout(fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects))
+        x = layout.vector(values.layout.model(values.x))
+        for old, new in swaps.items():
+            if new not in values.layout.effects:
+                x[place(layout, new)] = EFFECTS[new.effect].refining(fit.x[place(fit.layout, old)])
+        for effect, where in layout.effect_slices():
+            if effect in fit.layout.effects and effect not in values.layout.effects:
+                x[where] = fit.x[place(fit.layout, effect)]
+        return self.context.fit(layout, x, curves=self.curves, check=self.check)
 
     # -- what is left
 
@@ -298,7 +350,10 @@ class RichSearch:
         """The model with candidates at their scored values, fitted."""
         replaced = {(EFFECTS[s.effect.effect].replaces, s.effect.joint) for s in chosen}
         kept = tuple(e for e in fit.layout.effects if (e.effect, e.joint) not in replaced)
-        layout = Layout(fit.layout.joints, (*kept, *(s.effect for s in chosen)))
+        springs = [s for s in chosen if EFFECTS[s.effect.effect].offset_parameter]
+        offsets = (ChosenEffect(OFFSET, s.effect.joint) for s in springs)
+        new = dict.fromkeys((*(s.effect for s in chosen), *offsets))
+        layout = Layout(fit.layout.joints, (*kept, *(e for e in new if e not in kept)))
         x = layout.vector(fit.layout.model(fit.x))
         for s in chosen:
             x[place(layout, s.effect)] = s.values

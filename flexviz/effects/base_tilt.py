@@ -24,7 +24,7 @@ class BaseTilt(Effect):
     reference = (
         "Featherstone: Rigid Body Dynamics Algorithms (gravity as the base's acceleration), Springer, 2008"
     )
-    size_count = 2
+    size_at = (0, 1)
     parameters = (
         ParameterSpec("tilt_x", "rad", lower=-0.6, upper=0.6, explanation="about the base's x"),
         ParameterSpec("tilt_y", "rad", lower=-0.6, upper=0.6, explanation="about the base's y"),

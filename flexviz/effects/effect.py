@@ -101,7 +101,7 @@ class Effect(ABC):
         memory: u depends on the time before the record.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
-        size_count: number of leading parameters that are zero when the effect is absent.
+        size_at: positions of the parameters that are zero when the effect is absent.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
         offset_parameter: parameter that amounts to a constant torque of the joint.
         expected: parameter → standard deviation around zero that a real robot may show.
@@ -133,7 +133,7 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
-    size_count: ClassVar[int] = 1
+    size_at: ClassVar[tuple[int, ...]] = (0,)
     usual: ClassVar[bool] = False
     offset_parameter: ClassVar[str | None] = None
     expected: ClassVar[Mapping[str, float]] = {}
@@ -210,6 +210,10 @@ class Effect(ABC):
     def time_constant(self, values: Array, compliance: float) -> float:
         """Time constant of the low-pass from joint torque to deflection [s]; 0 without damping."""
         return 0.0
+
+    def refining(self, simpler: Array) -> Array:
+        """Start values from those of the effect that it replaces."""
+        return self.sizes()
 
     # -- simulation
 

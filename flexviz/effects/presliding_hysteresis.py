@@ -8,6 +8,7 @@ from flexviz.effects.effect import JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
+START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts
 INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, uniform within ±1
 
 
@@ -39,6 +40,7 @@ class PreslidingHysteresis(LawEffect):
         ParameterSpec("coulomb", "Nm", lower=0.0, explanation="friction torque while sliding", symbol="f_c"),
     )
     replaces = "coulomb_friction"
+    size_at = (1,)
     memory = True
     hidden_state = True  # the deflection of the bristles
 
@@ -67,6 +69,9 @@ class PreslidingHysteresis(LawEffect):
             column = context.filtered(parts, joint, self.depth)[..., None]
             out.append(Guess(self.entry, (joint,), column, to_values))
         return out
+
+    def refining(self, simpler: Array) -> Array:
+        return np.array([simpler[0] / START_ANGLE, simpler[0]])
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (50.0 * scale.torque, 0.2 * scale.torque)
