@@ -97,25 +97,31 @@ class MotionFit:
     @cached_property
     def rms(self) -> Array:
         """Residual of the fit groups, shape (n,) [Nm]."""
-        return np.sqrt(np.mean(self.residual**2, axis=0))
+        used = self.context.used
+        return np.sqrt(np.sum(self.residual**2 * used, axis=0) / used.sum(axis=0))
 
     @cached_property
     def judged(self) -> tuple[Array, Array]:
-        """Residual and Jacobian of the validation groups, or of the fit groups where there are none."""
+        """Residual and Jacobian of the validation groups, or of the fit groups where there are none.
+
+        Zero at standstill where that is judged apart.
+        """
         equation = self.context.held_out_equation(self.layout)
+        used = in_motion(self.context.judged_signals) | ~self.context.apart
         if equation is None:
-            return self.residual, self.jacobian
+            return self.residual * used, self.jacobian * used[:, :, None]
         point = equation.at(self.x)
         found = point.evaluate(self.x)
         residual, jacobian = found.residual, found.jacobian
         for curve in self.eliminated:
             residual = curve.remove_elsewhere(residual, self.evaluation.residual, point)
             jacobian = curve.remove_elsewhere(jacobian, self.evaluation.jacobian, point)
-        return residual, jacobian
+        return residual * used, jacobian * used[:, :, None]
 
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
-        return np.sqrt(np.mean(self.judged[0] ** 2, axis=0))
+        used = in_motion(self.context.judged_signals) | ~self.context.apart
+        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / used.sum(axis=0))
 
     @property
     def chain(self) -> Chain:
@@ -130,6 +136,8 @@ class MotionContext:
     Attributes:
         measurements: the set.
         signals: of the fit groups.
+        apart: shape (n,), joints whose standstill is judged apart (`set_standstill_apart`).
+        used: shape (N, n), samples of the fit groups that count.
     """
 
     def __init__(self, measurements: MeasurementSet, joints: tuple[str, ...]) -> None:
@@ -138,6 +146,8 @@ class MotionContext:
         held = [g for g in measurements.groups if g.validation]
         self.signals = self._signals(fit)
         self._held = self._signals(held) if held else None
+        self.apart = np.zeros(len(joints), bool)
+        self.used = np.ones((self.signals.count, len(joints)), bool)
         self._shared: dict[object, Any] = {}
         self._held_shared: dict[object, Any] = {}
         bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
@@ -163,6 +173,24 @@ class MotionContext:
         if self._held is None:
             return None
         return Equation(self.measurements.robot, self._held, layout, self._held_shared)
+
+    def set_standstill_apart(self, fit: MotionFit) -> bool:
+        """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
+
+        Returns whether there are any more than before.
+
+        At rest friction takes any value up to its limit, brakes hold, and controllers drift: no law of the
+        motion describes the torque there.
+        """
+        moving = in_motion(self.signals)
+        squares = fit.residual**2
+        rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
+        moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
+        loud = np.sqrt(moved) > LIMITS.far_off * self.noise_floor
+        apart = self.apart | (loud & (rest > LIMITS.standstill_ratio**2 * moved))
+        more = bool(np.any(apart & ~self.apart))
+        self.apart, self.used = apart, moving | ~apart
+        return more
 
     @property
     def judged_signals(self) -> Signals:
@@ -276,15 +304,15 @@ class MotionContext:
         """An evaluation with its weights and objective."""
         residual, jacobian, gone = evaluation.residual, evaluation.jacobian, []
         for curve in curves:
-            sigma = robust_deviation(residual, self.noise_floor)
-            uniform = np.full(len(residual), 1 / sigma[curve.joint])
-            gone.append(eliminated(curve, point, uniform))
+            sigma = robust_deviation(residual, self.noise_floor, self.used)
+            gone.append(eliminated(curve, point, self.used[:, curve.joint] / sigma[curve.joint]))
             residual, jacobian = gone[-1].remove(residual), gone[-1].remove(jacobian)
-        sigma = robust_deviation(residual, self.noise_floor)
-        ratio = np.abs(residual) / sigma
-        weights = np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
+        sigma = robust_deviation(residual, self.noise_floor, self.used)
+        ratio = np.abs(residual) / sigma * self.used
+        weights = self.used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
         loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
-        objective = float(2 * len(residual) * np.log(sigma).sum() + loss.sum()) + 2 * prior.value(x)
+        spent = 2 * float(self.used.sum(axis=0) @ np.log(sigma))
+        objective = spent + float(loss.sum()) + 2 * prior.value(x)
         return MotionFit(
             self, layout, x, point, evaluation, weights, sigma, np.zeros(layout.size, bool),
             residual, jacobian, tuple(gone), objective, False,
@@ -299,13 +327,30 @@ class MotionContext:
         return UnknownCurve(joint, variable, low, high, SPREAD * float(self.spread[joint]))
 
 
-def robust_deviation(residual: Array, floor: Array) -> Array:
+def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:
     """Standard deviation of each column of (N, n) with outliers clipped, at least `floor`."""
-    sigma = np.sqrt(np.mean(residual**2, axis=0)) + 1e-300
+    count = np.maximum(used.sum(axis=0), 1)
+    sigma = np.sqrt(np.sum(residual**2 * used, axis=0) / count) + 1e-300
     for _ in range(3):
-        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma)
-        sigma = np.sqrt(np.mean(clipped**2, axis=0)) + 1e-300
+        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma) * used
+        sigma = np.sqrt(np.sum(clipped**2, axis=0) / count) + 1e-300
     return np.maximum(sigma, floor)
+
+
+def in_motion(signals: Signals) -> NDArray[np.bool_]:
+    """Samples at which a joint moves, or has moved from rest by more than `LIMITS.start_angle`: (N, n)."""
+    position, speed = signals.theta[0], np.abs(signals.theta[1])
+    moving = speed > LIMITS.standstill_speed * np.quantile(speed, 0.95, axis=0)
+    for block in signals.blocks:
+        rows = block.rows
+        for j in range(moving.shape[1]):
+            part = moving[rows, j]
+            starts = rows.start + np.flatnonzero(np.diff(part.astype(int), prepend=0) > 0)
+            for start in starts:
+                away = np.abs(position[start : rows.stop, j] - position[start, j]) > LIMITS.start_angle
+                stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
+                moving[start:stop, j] = False
+    return moving
 
 
 def place(layout: Layout, effect: ChosenEffect) -> slice:

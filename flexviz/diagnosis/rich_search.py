@@ -87,7 +87,13 @@ class RichSearch:
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
         idle = 0
-        fit, needed = self.refined(survey.fit, survey.needed)
+        fit, needed = survey.fit, survey.needed
+        if self.context.set_standstill_apart(fit):
+            fit, needed = self.thinned(self.usual_fit())
+        fit, needed = self.refined(fit, needed)
+        if self.context.set_standstill_apart(fit):
+            again = self.context.fit(fit.layout, fit.x, check=self.check)
+            fit, needed = self.refined(*self.thinned(again))
         for _ in range(LIMITS.rounds):
             self.say("scoring what is left")
             chosen = self.best_of_each_joint(fit, self.scores(fit))

@@ -87,6 +87,9 @@ class MotionThresholds:
     motor_inertia_spread: float = 0.35  # ... and of a rough motor inertia
     guessed_spread: float = 1.5  # the same of values that the set does not give
     inertial_spread: float = 0.2  # relative prior standard deviation of CAD inertias
+    standstill_ratio: float = 1.5  # residual at rest relative to that in motion from which it is judged apart
+    standstill_speed: float = 0.01  # of a joint's 95 % speed: it rests below
+    start_angle: float = 0.01  # [rad] after rest that counts as standstill
     split_spread: float = (
         0.2  # prior standard deviation of the link's share of viscous friction, relative ...
     )
@@ -98,7 +101,7 @@ class MotionThresholds:
     negligible_step: float = 0.05  # [standard deviations] step length that ends a fit
     significant: float = 4.0  # [standard deviations] that an effect's size needs
     plain: float = 10.0  # the same where held-out groups are not clearly worse without the effect ...
-    rise_deviations: float = 2.0  # ... by this many standard errors
+    rise_deviations: float = 1.0  # ... by this many standard errors
     least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
     stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise
     small_start: float = 1e-3  # share of a typical size from which the rich model starts
