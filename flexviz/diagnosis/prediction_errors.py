@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.motion_fit import MotionFit, in_motion
 from flexviz.equation import Equation, build_signals
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
@@ -19,6 +19,7 @@ from flexviz.observers import FlatZeroPhase
 Array = NDArray[np.float64]
 
 BAND_HERTZ = 5.0
+LONGEST_EDGE = 0.15  # share of the shortest stretch that is dropped at each of its ends at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class PredictionErrors:
     """Residuals of one model.
 
     Attributes:
-        rms: per joint, over the fit groups [Nm].
+        rms: per joint, over the fit groups [Nm]; without standstill where that is judged apart.
         rms_validation: per joint, over the validation groups [Nm]; None without any.
         groups: (name, rms per joint [Nm], whether held out) of every group.
         noise_floor: per joint, rms due to measurement noise alone [Nm].
@@ -45,7 +46,10 @@ class PredictionErrorBand:
 
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
-        self.signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * BAND_HERTZ))
+        observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
+        shortest = min(float(np.ptp(s.time)) for g in measurements.groups for s in g.segments)
+        edge = min(max(observer.settling()), LONGEST_EDGE * shortest)
+        self.signals = build_signals(measurements, measurements.groups, observer, drop=(edge, edge))
         self.noise = segments_noise([b.segment for b in self.signals.blocks])
         self._shared: dict[object, Any] = {}
         self.rows = {
@@ -61,21 +65,26 @@ class PredictionErrorBand:
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
         evaluation = equation.evaluate(fit.x)
         residual = evaluation.residual
+        used = np.ones(residual.shape, bool)
+        if isinstance(fit, MotionFit):
+            used = in_motion(self.signals) | ~fit.context.apart
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
-            (name, _rms(residual[rows]), held_out[name]) for name, rows in self.rows.items() if len(rows)
+            (name, _rms(residual[rows], used[rows]), held_out[name])
+            for name, rows in self.rows.items()
+            if len(rows)
         )
         fitted = np.concatenate([self.rows[n] for n, _, validation in groups if not validation])
         held = [self.rows[n] for n, _, validation in groups if validation]
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, evaluation.link, self.noise))
         return PredictionErrors(
-            _rms(residual[fitted]),
-            _rms(residual[np.concatenate(held)]) if held else None,
+            _rms(residual[fitted], used[fitted]),
+            _rms(residual[np.concatenate(held)], used[np.concatenate(held)]) if held else None,
             groups,
             tuple(map(float, floor)),
             residual,
         )
 
 
-def _rms(residual: Array) -> tuple[float, ...]:
-    return tuple(map(float, np.sqrt(np.mean(residual**2, axis=0))))
+def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:
+    return tuple(map(float, np.sqrt(np.sum(residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))))

@@ -61,6 +61,7 @@ class RichSearch:
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         self.context, self.own, self.say = context, own, say
         self._refused: set[ChosenEffect] = set()
+        self._lawful: set[int] = set()  # joints on which a free curve does not help
         self.curves: tuple[UnknownCurve, ...] = ()
 
     def check(self) -> None:
@@ -99,15 +100,18 @@ class RichSearch:
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
                 self.say(f"eliminating an unknown law on {self.own.joints[unknown.joint]}")
+                joint, before = unknown.joint, self.curves
                 self.curves += (unknown,)
-                self._refused = set()
-                fit, needed = self.thinned(self.usual_fit(beside=fit))
-                continue
+                beside, kept = self.thinned(self.usual_fit(beside=fit))
+                if beside.held_out_rms()[joint] < LIMITS.curve_gain * fit.held_out_rms()[joint]:
+                    fit, needed, self._refused = beside, kept, set()
+                    continue
+                self.curves, self._lawful = before, self._lawful | {joint}
             if not chosen or idle > LIMITS.idle_rounds:
                 break
             names = ", ".join(sorted({EFFECTS[s.effect.effect].title for s in chosen}))
             self.say(f"adding: {names}")
-            larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, chosen), chosen))
+            larger, kept = self.enlarged(fit, chosen)
             added = {s.effect for s in chosen}
             self._refused |= added - set(kept)
             if added & set(kept) and larger.objective < fit.objective:
@@ -118,6 +122,26 @@ class RichSearch:
         fit, needed = self.without_superfluous_curves(fit, needed)
         fit, needed = self.with_rest_angles(fit, needed)
         return RichModel(fit, needed, self.curves)
+
+    def enlarged(
+        self, fit: MotionFit, chosen: list[ScoredCandidate]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with those candidates that are needed and make no held-out joint clearly worse."""
+        larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, chosen), chosen))
+        worse = self.worse_joints(fit, larger)
+        if not worse:
+            return larger, kept
+        harmless = [s for s in chosen if s.effect.joint is not None and s.effect.joint not in worse]
+        if harmless and len(harmless) < len(chosen):
+            larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, harmless), harmless))
+            if not self.worse_joints(fit, larger):
+                return larger, kept
+        return fit, {}
+
+    def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
+        """Joints whose held-out residual is clearly larger than before."""
+        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.far_off * self.context.noise_floor)
+        return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
 
     def without_superfluous_curves(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
@@ -207,7 +231,11 @@ class RichSearch:
         x = smaller.vector(fit.layout.model(fit.x))
         for offset in merged:
             for effect, where in smaller.effect_slices():
-                if effect.joint == offset.joint and EFFECTS[effect.effect].offset_parameter and x[where.start]:
+                if (
+                    effect.joint == offset.joint
+                    and EFFECTS[effect.effect].offset_parameter
+                    and x[where.start]
+                ):
                     torque = fit.x[place(fit.layout, offset).start]
                     x[where.start + 1] = np.clip(x[where.start + 1] - torque / x[where.start], -50.0, 50.0)
         fit = self.context.fit(smaller, x, curves=self.curves, check=self.check)
@@ -289,7 +317,7 @@ class RichSearch:
         flat = jacobian.reshape(-1, fit.layout.size)
         projection = Projection(residual.ravel(), flat, flat.T @ flat + fit.prior_hessian)
         best = {s.effect.joint: s.gain for s in reversed(chosen)}
-        taken = {curve.joint for curve in self.curves}
+        taken = {curve.joint for curve in self.curves} | self._lawful
         ratio = fit.rms / self.context.noise_floor
         joint = int(np.argmax(np.where([j in taken for j in range(fit.layout.n)], 0.0, ratio)))
         if joint in taken or ratio[joint] < LIMITS.far_off:

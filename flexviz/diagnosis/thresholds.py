@@ -111,13 +111,15 @@ class MotionThresholds:
     least_share_episode: float = (
         0.3  # ... an episode, which no other group confirms and which imitates many ...
     )
-    episode_noise: float = 3.0  # ... leave less than this many times the noise on its joint
+    episode_noise: float = 3.0  # ... leave less than this many times the noise on every joint
     quiet: float = 1.3  # times the noise: a joint below is not searched
     longest_episode: float = 0.6  # share of a stretch
     replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove
     far_off: float = 8.0  # times the noise: a joint above may hide a law of no library
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
     curve_lead: float = 1.5  # ... and relative to the best candidate's
+    curve_gain: float = 0.7  # factor by which a free curve has to lower its joint's held-out residual
+    worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
     explains_all: float = 1.5  # ... unless one effect leaves no more than this many times as much
