@@ -23,13 +23,18 @@ class ModelStart:
     x: Array
 
 
-def candidates(layout: Layout, groups: Sequence[Group]) -> list[ChosenEffect]:
-    """Every effect at every joint, payload or group that lacks it; episodes are searched separately."""
+def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
+    """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
+
+    `many`: with those that only a search for many effects considers.
+    """
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
     payloads = sorted({g.payload for g in groups if g.bodies})
     out: list[ChosenEffect] = []
     for name, effect in EFFECTS.items():
+        if effect.only_among_many and not many:
+            continue
         for target in effect.targets(layout.n, payloads):
             place = ChosenEffect(name, target.joint, target.group, target.payload)
             if place in have or (name, place.joint) in replaced:

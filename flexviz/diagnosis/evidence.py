@@ -187,3 +187,22 @@ def explained_residual(
         before.residual[order, joint],
         change[order, joint],
     )
+
+
+def effect_values(fit: Fitted, std: Array) -> tuple[dict[str, object], ...]:
+    """Effects of a model with parameters and standard errors; std has shape (P,)."""
+    out = []
+    for effect, where in fit.layout.effect_slices():
+        rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
+        out.append(
+            {
+                "effect": effect.effect,
+                "joint": fit.layout.joint_name(effect),
+                "group": effect.group,
+                "payload": effect.payload,
+                "parameters": {
+                    p.name: {"value": float(v), "std": float(e), "unit": p.unit} for p, v, e in rows
+                },
+            }
+        )
+    return tuple(out)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.motion_samples import in_motion, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import SPREAD, Eliminated, UnknownCurve, Variable, eliminated
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -111,7 +112,7 @@ class MotionFit:
         if equation is None:
             return self.residual * used, self.jacobian * used[:, :, None]
         point = equation.at(self.x)
-        found = point.evaluate(self.x)
+        found = point.evaluate_moving(self.x)
         residual, jacobian = found.residual, found.jacobian
         for curve in self.eliminated:
             residual = curve.remove_elsewhere(residual, self.evaluation.residual, point)
@@ -215,7 +216,7 @@ class MotionContext:
         rms_torque = np.sqrt(np.mean(self.signals.tau[0] ** 2, axis=0))
         half = start.x[layout.link_viscous]
         spread[layout.link_viscous] = LIMITS.split_spread * half + LIMITS.split_torque * rms_torque / speed
-        offsets = {e.joint for e in layout.effects if e.effect == "torque_offset"}
+        offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}
         for effect, where in layout.effect_slices():
             law = EFFECTS[effect.effect]
             for k, spec in zip(range(where.start, where.stop), law.parameters, strict=True):
@@ -255,7 +256,7 @@ class MotionContext:
                 moved = renewed is not point
                 point = renewed
             assert point is not None
-            evaluation = point.evaluate(x) if moved or fit is None else fit.evaluation
+            evaluation = point.evaluate_moving(x) if moved or fit is None else fit.evaluation
             fit = self._weighted(layout, x, point, evaluation, prior, curves)
             settled = abs(before - fit.objective) < LIMITS.settled_objective
             before = fit.objective
@@ -286,7 +287,9 @@ class MotionContext:
             trial = bounds.clip(fit.x + length * step)
             trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
             if prior.feasible(trial):
-                after = self._weighted(fit.layout, trial, fit.point, fit.point.evaluate(trial), prior, curves)
+                after = self._weighted(
+                    fit.layout, trial, fit.point, fit.point.evaluate_moving(trial), prior, curves
+                )
                 if after.objective < fit.objective:
                     return after
             length *= 0.5
@@ -325,32 +328,6 @@ class MotionContext:
         values = np.concatenate([signals.theta[row, :, joint] for signals in parts])
         low, high = float(values.min()), float(values.max())
         return UnknownCurve(joint, variable, low, high, SPREAD * float(self.spread[joint]))
-
-
-def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:
-    """Standard deviation of each column of (N, n) with outliers clipped, at least `floor`."""
-    count = np.maximum(used.sum(axis=0), 1)
-    sigma = np.sqrt(np.sum(residual**2 * used, axis=0) / count) + 1e-300
-    for _ in range(3):
-        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma) * used
-        sigma = np.sqrt(np.sum(clipped**2, axis=0) / count) + 1e-300
-    return np.maximum(sigma, floor)
-
-
-def in_motion(signals: Signals) -> NDArray[np.bool_]:
-    """Samples at which a joint moves, or has moved from rest by more than `LIMITS.start_angle`: (N, n)."""
-    position, speed = signals.theta[0], np.abs(signals.theta[1])
-    moving = speed > LIMITS.standstill_speed * np.quantile(speed, 0.95, axis=0)
-    for block in signals.blocks:
-        rows = block.rows
-        for j in range(moving.shape[1]):
-            part = moving[rows, j]
-            starts = rows.start + np.flatnonzero(np.diff(part.astype(int), prepend=0) > 0)
-            for start in starts:
-                away = np.abs(position[start : rows.stop, j] - position[start, j]) > LIMITS.start_angle
-                stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
-                moving[start:stop, j] = False
-    return moving
 
 
 def place(layout: Layout, effect: ChosenEffect) -> slice:

@@ -12,22 +12,20 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.evidence import explain, explained_residual, fit_covariance
+from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
+from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_error import ModelErrorSearch
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding, Step
-from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
-from flexviz.diagnosis.rich_search import RichModel, RichSearch
 from flexviz.diagnosis.search import RefittedCandidate, Search, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.estimation import Covariance
 from flexviz.identification import identify, parameter_estimates
@@ -39,7 +37,6 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-LISTED_CANDIDATES = 8
 PROGRESS_SHARE = 0.06  # of the remaining progress bar per step: the number of steps is unknown
 
 
@@ -128,10 +125,12 @@ class _Pipeline:
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         try:
-            if (many := self.many_effects()) is not None:
-                return self.result_of_many(*many, apply, guarded)
+            many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
+            if (rich := many.find()) is not None:
+                result = many.result(rich, apply, bool(guarded))
+                return replace(result, seconds=time.perf_counter() - self.began)
         except Interrupted:
-            pass
+            pass  # nothing is found yet
         self.prepare()
         try:
             self.check_stop()
@@ -141,57 +140,6 @@ class _Pipeline:
         except Interrupted:
             pass  # the result contains the findings so far
         return self.result(apply, guarded)
-
-    # -- many effects at once
-
-    def many_effects(self) -> tuple[MotionContext, RichModel] | None:
-        """The model found backwards; None for a set that hides few effects."""
-        motion = MotionContext(self.measurements, self.layout.joints)
-        search = RichSearch(motion, self.layout, self.say)
-        survey = search.survey()
-        if not search.hides_many(survey):
-            return None
-        rich = search.run(survey)
-        return (motion, rich) if rich.added(self.layout) or rich.curves else None
-
-    def result_of_many(
-        self, motion: MotionContext, rich: RichModel, apply: bool, guarded: bool | None
-    ) -> Diagnosis:
-        """The result of a search backwards."""
-        stairs = staircase(motion, self.layout, rich, self.error_band, lambda: self.say(""))
-        found = list(findings(stairs, rich, self.error_band))
-        last = verdict_on(rich)
-        if not apply:
-            stairs, last = stairs[:1], "missing" if found else last
-        taken = steps(stairs, found if apply else [], last)
-        final = stairs[-1].fit
-        context = FitContext(self.measurements, final.layout)
-        at_noise = context.fit(final.layout, final.x, iterations=0)
-        where, maps = locate_residual(context, at_noise)
-        curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
-        bandwidths = None
-        if guarded:
-            self.tell("checking parameters against the observer's bandwidth")
-            bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
-        prior = motion.start(final.layout).prior
-        return Diagnosis(
-            set_name=self.measurements.name,
-            verdict=taken[0].verdict,
-            findings=tuple(found[:LISTED_CANDIDATES]),
-            where=where,
-            steps=tuple(taken),
-            effects=_effect_values(final, final.covariance.standard_errors),
-            parameters=parameter_estimates(
-                final.layout, final.x, prior.centre, final.covariance, final.at_bound, prior
-            ),
-            seconds=time.perf_counter() - self.began,
-            stopped=self.stopped,
-            notes=notes(at_noise, last, stairs[-1].errors, None, curve, bandwidths),
-            model=final.layout.model(final.x),
-            maps=maps,
-            free_curve=curve,
-            guard=bandwidths,
-        )  # fmt: skip
 
     # -- one after the other
 
@@ -318,7 +266,7 @@ class _Pipeline:
             findings=tuple(self.ranked(findings[:1])),
             where=where,
             steps=tuple(taken),
-            effects=_effect_values(final, last.covariance.standard_errors),
+            effects=effect_values(final, last.covariance.standard_errors),
             parameters=parameter_estimates(
                 layout, final.x, prior.centre, last.covariance, np.zeros(layout.size, bool), prior
             ),
@@ -373,25 +321,6 @@ def _step(added: Finding | None, fit: Fit, errors: PredictionErrors, verdict: Ve
         errors.noise_floor,
         fit.layout.model(fit.x),
     )
-
-
-def _effect_values(fit: Fit | MotionFit, std: Array) -> tuple[dict[str, object], ...]:
-    """Effects of a model with parameters and standard errors; std has shape (P,)."""
-    out = []
-    for effect, where in fit.layout.effect_slices():
-        rows = zip(EFFECTS[effect.effect].parameters, fit.x[where], std[where], strict=True)
-        out.append(
-            {
-                "effect": effect.effect,
-                "joint": fit.layout.joint_name(effect),
-                "group": effect.group,
-                "payload": effect.payload,
-                "parameters": {
-                    p.name: {"value": float(v), "std": float(e), "unit": p.unit} for p, v, e in rows
-                },
-            }
-        )
-    return tuple(out)
 
 
 def objectives(refitted: Iterable[RefittedCandidate]) -> dict[ChosenEffect, float]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.motion_fit import MotionFit, in_motion
+from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.motion_samples import in_motion
 from flexviz.equation import Equation, build_signals
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet

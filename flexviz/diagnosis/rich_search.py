@@ -8,18 +8,19 @@ added, and the model is thinned out again, until nothing is found.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates
-from flexviz.diagnosis.elimination import Necessity, eliminate
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit, place
+from flexviz.diagnosis.elimination import Necessity
+from flexviz.diagnosis.model_family import ModelFamily
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import PIECES, VARIABLES, UnknownCurve, explained_gain
-from flexviz.effects import EFFECTS, ChosenEffect, JointScale
+from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Projection, ScoredCandidate, best_intervals, score
 
@@ -49,7 +50,7 @@ class RichModel:
         return sorted(new, key=lambda e: -self.needed[e].share)
 
 
-class RichSearch:
+class RichSearch(ModelFamily):
     """A search on one set.
 
     Args:
@@ -59,13 +60,9 @@ class RichSearch:
     """
 
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
-        self.context, self.own, self.say = context, own, say
+        super().__init__(context, own, say)
         self._refused: set[ChosenEffect] = set()
         self._lawful: set[int] = set()  # joints on which a free curve does not help
-        self.curves: tuple[UnknownCurve, ...] = ()
-
-    def check(self) -> None:
-        self.say("")
 
     def survey(self) -> RichModel:
         """The rich model of usual effects, thinned out once."""
@@ -79,7 +76,7 @@ class RichSearch:
         if quiet and len(survey.added(self.own)) < LIMITS.many:
             return False
         self.say("checking whether one effect explains all")
-        bare = self.context.fit(self.own, self.context.start(self.own).x, check=self.check)
+        bare = self.fit(self.own, self.context.start(self.own).x)
         enough = LIMITS.explains_all * np.maximum(survey.fit.rms, self.context.noise_floor)
         leading = [s for s in self.scores(bare) if EFFECTS[s.effect.effect].scope != "episode"]
         singles = (self.with_candidates(bare, [s]) for s in leading[: LIMITS.singles])
@@ -93,7 +90,7 @@ class RichSearch:
             fit, needed = self.thinned(self.usual_fit())
         fit, needed = self.refined(fit, needed)
         if self.context.set_standstill_apart(fit):
-            again = self.context.fit(fit.layout, fit.x, check=self.check)
+            again = self.fit(fit.layout, fit.x)
             fit, needed = self.refined(*self.thinned(again))
         for _ in range(LIMITS.rounds):
             self.say("scoring what is left")
@@ -149,151 +146,11 @@ class RichSearch:
         """The model without curves that the effects found later made superfluous."""
         for curve in self.curves:
             others = tuple(c for c in self.curves if c != curve)
-            without = self.context.fit(fit.layout, fit.x, curves=others, check=self.check)
+            without = self.context.fit(fit.layout, fit.x, curves=others)
             if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
                 self.curves = others
                 fit, needed = self.thinned(without)
         return fit, needed
-
-    # -- the rich model
-
-    def usual_fit(self, beside: MotionFit | None = None) -> MotionFit:
-        """Every usual effect on every joint, from small sizes; `beside`: a model whose effects are kept."""
-        have = self.own.effects if beside is None else beside.layout.effects
-        own = set(have)
-        replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in own}
-        usual = (
-            ChosenEffect(name, joint)
-            for name, law in EFFECTS.items()
-            if law.usual
-            for joint in range(self.own.n)
-        )
-        more = (e for e in usual if e not in own and (e.effect, e.joint) not in replaced)
-        layout = Layout(self.own.joints, (*have, *more))
-        x = self.context.start(layout).x.copy()
-        if beside is not None:
-            x = layout.vector(beside.layout.model(beside.x))
-        for effect, where in layout.effect_slices():
-            if beside is not None and effect in own:
-                continue
-            values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0)))
-            values[list(EFFECTS[effect.effect].size_at)] *= LIMITS.small_start
-            x[where] = values
-        return self.context.fit(layout, x, curves=self.curves, check=self.check)
-
-    def scale(self, joint: int) -> JointScale:
-        """Magnitudes of a joint's motion in the fit groups."""
-        signals, x = self.context.signals, self.context.start(Layout(self.own.joints)).x
-        layout = Layout(self.own.joints)
-        torque = float(np.sqrt(np.mean(signals.tau[0, :, joint] ** 2)))
-        compliance, inertia = x[layout.compliance], x[layout.motor_inertia]
-        neighbour = joint - 1 if joint else min(1, self.own.n - 1)
-        return JointScale(
-            torque=torque,
-            speed=float(np.sqrt(np.mean(signals.theta[1, :, joint] ** 2))),
-            deflection=torque * float(compliance[joint]),
-            stiffness=1 / float(compliance[joint]),
-            motor_inertia=float(inertia[joint]),
-            neighbour_inertia=float(inertia[neighbour]),
-            position=float(np.mean(signals.theta[0, :, joint])),
-            duration=float(np.ptp(signals.time)),
-        )
-
-    # -- backwards
-
-    def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model without the effects that it does not need, fitted again until all are needed."""
-        for _ in range(LIMITS.eliminations):
-            result = eliminate(fit, frozenset(self.own.effects) | self.offsets_of_springs(fit.layout))
-            if not result.dropped:
-                return fit, result.kept
-            smaller = Layout(fit.layout.joints, tuple(result.kept))
-            start = self.feasible(fit, smaller, result.x)
-            fit = self.context.fit(smaller, start, curves=self.curves, check=self.check)
-        return fit, eliminate(fit, frozenset(fit.layout.effects)).kept
-
-    def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
-        """Torque offsets beside a spring, whose rest angle they stand for during the search.
-
-        k (q − q₀) with both free is singular where k is small; k (q − q̄) and an offset are linear.
-        """
-        springs = {e.joint for e in layout.effects if EFFECTS[e.effect].offset_parameter}
-        return frozenset(e for e in layout.effects if e.effect == OFFSET and e.joint in springs)
-
-    def with_rest_angles(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with torque offsets beside a spring turned into the spring's rest angle."""
-        merged = self.offsets_of_springs(fit.layout) - set(self.own.effects)
-        if not merged:
-            return fit, needed
-        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
-        x = smaller.vector(fit.layout.model(fit.x))
-        for offset in merged:
-            for effect, where in smaller.effect_slices():
-                if (
-                    effect.joint == offset.joint
-                    and EFFECTS[effect.effect].offset_parameter
-                    and x[where.start]
-                ):
-                    torque = fit.x[place(fit.layout, offset).start]
-                    x[where.start + 1] = np.clip(x[where.start + 1] - torque / x[where.start], -50.0, 50.0)
-        fit = self.context.fit(smaller, x, curves=self.curves, check=self.check)
-        return fit, eliminate(fit, frozenset(smaller.effects)).kept
-
-    def feasible(self, fit: MotionFit, smaller: Layout, x: Array) -> Array:
-        """Start of a smaller model on the way from a fit to x: the linear move may leave what is possible."""
-        prior = self.context.start(smaller).prior
-        for share in (1.0, 0.5, 0.25):
-            start = smaller.vector(fit.layout.model(fit.x + share * (x - fit.x)))
-            if prior.feasible(start):
-                return start
-        return smaller.vector(fit.layout.model(fit.x))
-
-    # -- refinements of effects that it has
-
-    def refined(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with effects replaced by their refinement on the joints where that helps clearly.
-
-        All at once: the score of a single refinement says little, because its law is far from linear.
-        """
-        loud = fit.rms > LIMITS.far_off * self.context.noise_floor
-        finer = {law.replaces: name for name, law in EFFECTS.items() if law.replaces}
-        swaps = {
-            e: ChosenEffect(finer[e.effect], e.joint)
-            for e in fit.layout.effects
-            if e.effect in finer and e.joint is not None and loud[e.joint] and e not in self.own.effects
-        }
-        if not swaps:
-            return fit, needed
-        self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
-        trial = self.swapped(fit, fit, swaps)
-        old, new = fit.held_out_rms() ** 2, trial.held_out_rms() ** 2
-        better = {
-            e: swap
-            for e, swap in swaps.items()
-            if max(new[e.joint] / old[e.joint], (trial.sigma[e.joint] / fit.sigma[e.joint]) ** 2)
-            < 1 - LIMITS.replaced_share
-        }
-        if not better:
-            return fit, needed
-        return self.thinned(trial if len(better) == len(swaps) else self.swapped(fit, trial, better))
-
-    def swapped(
-        self, fit: MotionFit, values: MotionFit, swaps: Mapping[ChosenEffect, ChosenEffect]
-    ) -> MotionFit:
-        """The model with effects swapped, from the values of a model that may have the new ones."""
-        layout = Layout(fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects))
-        x = layout.vector(values.layout.model(values.x))
-        for old, new in swaps.items():
-            if new not in values.layout.effects:
-                x[place(layout, new)] = EFFECTS[new.effect].refining(fit.x[place(fit.layout, old)])
-        for effect, where in layout.effect_slices():
-            if effect in fit.layout.effects and effect not in values.layout.effects:
-                x[where] = fit.x[place(fit.layout, effect)]
-        return self.context.fit(layout, x, curves=self.curves, check=self.check)
 
     # -- what is left
 
@@ -303,10 +160,10 @@ class RichSearch:
         residual, jacobian = fit.whitened
         flat = jacobian.reshape(-1, fit.layout.size)
         projection = Projection(residual.ravel(), flat, flat.T @ flat + fit.prior_hessian)
-        wanted = [e for e in candidates(fit.layout, self.fit_groups) if e not in self._refused]
+        wanted = [e for e in candidates(fit.layout, self.fit_groups, many=True) if e not in self._refused]
         found = score(fit.point, fit.chain, wanted, weigh, projection)
         for joint in range(fit.layout.n):
-            self.check()
+            self.say("")
             intervals = best_intervals(fit.point, joint, weigh, projection, longest=LIMITS.longest_episode)
             found += [s for s in intervals if s.effect not in self._refused]
         return sorted(found, key=lambda s: -s.gain)
@@ -379,16 +236,3 @@ class RichSearch:
             ):
                 doubtful.append(s)
         return self.with_candidates(fit, [s for s in chosen if s not in doubtful]) if doubtful else larger
-
-    def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
-        """The model with candidates at their scored values, fitted."""
-        replaced = {(EFFECTS[s.effect.effect].replaces, s.effect.joint) for s in chosen}
-        kept = tuple(e for e in fit.layout.effects if (e.effect, e.joint) not in replaced)
-        springs = [s for s in chosen if EFFECTS[s.effect.effect].offset_parameter]
-        offsets = (ChosenEffect(OFFSET, s.effect.joint) for s in springs)
-        new = dict.fromkeys((*(s.effect for s in chosen), *offsets))
-        layout = Layout(fit.layout.joints, (*kept, *(e for e in new if e not in kept)))
-        x = layout.vector(fit.layout.model(fit.x))
-        for s in chosen:
-            x[place(layout, s.effect)] = s.values
-        return self.context.fit(layout, x, curves=self.curves, check=self.check)

@@ -2,8 +2,8 @@
 
 A friction patch or a cogging torque that no effect describes pulls the parameters of all others. A curve of
 the joint's position, of its position times the direction of motion, or of its velocity takes its place:
-piecewise linear, its coefficients eliminated in closed form under a weak prior, so that everything else is estimated
-beside it.
+piecewise linear, its coefficients eliminated in closed form under a weak prior, so that everything else is
+estimated beside it.
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def eliminated(curve: UnknownCurve, point: OperatingPoint, weights: Array) -> El
     columns = curve.columns(point)
     weighted = columns * weights[:, None]
     precision = weighted.T @ weighted + np.eye(PIECES) / curve.size**2
-    return Eliminated(curve, columns, np.linalg.solve(precision, weighted.T * weights))
+    solve: Array = np.linalg.solve(precision, weighted.T * weights)
+    return Eliminated(curve, columns, solve)
 
 
 def explained_gain(curve: UnknownCurve, gram: Array, along: Array) -> float:

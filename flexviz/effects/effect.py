@@ -101,8 +101,10 @@ class Effect(ABC):
         memory: u depends on the time before the record.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
+        only_among_many: a search for single effects leaves it out.
         size_at: positions of the parameters that are zero when the effect is absent.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
+        constant: u is a constant torque.
         offset_parameter: parameter that amounts to a constant torque of the joint.
         expected: parameter → standard deviation around zero that a real robot may show.
         example: clearly visible parameters, for checks and for simulated sets that give none.
@@ -133,8 +135,10 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
+    only_among_many: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     usual: ClassVar[bool] = False
+    constant: ClassVar[bool] = False
     offset_parameter: ClassVar[str | None] = None
     expected: ClassVar[Mapping[str, float]] = {}
     example: ClassVar[tuple[float, ...]] = ()

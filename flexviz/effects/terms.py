@@ -32,6 +32,7 @@ class ParameterSpec:
         lower, upper: physical bounds.
         explanation: a few words.
         symbol: as in the equation; defaults to the name.
+        above_torque: a torque that may exceed the largest measured one: it balances another.
         lower_occurs: the lower bound is a valid result (one cycle per turn), not a diverged search.
     """
 
@@ -42,6 +43,7 @@ class ParameterSpec:
     explanation: str = ""
     symbol: str = ""
     lower_occurs: bool = False
+    above_torque: bool = False
 
     def __post_init__(self) -> None:
         if not self.symbol:

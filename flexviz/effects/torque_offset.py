@@ -26,6 +26,7 @@ class TorqueOffset(LinearEffect):
         "IEEE Control Systems Magazine 27(5), 2007"
     )
     usual = True
+    constant = True
     parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
     smooth = True
     twins = ("base_tilt",)

@@ -246,15 +246,21 @@ class OperatingPoint:
                 column = chain.column(term.entry, term.joints, term.value / scale)
                 jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
-        self._add_load_chain(jacobian, x, terms, chain)
         return jacobian
 
-    def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
-        """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s.
+    def evaluate_moving(self, x: Array) -> Evaluation:
+        """Residual and Jacobian at x (shape (P,)) with an operating point that moves with x.
 
-        Without it, a direction that the rest of the equation does not show (motor inertia against link
-        inertia) seems free, although it changes s and with it the friction.
+        Adds ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s. Without it, a direction that
+        the rest of the equation does not show (motor inertia against link inertia) seems free, although it
+        changes s and with it the friction: fits that renew the operating point would oscillate.
         """
+        here = self.evaluate(x)
+        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], here.link)
+        self._add_load_chain(here.jacobian, x, self.terms(x), chain)
+        return here
+
+    def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
         lay, theta = self.layout, self.signals.theta
         for effect, where in lay.effect_slices():
             law, j = EFFECTS[effect.effect], effect.joint

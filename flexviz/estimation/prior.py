@@ -140,7 +140,7 @@ class Prior:
         """ln(x / centre) where `log_spread` is finite, and its precision, shape (P,) each; zero elsewhere."""
         ratio, precision = np.zeros(len(x)), np.zeros(len(x))
         if self.log_spread is not None:
-            tight = np.isfinite(self.log_spread)
-            ratio[tight] = np.log(np.maximum(x[tight], 1e-300) / self.centre[tight])
+            tight = np.isfinite(self.log_spread) & (x > 0)
+            ratio[tight] = np.log(x[tight] / self.centre[tight])
             precision[tight] = 1 / self.log_spread[tight] ** 2
         return ratio, precision

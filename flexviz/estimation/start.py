@@ -179,7 +179,7 @@ def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque:
         specs = EFFECTS[effect.effect].parameters
         # the torque of an effect is limited to the largest measured torque
         most = largest_torque.max() if effect.joint is None else largest_torque[effect.joint]
-        reach = [most if p.unit == "Nm" else np.inf for p in specs]
+        reach = [most if p.unit == "Nm" and not p.above_torque else np.inf for p in specs]
         lower[where] = [max(p.lower, -r) for p, r in zip(specs, reach, strict=True)]
         upper[where] = [min(p.upper, r) for p, r in zip(specs, reach, strict=True)]
     return Bounds(lower, upper)

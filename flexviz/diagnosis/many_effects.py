@@ -1,0 +1,89 @@
+"""Diagnosis of a set that hides many effects at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.evidence import effect_values
+from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.notes import notes
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.residual_location import locate_residual
+from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
+from flexviz.diagnosis.rich_search import RichModel, RichSearch
+from flexviz.equation import Layout
+from flexviz.identification import parameter_estimates
+from flexviz.measurements import MeasurementSet
+
+LISTED_CANDIDATES = 8
+
+
+class ManyEffects:
+    """The search backwards on a set, and its result.
+
+    Args:
+        measurements: the set.
+        layout: the set's own model.
+        band: band in which residuals are shown.
+        say: called with a progress message; may raise to stop.
+    """
+
+    def __init__(
+        self,
+        measurements: MeasurementSet,
+        layout: Layout,
+        band: PredictionErrorBand,
+        say: Callable[[str], None],
+    ) -> None:
+        self.measurements, self.layout, self.band, self.say = measurements, layout, band, say
+        self.context = MotionContext(measurements, layout.joints)
+
+    def find(self) -> RichModel | None:
+        """The smallest model found; None for a set that hides few effects."""
+        search = RichSearch(self.context, self.layout, self.say)
+        survey = search.survey()
+        if not search.hides_many(survey):
+            return None
+        rich = search.run(survey)
+        return rich if rich.added(self.layout) or rich.curves else None
+
+    def result(self, rich: RichModel, apply: bool, guarded: bool) -> Diagnosis:
+        """The staircase of a model as a diagnosis; without `apply`, of the set's own model."""
+        stairs = staircase(self.context, self.layout, rich, self.band, lambda: self.say(""))
+        found = list(findings(stairs, rich, self.band))
+        last = verdict_on(rich)
+        if not apply:
+            stairs, last = stairs[:1], "missing" if found else last
+        taken = steps(stairs, found if apply else [], last)
+        final = stairs[-1].fit
+        context = FitContext(self.measurements, final.layout)
+        at_noise = context.fit(final.layout, final.x, iterations=0)
+        self.say("locating the residual")
+        where, maps = locate_residual(context, at_noise)
+        curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
+        bandwidths = None
+        if guarded:
+            self.say("checking parameters against the observer's bandwidth")
+            bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
+        prior, covariance = self.context.start(final.layout).prior, final.covariance
+        return Diagnosis(
+            set_name=self.measurements.name,
+            verdict=taken[0].verdict,
+            findings=tuple(found[:LISTED_CANDIDATES]),
+            where=where,
+            steps=tuple(taken),
+            effects=effect_values(final, covariance.standard_errors),
+            parameters=parameter_estimates(
+                final.layout, final.x, prior.centre, covariance, final.at_bound, prior
+            ),
+            seconds=0.0,
+            notes=notes(at_noise, last, stairs[-1].errors, None, curve, bandwidths),
+            model=final.layout.model(final.x),
+            maps=maps,
+            free_curve=curve,
+            guard=bandwidths,
+        )

@@ -1,0 +1,39 @@
+"""Samples of a motion: which count, and how much they scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.equation import Signals
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.motion
+
+
+def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> Array:
+    """Standard deviation of each column of (N, n) with outliers clipped, at least `floor`."""
+    count = np.maximum(used.sum(axis=0), 1)
+    sigma = np.sqrt(np.sum(residual**2 * used, axis=0) / count) + 1e-300
+    for _ in range(3):
+        clipped = np.minimum(np.abs(residual), LIMITS.outlier * sigma) * used
+        sigma = np.sqrt(np.sum(clipped**2, axis=0) / count) + 1e-300
+    return np.maximum(sigma, floor)
+
+
+def in_motion(signals: Signals) -> NDArray[np.bool_]:
+    """Samples at which a joint moves, or has moved from rest by more than `LIMITS.start_angle`: (N, n)."""
+    position, speed = signals.theta[0], np.abs(signals.theta[1])
+    moving = speed > LIMITS.standstill_speed * np.quantile(speed, 0.95, axis=0)
+    for block in signals.blocks:
+        rows = block.rows
+        for j in range(moving.shape[1]):
+            part = moving[rows, j]
+            starts = rows.start + np.flatnonzero(np.diff(part.astype(int), prepend=0) > 0)
+            for start in starts:
+                away = np.abs(position[start : rows.stop, j] - position[start, j]) > LIMITS.start_angle
+                stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
+                moving[start:stop, j] = False
+    return moving
