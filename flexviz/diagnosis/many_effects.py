@@ -59,7 +59,7 @@ class ManyEffects:
         if not apply:
             stairs, last = stairs[:1], "missing" if found else last
         taken = steps(stairs, found if apply else [], last)
-        final = stairs[-1].fit
+        final = rich.fit if apply else self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
         context = FitContext(self.measurements, final.layout)
         at_noise = context.fit(final.layout, final.x, iterations=0)
         self.say("locating the residual")

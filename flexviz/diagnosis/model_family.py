@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.elimination import Necessity, eliminate
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit, place
+from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit, place
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import UnknownCurve
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale
@@ -37,9 +37,11 @@ class ModelFamily:
         self.context, self.own, self.say = context, own, say
         self.curves: tuple[UnknownCurve, ...] = ()
 
-    def fit(self, layout: Layout, x: Array) -> MotionFit:
+    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
         """A model fitted from x, shape (P,)."""
-        return self.context.fit(layout, x, curves=self.curves, check=lambda: self.say(""))
+        return self.context.fit(
+            layout, x, curves=self.curves, iterations=iterations, check=lambda: self.say("")
+        )
 
     # -- the rich model
 
@@ -65,7 +67,7 @@ class ModelFamily:
             values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0)))
             values[list(EFFECTS[effect.effect].size_at)] *= LIMITS.small_start
             x[where] = values
-        return self.fit(layout, x)
+        return self.fit(layout, x, LIMITS.rich_iterations)
 
     def scale(self, joint: int) -> JointScale:
         """Magnitudes of a joint's motion in the fit groups."""

@@ -32,13 +32,24 @@ class Stair:
 
     Attributes:
         added: the effect that it has more than the one before; None for the first.
-        fit: its fit.
+        layout, x: the model and its parameters, shape (P,).
+        objective: of its fit.
+        standard_errors: shape (P,).
         errors: its residuals.
     """
 
     added: ChosenEffect | None
-    fit: MotionFit
+    layout: Layout
+    x: Array
+    objective: float
+    standard_errors: Array
     errors: PredictionErrors
+
+    @staticmethod
+    def of(added: ChosenEffect | None, fit: MotionFit, band: PredictionErrorBand) -> Stair:
+        """The stair of a fit, without its large arrays."""
+        std = fit.covariance.standard_errors
+        return Stair(added, fit.layout, fit.x, fit.objective, std, band.errors(fit))
 
 
 def staircase(
@@ -59,9 +70,8 @@ def staircase(
         layout = Layout(own.joints, effects)
         x = layout.vector(rich.fit.layout.model(rich.fit.x))
         fit = context.fit(layout, x, iterations=LIMITS.stair_iterations, check=check)
-        stairs.append(Stair(order[count - 1] if count else None, fit, band.errors(fit)))
-    last = Stair(order[-1] if order else None, rich.fit, band.errors(rich.fit))
-    return [*stairs, last]
+        stairs.append(Stair.of(order[count - 1] if count else None, fit, band))
+    return [*stairs, Stair.of(order[-1] if order else None, rich.fit, band)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:
@@ -90,8 +100,8 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
                 for p, v, e in zip(specs, rich.fit.x[where], std[where], strict=True)
             },
             inseparable_from=tuple(ties(rich, effect)),
-            gain=float(before.fit.objective - after.fit.objective),
-            absorbed=absorbed(before.fit, after.fit, after.fit.covariance.standard_errors),
+            gain=float(before.objective - after.objective),
+            absorbed=absorbed(before, after, after.standard_errors),
             evidence=_evidence(before, after, band),
             features=features(rich, effect, need),
         )
@@ -161,7 +171,7 @@ def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
 
 def _evidence(before: Stair, after: Stair, band: PredictionErrorBand) -> Evidence:
     joint = None if after.added is None else after.added.joint
-    return explained_residual(before.fit.layout, joint, band, before.errors, after.errors)
+    return explained_residual(before.layout, joint, band, before.errors, after.errors)
 
 
 def steps(stairs: list[Stair], found: list[Finding], last: Verdict) -> list[Step]:
@@ -177,7 +187,7 @@ def steps(stairs: list[Stair], found: list[Finding], last: Verdict) -> list[Step
                 "missing",
                 e.groups,
                 e.noise_floor,
-                stair.fit.layout.model(stair.fit.x),
+                stair.layout.model(stair.x),
             )
         )
     out[-1] = replace(out[-1], verdict=last)

@@ -19,7 +19,7 @@ from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import PIECES, VARIABLES, UnknownCurve, explained_gain
+from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_gain
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Projection, ScoredCandidate, best_intervals, score
@@ -75,9 +75,12 @@ class RichSearch(ModelFamily):
         quiet = np.all(survey.fit.rms < LIMITS.far_off * self.context.noise_floor)
         if quiet and len(survey.added(self.own)) < LIMITS.many:
             return False
+        weighty = [e for e in survey.added(self.own) if survey.needed[e].share > LIMITS.weighty_share]
+        if len(weighty) >= LIMITS.surely_many:
+            return True
         self.say("checking whether one effect explains all")
         bare = self.fit(self.own, self.context.start(self.own).x)
-        enough = LIMITS.explains_all * np.maximum(survey.fit.rms, self.context.noise_floor)
+        enough = LIMITS.far_off * self.context.noise_floor
         leading = [s for s in self.scores(bare) if EFFECTS[s.effect.effect].scope != "episode"]
         singles = (self.with_candidates(bare, [s]) for s in leading[: LIMITS.singles])
         return not any(np.all(single.rms < enough) for single in singles)
@@ -181,16 +184,18 @@ class RichSearch(ModelFamily):
             return None
         curves = [self.context.unknown_curve(joint, variable) for variable in VARIABLES]
         gains = [self.curve_gain(fit, curve, projection) for curve in curves]
-        k = int(np.argmax(gains))
+        simplest = max(gains[:-1])  # the last has twice as many pieces
+        k = int(np.argmax(gains if gains[-1] > LIMITS.curve_lead * simplest else gains[:-1]))
         least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
         return curves[k] if gains[k] > least else None
 
     def curve_gain(self, fit: MotionFit, curve: UnknownCurve, projection: Projection) -> float:
         """Share of the weighted sum of squares that a curve explains beside the model's own parameters."""
-        columns = np.zeros((*fit.weights.shape, PIECES))
-        columns[:, curve.joint] = curve.columns(fit.point)
+        own = curve.columns(fit.point)
+        columns = np.zeros((*fit.weights.shape, own.shape[1]))
+        columns[:, curve.joint] = own
         columns *= fit.weights[:, :, None]
-        return explained_gain(curve, *projection.normal(columns.reshape(-1, PIECES)))
+        return explained_gain(curve, *projection.normal(columns.reshape(-1, own.shape[1])))
 
     @property
     def fit_groups(self) -> list:

@@ -104,6 +104,7 @@ class MotionThresholds:
     rise_deviations: float = 1.0  # ... by this many standard errors
     least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
     stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise
+    rich_iterations: int = 12  # of the rich model, which need not converge
     small_start: float = 1e-3  # share of a typical size from which the rich model starts
     eliminations: int = 4  # fits until all effects of a model are needed
     rounds: int = 6  # of scoring what is left
@@ -122,8 +123,9 @@ class MotionThresholds:
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
-    explains_all: float = 1.5  # ... unless one effect leaves no more than this many times as much
-    singles: int = 4  # effects of which this is tried
+    surely_many: int = 6  # ... without further question if they are that many, and weighty:
+    weighty_share: float = 0.03  # share of a joint's torque spread
+    singles: int = 4  # effects that are tried alone before: one that reaches the noise explains all
     stair_iterations: int = 5  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find
 

@@ -18,9 +18,14 @@ from flexviz.effects import JointMotion, smooth_sign
 from flexviz.equation import OperatingPoint
 
 Array = NDArray[np.float64]
-Variable = Literal["position", "position × direction", "velocity"]
+Variable = Literal["position", "position × direction", "position, each direction", "velocity"]
 
-VARIABLES: tuple[Variable, ...] = ("position × direction", "position", "velocity")
+VARIABLES: tuple[Variable, ...] = (
+    "position × direction",
+    "position",
+    "velocity",
+    "position, each direction",
+)
 PIECES = 24
 SPREAD = 0.1  # prior standard deviation of the curve, relative to the spread of the joint's torque
 
@@ -43,7 +48,7 @@ class UnknownCurve:
     size: float
 
     def columns(self, point: OperatingPoint) -> Array:
-        """Response of the joint's residual to every piece, shape (N, PIECES)."""
+        """Response of the joint's residual to every piece, shape (N, pieces)."""
         context = point.context
 
         def make() -> Array:
@@ -53,11 +58,14 @@ class UnknownCurve:
         return context.once(("unknown curve", self), make)
 
     def _pieces(self, motion: JointMotion) -> Array:
-        """Hat functions along a motion, shape (PIECES, N_fine)."""
+        """Hat functions along a motion, shape (pieces, N_fine)."""
         value = motion.velocity if self.variable == "velocity" else motion.position
         place = (value - self.low) / max(self.high - self.low, 1e-9) * (PIECES - 1)
         hats = np.maximum(1 - np.abs(np.clip(place, 0, PIECES - 1)[None] - np.arange(PIECES)[:, None]), 0.0)
-        return hats * smooth_sign(motion.velocity) if self.variable == "position × direction" else hats
+        sign = smooth_sign(motion.velocity)
+        if self.variable == "position, each direction":
+            return np.concatenate((hats * 0.5 * (1 + sign), hats * 0.5 * (1 - sign)))
+        return hats * sign if self.variable == "position × direction" else hats
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +74,8 @@ class Eliminated:
 
     Attributes:
         curve: the curve.
-        columns: shape (N, PIECES), response of the residual.
-        solve: shape (PIECES, N).
+        columns: shape (N, pieces), response of the residual.
+        solve: shape (pieces, N).
     """
 
     curve: UnknownCurve
@@ -91,11 +99,11 @@ def eliminated(curve: UnknownCurve, point: OperatingPoint, weights: Array) -> El
     """The curve fitted under its prior to a residual with weights (N,) [1/Nm]."""
     columns = curve.columns(point)
     weighted = columns * weights[:, None]
-    precision = weighted.T @ weighted + np.eye(PIECES) / curve.size**2
+    precision = weighted.T @ weighted + np.eye(columns.shape[1]) / curve.size**2
     solve: Array = np.linalg.solve(precision, weighted.T * weights)
     return Eliminated(curve, columns, solve)
 
 
 def explained_gain(curve: UnknownCurve, gram: Array, along: Array) -> float:
     """Decrease of the weighted sum of squares by the curve under its prior."""
-    return float(along @ np.linalg.solve(gram + np.eye(PIECES) / curve.size**2, along))
+    return float(along @ np.linalg.solve(gram + np.eye(len(along)) / curve.size**2, along))

@@ -139,10 +139,16 @@ class GroupErrorEntry(ResultEntry):
     validation: bool
 
 
+class AddedEntry(PlaceEntry):
+    """An effect that a step adds."""
+
+    confidence: Number | None = None
+
+
 class StepEntry(ResultEntry):
     """A model on the way: what was added, its errors [Nm per joint] and the verdict on it."""
 
-    added: PlaceEntry | None = None
+    added: AddedEntry | None = None
     rms: list[Number] = Field(default_factory=list)
     rms_validation: list[Number] | None = None
     noise_floor: list[Number] = Field(default_factory=list)
