@@ -39,7 +39,7 @@ MOTOR_LAWS = (
     "torque_ripple",
     "torque_offset",
 )
-LINK_LAWS = ("link_coulomb_friction", "cable_spring")
+LINK_LAWS = ("link_coulomb_friction", "cable_spring", "gravity_compensator")
 VALUES = {
     "coulomb_friction": (3.0,),
     "stribeck_friction": (1.5, 0.3),
@@ -57,6 +57,7 @@ VALUES = {
     "transmission_error": (0.004, 2.2, 0.7),
     "link_coulomb_friction": (2.5,),
     "cable_spring": (3.0, 0.2),
+    "gravity_compensator": (6.0, -2.5),
     "payload_error": (0.15,),
     "base_tilt": (0.05, -0.03),
     "external_contact": (2.0, 1.5107, 2.4713),

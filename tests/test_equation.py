@@ -100,6 +100,7 @@ def some_values(effect: str) -> np.ndarray:
         "backlash": [0.002],
         "joint_damping": [12.0],
         "cable_spring": [3.0, 0.2],
+        "gravity_compensator": [6.0, -2.5],
         "payload_error": [0.15],
         "base_tilt": [0.05, -0.03],
         "external_contact": [2.0, 1.5107, 2.4713],

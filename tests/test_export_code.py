@@ -46,9 +46,9 @@ MOTOR = (
     "friction_drift", "torque_ripple", "torque_offset", "torque_gain", "stiffness_hardening",
     "transmission_error", "base_tilt", "motor_coupling", "presliding_hysteresis",
 )  # fmt: skip
+LINK = ("link_coulomb_friction", "cable_spring", "gravity_compensator")
 CHECKED = {
-    *MOTOR, "payload_error", "link_coulomb_friction", "cable_spring", "backlash", "joint_damping",
-    "torque_delay",
+    *MOTOR, *LINK, "payload_error", "backlash", "joint_damping", "torque_delay",
 }  # fmt: skip
 
 
@@ -262,7 +262,7 @@ def test_payload_is_carried_as_found(run: Run, planar: MeasurementSet, tmp_path:
 @pytest.mark.parametrize("run", LANGUAGES)
 def test_springs_and_dry_friction_of_the_link(run: Run, planar: MeasurementSet, tmp_path: Path) -> None:
     """Friction of the link is in torque and position; its jump is kept from their derivatives."""
-    made = identified(planar, plan("planar-2r", "link_coulomb_friction", "cable_spring").model)
+    made = identified(planar, plan("planar-2r", *LINK).model)
     time, q = motion(2)
     found = run(made, tmp_path, q, time, False)
     model = made.model
@@ -271,6 +271,8 @@ def test_springs_and_dry_friction_of_the_link(run: Run, planar: MeasurementSet, 
         i, values = model.joints.index(str(effect.joint)), list(effect.parameters.values())
         if effect.effect == "cable_spring":
             smooth[:, i] += values[0] * (q[0][:, i] - values[1])
+        elif effect.effect == "gravity_compensator":
+            smooth[:, i] += values[0] * np.sin(q[0][:, i]) + values[1] * np.cos(q[0][:, i])
         else:
             law = EFFECTS[effect.effect]
             assert isinstance(law, LawEffect)

@@ -64,6 +64,11 @@ LINK_CASES: list[tuple[str, dict[str, float], Callable[..., Array]]] = [
     ("link_coulomb_friction", {"coulomb": 4.0}, lambda t, q, v: 4.0 * sign(v)),
     ("cable_spring", {"stiffness": 15.0, "rest_angle": 0.2}, lambda t, q, v: 15.0 * (q - 0.2)),
     (
+        "gravity_compensator",
+        {"sine": 6.0, "cosine": -4.0},
+        lambda t, q, v: 6.0 * np.sin(q) - 4.0 * np.cos(q),
+    ),
+    (
         "external_contact",
         {"torque": 5.0, "start": 0.5, "end": 0.8},
         lambda t, q, v: np.where((t >= 0.5) & (t < 0.8), -5.0, 0.0),

@@ -149,6 +149,7 @@ PICTURES: dict[str, Picture] = {
         LINK_VELOCITY, lambda made: made.link_state(0)[1], (Curve(sweep(0.5), (2.0,)),), SWEEP
     ),
     "cable_spring": Picture(LINK_POSITION, link_angle, (Curve(swing(np.pi / 2), (3.0, 0.5)),), "a swing"),
+    "gravity_compensator": Picture(LINK_POSITION, link_angle, (Curve(turn(), (12.0, 5.0)),), "a slow turn"),
     "payload_error": Picture(
         LINK_POSITION, link_angle, (Curve(turn(), (0.1,)),), "a slow turn, payload's weight moment 1.5 kg m"
     ),

@@ -23,6 +23,7 @@ class CableSpring(Effect):
         "IEEE Control Systems Magazine 27(5), 2007"
     )
     usual = True
+    twins = ("gravity_compensator",)
     offset_parameter = "rest_angle"
     parameters = (
         ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),

@@ -19,6 +19,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "transmission_error",
     "link_coulomb_friction",
     "cable_spring",
+    "gravity_compensator",
     "payload_error",
     "base_tilt",
     "external_contact",

@@ -29,7 +29,7 @@ class TorqueOffset(LinearEffect):
     constant = True
     parameters = (ParameterSpec("offset", "Nm", explanation="constant torque", symbol="f_0"),)
     smooth = True
-    twins = ("base_tilt",)
+    twins = ("base_tilt", "gravity_compensator")
     common = True
 
     def columns(self, motion: JointMotion) -> Array:

@@ -90,7 +90,7 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
             signed |= code.signed
     sections = {name.lower() for name in (*arrays, *rows)}
     sections |= {"sign"} if signed else set()
-    sections |= {"lists"} if rows.keys() - {"ERROR"} else set()
+    sections |= {"lists"} if rows.keys() - {"ERROR", "COMPENSATOR"} else set()
     sections |= {"undamped"} if "damping" not in sections else set()
     sections |= {"linear"} if "cubic" not in sections else set()
     if not sections & {"sign", "link_coulomb"}:

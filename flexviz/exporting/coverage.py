@@ -118,6 +118,7 @@ SPRING_TORQUE = DerivedNumber(
     lambda values: values["stiffness"] * values["rest_angle"],
 )
 SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
+BALANCE = {"sine": "sine", "cosine": "cosine"}
 STRIBECK = {"stribeck": "stribeck", "velocity": "width"}
 DRIFT = {"relative_rise": "rise", "time_constant": "constant"}
 DAHL = {"presliding_stiffness": "stiffness", "coulomb": "coulomb"}
@@ -175,6 +176,10 @@ COVERAGE = {
     "cable_spring": Coverage(
         PerJoint("spring on the link [Nm/rad]", "spring", "stiffness", SPRING_TORQUE),
         Written("stiffness of the link's joint"),
+    ),
+    "gravity_compensator": Coverage(
+        PerRow("gravity compensator: torque at q = pi/2 and at q = 0 [Nm]", "compensator", BALANCE),
+        LeftOut("MJCF has no torque that is a sine of the angle"),
     ),
     "stribeck_friction": Coverage(
         PerRow("Stribeck friction: f_s [Nm], v_s [rad/s]", "stribeck", STRIBECK, signed=True),

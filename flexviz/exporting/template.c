@@ -118,6 +118,24 @@ static void pose(int b, jet q, jet rotation[3][3], jet place[3])
     }
 }
 
+/* [compensator */
+/* Torque of joint i's gravity compensator. */
+static jet compensator(int i, jet q)
+{
+    const double s = sin(q.d[0]), c = cos(q.d[0]);
+    jet out = constant(0.0);
+    size_t k;
+    for (k = 0; k < sizeof COMPENSATOR / sizeof COMPENSATOR[0]; ++k)
+        if (COMPENSATOR[k].joint == i) {
+            const double torque = COMPENSATOR[k].sine * s + COMPENSATOR[k].cosine * c;
+            const double slope = COMPENSATOR[k].sine * c - COMPENSATOR[k].cosine * s;
+            const jet part = {{torque, slope * q.d[1], slope * q.d[2] - torque * q.d[1] * q.d[1]}};
+            out = add(out, part);
+        }
+    return out;
+}
+
+/* compensator] */
 /* Torque on the links by recursive Newton-Euler, each body in its own frame; gravity is an acceleration
  * of the base. w, u: angular and linear velocity; dw, du: their rates; force, moment: on the body. */
 static void links(const jet q[N], const jet v[N], const jet a[N], jet torque[N])
@@ -195,6 +213,9 @@ static void links(const jet q[N], const jet v[N], const jet a[N], jet torque[N])
         /* [spring */
         torque[i] = add(torque[i], add(scaled(SPRING[i], q[i]), constant(-SPRING_TORQUE[i])));
         /* spring] */
+        /* [compensator */
+        torque[i] = add(torque[i], compensator(i, q[i]));
+        /* compensator] */
         /* [link_coulomb */
         /* dry friction jumps where a link reverses: the jump has no derivatives that a motor could follow */
         torque[i].d[0] += LINK_COULOMB[i] * tanh(v[i].d[0] / SIGN_VELOCITY);

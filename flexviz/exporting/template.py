@@ -41,6 +41,7 @@ GAIN_ERROR = np.array([0.05, 0.0])
 TORQUE_DELAY = np.array([0.002, 0.002])
 SPRING = np.array([5.0, 0.0])
 SPRING_TORQUE = np.array([1.0, 0.0])
+COMPENSATOR = ((0, 2.0, 1.0),)
 STRIBECK = ((0, 1.0, 0.1),)
 RIPPLE = ((1, 0.5, 9.0, 0.7),)
 ERROR = ((1, 1e-3, 7.0, 0.4),)
@@ -186,6 +187,13 @@ def _link_torque(q, v, a):
     torque += SPRING[:, None] * q
     torque[0] -= SPRING_TORQUE[:, None]
     # spring]
+    # [compensator
+    for i, sine, cosine in COMPENSATOR:
+        balance = sine * np.sin(q[0, i]) + cosine * np.cos(q[0, i])
+        slope = sine * np.cos(q[0, i]) - cosine * np.sin(q[0, i])
+        rates = slope * q[1, i], slope * q[2, i] - balance * q[1, i] ** 2
+        torque[:, i] += np.stack((balance, *rates))
+    # compensator]
     # [link_coulomb
     # dry friction jumps where a link reverses: the jump has no derivatives that a motor could follow
     torque[0] += LINK_COULOMB[:, None] * np.tanh(v[0] / SIGN_VELOCITY)

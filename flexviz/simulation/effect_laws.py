@@ -156,6 +156,7 @@ LAWS: dict[str, EffectLaw] = {
     ),
     "link_coulomb_friction": link(laws.link_coulomb_friction),
     "cable_spring": link(laws.cable_spring),
+    "gravity_compensator": link(laws.gravity_compensator),
     "payload_error": EffectLaw(_payload_error),
     "base_tilt": EffectLaw(_base_tilt),
     "external_contact": EffectLaw(_external_contact),

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import exp, sin, tanh
+from math import cos, exp, sin, tanh
 
 SIGN_WIDTH = 0.005  # [rad/s]
 
@@ -66,6 +66,11 @@ def link_coulomb_friction(coulomb: float) -> LinkLaw:
 def cable_spring(stiffness: float, rest_angle: float) -> LinkLaw:
     """k_c (q − q₀)"""
     return lambda t, q, velocity: stiffness * (q - rest_angle)
+
+
+def gravity_compensator(sine: float, cosine: float) -> LinkLaw:
+    """a sin q + b cos q"""
+    return lambda t, q, velocity: sine * sin(q) + cosine * cos(q)
 
 
 @dataclass(frozen=True)
