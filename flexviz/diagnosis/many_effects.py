@@ -8,17 +8,20 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
-from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichModel, RichSearch
+from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.results import Note
 
+LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
 
 
@@ -43,13 +46,17 @@ class ManyEffects:
         self.context = MotionContext(measurements, layout.joints)
 
     def find(self) -> RichModel | None:
-        """The smallest model found; None for a set that hides few effects."""
+        """The smallest model found.
+
+        None for a set that hides few effects: one after the other they are found more surely.
+        """
         search = RichSearch(self.context, self.layout, self.say)
         survey = search.survey()
         if not search.hides_many(survey):
             return None
         rich = search.run(survey)
-        return rich if rich.added(self.layout) or rich.curves else None
+        few = len(rich.added(self.layout)) < LIMITS.many
+        return None if few and verdict_on(rich) == "unknown" else rich
 
     def result(self, rich: RichModel, apply: bool, guarded: bool) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model."""
@@ -69,6 +76,7 @@ class ManyEffects:
         if guarded:
             self.say("checking parameters against the observer's bandwidth")
             bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
+        unexplained = final.sigma**2 if last == "unknown" else None
         prior, covariance = self.context.start(final.layout).prior, final.covariance
         return Diagnosis(
             set_name=self.measurements.name,
@@ -81,9 +89,35 @@ class ManyEffects:
                 final.layout, final.x, prior.centre, covariance, final.at_bound, prior
             ),
             seconds=0.0,
-            notes=notes(at_noise, last, stairs[-1].errors, None, curve, bandwidths),
+            notes=(
+                *self.remarks(final),
+                *notes(at_noise, last, stairs[-1].errors, unexplained, curve, bandwidths),
+            ),
             model=final.layout.model(final.x),
             maps=maps,
             free_curve=curve,
             guard=bandwidths,
         )
+
+    def remarks(self, final: MotionFit) -> list[Note]:
+        """What the final model explains, and what was judged apart."""
+        joints = self.layout.joints
+        share = 1 - (final.held_out_rms() / self.context.spread) ** 2
+        which = "held-out" if final.held_out else "fitted"
+        values = ", ".join(f"{j} {100 * max(v, 0.0):.3g} %" for j, v in zip(joints, share, strict=True))
+        out = [Note("explained", f"of the {which} torque the model explains: {values}")]
+        if self.context.apart.any():
+            names = ", ".join(j for j, apart in zip(joints, self.context.apart, strict=True) if apart)
+            text = (
+                f"the standstill of {names} is left out, here and in the errors: at rest friction takes any "
+                "value up to its limit, and the model errs much more there than in motion"
+            )
+            out.append(Note("standstill", text))
+        for curve in final.eliminated:
+            joint, variable = joints[curve.curve.joint], curve.curve.variable
+            text = (
+                f"{joint} follows a law of no library, here a curve of {variable}: "
+                "the other effects were judged beside it"
+            )
+            out.append(Note("other", text))
+        return out

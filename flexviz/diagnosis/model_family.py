@@ -138,24 +138,36 @@ class ModelFamily:
                 return start
         return smaller.vector(fit.layout.model(fit.x))
 
-    # -- refinements of effects that it has
+    # -- alternatives to effects that it has
 
     def refined(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with effects replaced by their refinement on the joints where that helps clearly.
+        """The model with effects replaced by an alternative on the joints where that helps clearly.
 
-        All at once: the score of a single refinement says little, because its law is far from linear.
+        All joints at once: the score of one alternative says little, because its law is far from linear.
         """
         loud = fit.rms > LIMITS.far_off * self.context.noise_floor
-        finer = {law.replaces: name for name, law in EFFECTS.items() if law.replaces}
-        swaps = {
-            e: ChosenEffect(finer[e.effect], e.joint)
-            for e in fit.layout.effects
-            if e.effect in finer and e.joint is not None and loud[e.joint] and e not in self.own.effects
-        }
-        if not swaps:
-            return fit, needed
+        for name in dict.fromkeys(a for law in EFFECTS.values() for a in law.alternatives):
+            swaps = {
+                e: ChosenEffect(name, e.joint)
+                for e in fit.layout.effects
+                if name in EFFECTS[e.effect].alternatives
+                and e.joint is not None
+                and loud[e.joint]
+                and e not in self.own.effects
+            }
+            if swaps:
+                fit, needed = self.better_of(fit, needed, swaps)
+        return fit, needed
+
+    def better_of(
+        self,
+        fit: MotionFit,
+        needed: dict[ChosenEffect, Necessity],
+        swaps: Mapping[ChosenEffect, ChosenEffect],
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with those swaps that lower the residual and the held-out residual of their joint."""
         self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
         trial = self.swapped(fit, fit, swaps)
         old, new = fit.held_out_rms() ** 2, trial.held_out_rms() ** 2
@@ -173,15 +185,33 @@ class ModelFamily:
         self, fit: MotionFit, values: MotionFit, swaps: Mapping[ChosenEffect, ChosenEffect]
     ) -> MotionFit:
         """The model with effects swapped, from the values of a model that may have the new ones."""
-        layout = Layout(fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects))
+        offsets = {e.joint: e for e in self.offsets_of_springs(fit.layout) if e not in self.own.effects}
+        springs = [e for e in swaps if EFFECTS[e.effect].offset_parameter]
+        gone = {offsets[e.joint] for e in springs if e.joint in offsets}
+        layout = Layout(
+            fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects if e not in gone)
+        )
         x = layout.vector(values.layout.model(values.x))
         for old, new in swaps.items():
             if new not in values.layout.effects:
-                x[place(layout, new)] = EFFECTS[new.effect].refining(fit.x[place(fit.layout, old)])
+                start = fit.x[place(fit.layout, old)].copy()
+                if old in springs and offsets.get(old.joint) in gone and start[0]:
+                    start[1] -= fit.x[place(fit.layout, offsets[old.joint]).start] / start[0]
+                x[place(layout, new)] = EFFECTS[new.effect].refining(start)
         for effect, where in layout.effect_slices():
             if effect in fit.layout.effects and effect not in values.layout.effects:
                 x[where] = fit.x[place(fit.layout, effect)]
-        return self.fit(layout, x)
+        return self.better_start(layout, x)
+
+    def better_start(self, layout: Layout, x: Array) -> MotionFit:
+        """The better of two fits: from x, and with all but the effects where an identification starts.
+
+        While an effect is missing, other parameters stand in for it at values from which a fit may not
+        return.
+        """
+        afresh = self.context.start(layout).x.copy()
+        afresh[layout.effect_start :] = x[layout.effect_start :]
+        return min(self.fit(layout, x), self.fit(layout, afresh), key=lambda fit: fit.objective)
 
     def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
         """The model with candidates at their scored values, fitted."""

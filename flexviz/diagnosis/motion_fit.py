@@ -119,6 +119,11 @@ class MotionFit:
             jacobian = curve.remove_elsewhere(jacobian, self.evaluation.jacobian, point)
         return residual * used, jacobian * used[:, :, None]
 
+    @property
+    def held_out(self) -> bool:
+        """Whether the judged samples were not fitted."""
+        return self.context.judged_signals is not self.context.signals
+
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
         used = in_motion(self.context.judged_signals) | ~self.context.apart
@@ -187,7 +192,7 @@ class MotionContext:
         squares = fit.residual**2
         rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
         moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
-        loud = np.sqrt(moved) > LIMITS.far_off * self.noise_floor
+        loud = np.sqrt(rest) > LIMITS.far_off * self.noise_floor
         apart = self.apart | (loud & (rest > LIMITS.standstill_ratio**2 * moved))
         more = bool(np.any(apart & ~self.apart))
         self.apart, self.used = apart, moving | ~apart

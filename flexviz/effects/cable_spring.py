@@ -25,6 +25,7 @@ class CableSpring(Effect):
     usual = True
     twins = ("gravity_compensator",)
     offset_parameter = "rest_angle"
+    alternatives = ("gravity_compensator",)
     parameters = (
         ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),
         ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle of zero torque", "q₀"),

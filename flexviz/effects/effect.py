@@ -101,6 +101,7 @@ class Effect(ABC):
         memory: u depends on the time before the record.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
+        alternatives: effects of the same joint that may be meant instead; the better one is kept.
         only_among_many: a search for single effects leaves it out.
         size_at: positions of the parameters that are zero when the effect is absent.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
@@ -135,6 +136,7 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
+    alternatives: ClassVar[tuple[str, ...]] = ()
     only_among_many: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     usual: ClassVar[bool] = False

@@ -40,5 +40,9 @@ class GravityCompensator(Effect):
         slopes = np.stack((np.sin(q), np.cos(q)))
         return Terms("residual", (place.own_joint,), np.tensordot(values, slopes, axes=1), slopes)
 
+    def refining(self, simpler: Array) -> Array:
+        stiffness, rest_angle = simpler  # of a spring: k (q − q₀) near q = 0
+        return np.array([stiffness, -stiffness * rest_angle])
+
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.33 * scale.torque, 0.33 * scale.torque)

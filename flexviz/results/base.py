@@ -11,7 +11,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 Grade = Literal["yes", "weak", "no"]
-NoteKind = Literal["model-error", "pulses", "unexplained", "free-curve", "bandwidth", "other"]
+NoteKind = Literal[
+    "model-error", "pulses", "unexplained", "free-curve", "bandwidth", "standstill", "explained", "other"
+]
 
 
 @dataclass(frozen=True)
@@ -20,7 +22,8 @@ class Note:
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
     reversals), "unexplained" (remaining error), "free-curve" (error that a free curve would absorb),
-    "bandwidth" (values that change with the observer bandwidth), "other".
+    "bandwidth" (values that change with the observer bandwidth), "standstill" (joints whose rest is judged
+    apart), "explained" (share of each joint's torque that the model explains), "other".
     """
 
     kind: NoteKind
