@@ -98,6 +98,10 @@ def library_motor_torque(made: IdentifiedRobot, time: Array, q: Array, theta: Ar
             torque[:, i] += law.law(seen(model, i, time, q, theta, load), values)[0]
         elif effect.effect == "motor_coupling":
             torque[:, i] += values[0] * theta[2][:, i + 1 if i + 1 < model.n else i - 1]
+        elif effect.effect == "coupled_friction":
+            other = i + 1 if i + 1 < model.n else i - 1
+            both = theta[1][:, i] + theta[1][:, other]
+            torque[:, [i, other]] += (values[0] * np.tanh(both / 0.005) + values[1] * both)[:, None]
         elif effect.effect == "torque_gain":
             gain[i] += values[0]
     return torque / gain

@@ -62,6 +62,7 @@ VALUES = {
     "base_tilt": (0.05, -0.03),
     "external_contact": (2.0, 1.5107, 2.4713),
     "motor_coupling": (0.2,),
+    "coupled_friction": (1.5, 0.8),
 }
 MOTION = TrialMotion(
     np.linspace(0.0, 6.0, 3001),

@@ -23,6 +23,7 @@ DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are
     "link_coulomb_friction": "coulomb",
     "joint_damping": "damping",
     "cable_spring": "stiffness",
+    "coupled_friction": "coulomb",
 }
 
 

@@ -44,7 +44,8 @@ EXACT = 1e-9
 MOTOR = (
     "coulomb_friction", "stribeck_friction", "quadratic_friction", "load_dependent_friction",
     "friction_drift", "torque_ripple", "torque_offset", "torque_gain", "stiffness_hardening",
-    "transmission_error", "base_tilt", "motor_coupling", "presliding_hysteresis",
+    "transmission_error", "base_tilt", "motor_coupling", "coupled_friction",
+    "presliding_hysteresis",
 )  # fmt: skip
 LINK = ("link_coulomb_friction", "cable_spring", "gravity_compensator")
 CHECKED = {
@@ -224,7 +225,8 @@ def test_c_with_one_effect_has_what_it_needs(planar: MeasurementSet, tmp_path: P
     sources = []
     for effect in (name for name in EFFECTS if name not in ("payload_error", "external_contact")):
         model = plan("planar-2r", effect).model
-        one = replace(model, effects=tuple(e for e in model.effects if e.joint in (None, "joint2")))
+        there = tuple(e for e in model.effects if e.joint in (None, "joint2"))
+        one = replace(model, effects=there or model.effects)
         sources.append(sources_of(identified(planar, one), tmp_path / effect))
     run = subprocess.run([str(GCC), *STRICT, "-fsyntax-only", *sources], capture_output=True, text=True)
     assert run.returncode == 0 and run.stderr == "", run.stderr

@@ -34,7 +34,7 @@ EXACT = (
     "quadratic_friction", "stiffness_hardening", "backlash:joint1", "joint_damping:joint2", "cable_spring",
     "base_tilt", "torque_gain", "torque_offset", "payload_error:p2",
 )  # fmt: skip
-NEARLY = ("coulomb_friction", "link_coulomb_friction", "torque_delay")
+NEARLY = ("coulomb_friction", "link_coulomb_friction", "torque_delay", "coupled_friction")
 MJCF_CHECKED = {name.split(":")[0] for name in EXACT} | {*NEARLY, "presliding_hysteresis"}
 URDF_CHECKED = {"coulomb_friction", "link_coulomb_friction", "presliding_hysteresis", "payload_error"}
 NOT_IN_MJCF = [name for name, e in MJCF.items() if isinstance(e, LeftOut) and name != "external_contact"]

@@ -195,6 +195,17 @@ def test_presliding_is_dahl(robot: Robot) -> None:
     assert np.abs(expected).max() == pytest.approx(coulomb, rel=0.01)
 
 
+@pytest.mark.parametrize("joint", ["joint1", "joint2"])
+def test_coupled_friction_is_the_same_on_both_motors(robot: Robot, joint: str) -> None:
+    run = run_with(robot, EffectValue("coupled_friction", joint, {"coulomb": 3.0, "viscous": 2.0}))
+    both = middle(run.theta_velocity.sum(axis=1))
+    rest = motor_rest(run)
+    for i in (0, 1):
+        close(rest[:, i], 3.0 * sign(both) + 2.0 * both, 0.01)
+    close(np.abs(link_rest(robot, run)).max(axis=1), 0.0 * run.time[2:], 0.01)
+    assert both.min() < -0.3 and both.max() > 0.3
+
+
 def test_torque_gain_and_delay(robot: Robot) -> None:
     run = run_with(robot, EffectValue("torque_gain", JOINT, {"gain_error": 0.1}))
     rest = motor_rest(run, run.tau * [1.0, 1.1])
@@ -244,6 +255,7 @@ def test_every_effect_name_is_here() -> None:
 
     tested = {case[0] for case in (*MOTOR_CASES, *LINK_CASES, *JOINT_CASES)}
     alone = {"presliding_hysteresis", "torque_gain", "torque_delay", "payload_error", "base_tilt"}
+    alone |= {"coupled_friction"}
     assert tuple(LAWS) == EFFECT_NAMES
     assert tested | alone == set(EFFECT_NAMES)
 

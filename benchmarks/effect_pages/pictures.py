@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -167,6 +167,11 @@ PICTURES: dict[str, Picture] = {
         "neighbouring motor's acceleration [rad/s²]", lambda made: made.theta(1)[2],
         (Curve(TrialMotion(CYCLE, TrialSignal(), wave(0.0), wave(3.0)), (0.2,)),),
         "a swing of the neighbour alone",
+    ),
+    "coupled_friction": Picture(
+        "sum of both motors' velocities [rad/s]", lambda made: made.theta(0)[1] + made.theta(1)[1],
+        (Curve(replace(sweep(0.3), neighbour=wave(0.2, -np.pi / 2)), (1.5, 1.0)),),
+        "a sweep of both speeds",
     ),
 }  # fmt: skip
 

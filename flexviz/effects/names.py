@@ -24,6 +24,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "base_tilt",
     "external_contact",
     "motor_coupling",
+    "coupled_friction",
 )
 
 USER_NAMES: list[str] = []

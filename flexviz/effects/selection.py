@@ -113,7 +113,9 @@ def _places(
         return [ChosenEffect(name, payload=p) for p in payloads if where in ("", p)]
     if where and where not in joints:
         raise InputError(f'effect "{text}": joint "{where}" is not in the set; {choose_from(where, joints)}')
-    return [ChosenEffect(name, k) for k, joint in enumerate(joints) if where in ("", joint)]
+    if where:
+        return [ChosenEffect(name, list(joints).index(where))]
+    return [ChosenEffect(name, target.joint) for target in effect.targets(len(joints), payloads)]
 
 
 def _episode(text: str, name: str, where: str, joints: Sequence[str], groups: Sequence[str]) -> ChosenEffect:

@@ -271,8 +271,9 @@ class OperatingPoint:
             moves = [(lay.motor_inertia.start + j, theta[2:5, :, j])]
             moves.append((lay.motor_viscous.start + j, theta[1:4, :, j]))
             for at, term in terms:
-                if term.entry == "torque" and term.joints == (j,) and at != where:
-                    moves += [(at.start + p, term.slopes[p, :, :, 0]) for p in range(at.stop - at.start)]
+                if term.entry == "torque" and j in term.joints and at != where:
+                    slopes = term.slopes[..., term.joints.index(j)]
+                    moves += [(at.start + p, slope) for p, slope in enumerate(slopes)]
             for column, fall in moves:  # s falls by this
                 product = np.stack(
                     (

@@ -93,7 +93,7 @@ def code_tables(identified: IdentifiedRobot) -> CodeTables:
     sections |= {"lists"} if rows.keys() - {"ERROR", "COMPENSATOR"} else set()
     sections |= {"undamped"} if "damping" not in sections else set()
     sections |= {"linear"} if "cubic" not in sections else set()
-    if not sections & {"sign", "link_coulomb"}:
+    if not sections & {"sign", "link_coulomb", "coupled"}:
         del arrays["SIGN_VELOCITY"]
     return CodeTables(arrays, rows, frozenset(sections), effects)
 

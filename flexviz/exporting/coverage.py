@@ -119,6 +119,7 @@ SPRING_TORQUE = DerivedNumber(
 )
 SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
 BALANCE = {"sine": "sine", "cosine": "cosine"}
+COUPLED = {"coulomb": "coulomb", "viscous": "viscous"}
 STRIBECK = {"stribeck": "stribeck", "velocity": "width"}
 DRIFT = {"relative_rise": "rise", "time_constant": "constant"}
 DAHL = {"presliding_stiffness": "stiffness", "coulomb": "coulomb"}
@@ -215,6 +216,16 @@ COVERAGE = {
             ("joint", "other"),
         ),
         LeftOut("MuJoCo's inertia matrix is symmetric, this coupling acts in one direction only"),
+    ),
+    "coupled_friction": Coverage(
+        PerRow(
+            "friction of a motor that turns with two joints: f_c [Nm], f_v [Nm s/rad]",
+            "coupled",
+            COUPLED,
+            ("joint", "other"),
+        ),
+        Written("damping and frictionloss of a tendon over both motors"),
+        LeftOut("the friction of a URDF joint depends on its own velocity only"),
     ),
     "payload_error": Coverage(PAYLOAD, PAYLOAD, PAYLOAD),
     "base_tilt": Coverage(GRAVITY, GRAVITY),

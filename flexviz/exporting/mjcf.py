@@ -168,6 +168,12 @@ def _tendons(identified: IdentifiedRobot, root: Element, names: dict[str, str]) 
         fixed = _add(tendon, "fixed", name=f"{joint}_elastic", **spring, **damping)
         _add(fixed, "joint", joint=names[joint], coef="1")
         _add(fixed, "joint", joint=joint, coef="-1")
+    for k, (i, other, coulomb, viscous) in enumerate(laws.rows["coupled"]):
+        pair = [identified.joints[int(at)] for at in (i, other)]
+        friction = {"damping": viscous, **_dry_friction(coulomb)}
+        fixed = _add(tendon, "fixed", name=f"{'_'.join(pair)}_coupled{k}", **friction)
+        for joint in pair:
+            _add(fixed, "joint", joint=names[joint], coef="1")
 
 
 def _actuators(identified: IdentifiedRobot, root: Element, names: dict[str, str], step: float) -> None:

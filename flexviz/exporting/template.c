@@ -355,6 +355,13 @@ static void motors(const jet theta[N], const jet load[N], double time, NAME_memo
         for (k = 0; k < sizeof COUPLING / sizeof COUPLING[0]; ++k)
             if (COUPLING[k].joint == i) tau[i] += COUPLING[k].inertia * theta[COUPLING[k].other].d[2];
         /* coupling] */
+        /* [coupled */
+        for (k = 0; k < sizeof COUPLED / sizeof COUPLED[0]; ++k)
+            if (COUPLED[k].joint == i || COUPLED[k].other == i) {
+                const double both = theta[COUPLED[k].joint].d[1] + theta[COUPLED[k].other].d[1];
+                tau[i] += COUPLED[k].coulomb * tanh(both / SIGN_VELOCITY) + COUPLED[k].viscous * both;
+            }
+        /* coupled] */
         /* [presliding */
         for (k = 0; k < sizeof PRESLIDING / sizeof PRESLIDING[0]; ++k)
             if (PRESLIDING[k].joint == i)

@@ -48,6 +48,7 @@ ERROR = ((1, 1e-3, 7.0, 0.4),)
 DRIFT = ((0, 0.6, 4.0),)
 PRESLIDING = ((1, 300.0, 1.5),)
 COUPLING = ((0, 1, 0.2),)
+COUPLED = ((0, 1, 0.5, 0.1),)
 
 # code:
 
@@ -294,6 +295,13 @@ def _motor_torque(theta, load, time, memory):
     for i, other, inertia in COUPLING:
         tau[i] += inertia * acceleration[other]
     # coupling]
+    # [coupled
+    for i, other, coulomb, viscous in COUPLED:
+        both = speed[i] + speed[other]
+        friction = coulomb * np.tanh(both / SIGN_VELOCITY) + viscous * both
+        tau[i] += friction
+        tau[other] += friction
+    # coupled]
     # [presliding
     shares = _presliding(position, sign, memory)
     for i, _, coulomb in PRESLIDING:

@@ -38,13 +38,13 @@ class Assembly:
 
 
 def neighbour(robot: Robot, i: int) -> int:
-    """The joint (index in the set's order) whose motor couples into the joint with Pinocchio's index i.
+    """The joint (index in the set's order) that is coupled with the joint of Pinocchio's index i.
 
     It is the next joint of the set; for the last joint, the preceding one.
     """
     own = int(np.flatnonzero(robot.order == i)[0])
     if robot.n < 2:
-        raise InputError("motor_coupling needs at least two joints")
+        raise InputError("an effect that couples two joints needs a robot with at least two")
     return own + 1 if own + 1 < robot.n else own - 1
 
 
@@ -135,6 +135,12 @@ def _motor_coupling(made: Assembly, joints: Sequence[int], p: Parameters) -> Non
         made.plant.motor_inertia[i, int(made.robot.order[neighbour(made.robot, i)])] += p["inertia"]
 
 
+def _coupled_friction(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    for i in joints:
+        other = int(made.robot.order[neighbour(made.robot, i)])
+        made.plant.coupled_laws.append((i, other, laws.coupled_friction(**p)))
+
+
 LAWS: dict[str, EffectLaw] = {
     "coulomb_friction": motor(laws.coulomb_friction),
     "stribeck_friction": motor(laws.stribeck_friction, positive=("velocity",)),
@@ -161,5 +167,6 @@ LAWS: dict[str, EffectLaw] = {
     "base_tilt": EffectLaw(_base_tilt),
     "external_contact": EffectLaw(_external_contact),
     "motor_coupling": EffectLaw(_motor_coupling),
+    "coupled_friction": EffectLaw(_coupled_friction),
 }
 """Library effect → its implementation in the simulator."""

@@ -80,7 +80,11 @@ def _joints(text: str, effect: Effect, place: str | None, plan: Plan) -> Sequenc
     if place is None:
         if effect.scope == "episode":
             return (plan.robot.joints[min(1, plan.robot.n - 1)],)
-        return (None,) if effect.scope == "set" else plan.robot.joints
+        if effect.scope == "set":
+            return (None,)
+        if plan.robot.n < effect.fewest_joints:
+            raise InputError(f'effect "{text}" needs a neighbouring joint, the robot has one joint')
+        return [plan.robot.joints[t.own_joint] for t in effect.targets(plan.robot.n, ())]
     if effect.scope == "set" and not effect.joint_optional:
         raise InputError(f'effect "{text}": {effect.name} belongs to no joint')
     _check(text, "joint", place, list(plan.robot.joints))

@@ -96,8 +96,8 @@ def _laws(
     n, extra, contacts = plant.n, plant.extra, plant.contacts
     link, motor, carried = force[:n], force[n : 2 * n], force[2 * n :]
     motor_laws, link_laws, presliding = plant.motor_laws, plant.link_laws, list(enumerate(plant.presliding))
-    elastic = list(plant.elastic.items())
-    if not (motor_laws or link_laws or presliding or elastic or contacts or extra):
+    elastic, coupled_laws = list(plant.elastic.items()), plant.coupled_laws
+    if not (motor_laws or link_laws or coupled_laws or presliding or elastic or contacts or extra):
         return None
 
     def add_laws(t: float) -> None:
@@ -117,6 +117,10 @@ def _laws(
             link[i] -= law(t, values[i], values[2 * n + i])
         for i, law in motor_laws:
             motor[i] -= law(t, values[n + i], values[3 * n + i], carried[i])
+        for i, k, law in coupled_laws:
+            torque = law(values[3 * n + i], values[3 * n + k])
+            motor[i] -= torque
+            motor[k] -= torque
         for k, (i, law) in presliding:
             z, velocity = values[4 * n + k], values[3 * n + i]
             motor[i] -= law.torque(z)

@@ -4,6 +4,7 @@ They deliberately duplicate the laws in `flexviz.effects`: simulated truth and e
 
 A *motor* law gives a torque that opposes the motor:   f(t, θ, θ̇, τ_j) [Nm]
 A *link* law gives a torque that opposes the link:     f(t, q, q̇) [Nm]
+A *coupled* law gives a torque that opposes two motors, by their velocities: f(θ̇_i, θ̇_j) [Nm]
 sign(v) is tanh(v / 0.005 rad/s).
 """
 
@@ -17,6 +18,7 @@ SIGN_WIDTH = 0.005  # [rad/s]
 
 MotorLaw = Callable[[float, float, float, float], float]
 LinkLaw = Callable[[float, float, float], float]
+CoupledLaw = Callable[[float, float], float]
 
 
 def coulomb_friction(coulomb: float) -> MotorLaw:
@@ -71,6 +73,11 @@ def cable_spring(stiffness: float, rest_angle: float) -> LinkLaw:
 def gravity_compensator(sine: float, cosine: float) -> LinkLaw:
     """a sin q + b cos q"""
     return lambda t, q, velocity: sine * sin(q) + cosine * cos(q)
+
+
+def coupled_friction(coulomb: float, viscous: float) -> CoupledLaw:
+    """f_c sign(θ̇_i + θ̇_j) + f_v (θ̇_i + θ̇_j)"""
+    return lambda own, other: coulomb * tanh((own + other) / SIGN_WIDTH) + viscous * (own + other)
 
 
 @dataclass(frozen=True)

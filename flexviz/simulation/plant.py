@@ -15,7 +15,7 @@ import numpy as np
 from flexviz.effects import JointState
 from flexviz.simulation.elastic import ElasticJoint
 from flexviz.simulation.extra_laws import ExtraLaw, Pull
-from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.laws import CoupledLaw, Dahl, LinkLaw, MotorLaw
 
 Array = np.ndarray
 
@@ -29,6 +29,7 @@ class Plant:
         stiffness, link_viscous, motor_viscous: (n,).
         motor_inertia: (n, n) [kg m²], diagonal unless motors couple.
         motor_laws, link_laws: (joint index, law).
+        coupled_laws: (joint index, other joint's index, law), zero at rest.
         presliding: (joint index, Dahl).
         elastic: joint index -> law, for joints other than linear springs.
         contacts: (joint index, torque [Nm], start [s], end [s]).
@@ -42,6 +43,7 @@ class Plant:
     motor_viscous: Array
     motor_laws: list[tuple[int, MotorLaw]] = field(default_factory=list)
     link_laws: list[tuple[int, LinkLaw]] = field(default_factory=list)
+    coupled_laws: list[tuple[int, int, CoupledLaw]] = field(default_factory=list)
     presliding: list[tuple[int, Dahl]] = field(default_factory=list)
     elastic: dict[int, ElasticJoint] = field(default_factory=dict)
     contacts: list[tuple[int, float, float, float]] = field(default_factory=list)

@@ -50,6 +50,10 @@ def fastest(plant: Plant, positions: Array) -> FastestMotion:
             link[i] += abs(law(0.0, q[i], e) - law(0.0, q[i], -e)) / (2 * e)
         for i, law in plant.motor_laws:
             motor[i] += abs(law(0.0, q[i], e, load[i]) - law(0.0, q[i], -e, load[i])) / (2 * e)
+        for i, k, law in plant.coupled_laws:  # d (v_i + v_k)² ≤ 2 d v_i² + 2 d v_k²
+            slope = abs(law(e, 0.0) - law(-e, 0.0)) / (2 * e)
+            motor[i] += 2 * slope
+            motor[k] += 2 * slope
         for sign in (1.0, -1.0) if plant.extra else ():
             y = plant.empty_state()
             y[: 2 * n], y[2 * n : 4 * n] = np.tile(q, 2), sign * e

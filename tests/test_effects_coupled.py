@@ -1,0 +1,66 @@
+"""Effects that only a search for many effects considers: gravity compensator and coupled friction."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis.candidates import candidates
+from flexviz.effects import EFFECTS, ChosenEffect, EffectTarget, choose_effects
+from flexviz.equation import Layout
+from flexviz.errors import InputError
+from flexviz.identification import identify
+from flexviz.measurements import read_set
+from flexviz.simulation import laws, make_plan, simulate_preset
+from tests.test_effects import MOTION, VALUES, named
+
+ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction"}
+JOINTS = ("joint1", "joint2", "joint3")
+
+
+def test_coupled_friction_is_the_same_on_both_joints() -> None:
+    effect, values = EFFECTS["coupled_friction"], np.array(VALUES["coupled_friction"])
+    law = laws.coupled_friction(**named("coupled_friction"))
+    speeds = [MOTION.theta(joint)[1].tolist() for joint in (0, 1)]
+    expected = [law(*row) for row in zip(*speeds, strict=True)]
+    for joint, pair in ((0, (0, 1)), (1, (1, 0))):
+        terms = effect.terms(MOTION, EffectTarget(joint), values)
+        assert terms.joints == pair
+        np.testing.assert_allclose(terms.value[0], np.column_stack([expected] * 2), rtol=1e-12, atol=1e-12)
+
+
+def test_every_pair_of_neighbours_once() -> None:
+    effect = EFFECTS["coupled_friction"]
+    assert effect.targets(3, ()) == [EffectTarget(0), EffectTarget(1)] and effect.targets(1, ()) == []
+    pairs = choose_effects(["coupled_friction"], JOINTS)
+    assert pairs == (ChosenEffect("coupled_friction", 0), ChosenEffect("coupled_friction", 1))
+    assert choose_effects(["coupled_friction:joint3"], JOINTS) == (ChosenEffect("coupled_friction", 2),)
+    with pytest.raises(InputError, match="needs a neighbouring joint"):
+        choose_effects(["coupled_friction"], JOINTS[:1])
+    hidden = make_plan("planar-2r", ["coupled_friction"]).model.effects
+    assert [e.joint for e in hidden] == ["joint1"]
+
+
+def test_a_search_for_single_effects_leaves_them_out() -> None:
+    layout = Layout(JOINTS)
+    few, many = ({e.effect for e in candidates(layout, (), many=m)} for m in (False, True))
+    assert many - few == ONLY_AMONG_MANY
+
+
+@pytest.mark.parametrize(
+    "hidden, truth",
+    [
+        ("coupled_friction:joint1", {"coulomb": 2.5, "viscous": 1.2}),
+        ("gravity_compensator:joint2", {"sine": 4.0, "cosine": -3.0}),
+    ],
+)
+def test_identification_recovers_them(hidden: str, truth: dict[str, float], tmp_path: Path) -> None:
+    values = ",".join(f"{name}={value}" for name, value in truth.items())
+    simulate_preset("planar-2r", tmp_path / "set", [f"{hidden}:{values}"], seed=3)
+    result = identify(read_set(tmp_path / "set"), effects=[hidden], refine=True)
+    name, _, joint = hidden.partition(":")
+    for parameter, true in truth.items():
+        (found,) = (p for p in result.parameters if (p.name, p.joint) == (f"{name}.{parameter}", joint))
+        assert found.std is not None and abs(found.value - true) < 5 * found.std + 1e-3 * abs(true), found
