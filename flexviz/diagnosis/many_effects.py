@@ -55,8 +55,7 @@ class ManyEffects:
         if not search.hides_many(survey):
             return None
         rich = search.run(survey)
-        few = len(rich.added(self.layout)) < LIMITS.many
-        return None if few and verdict_on(rich) == "unknown" else rich
+        return rich if len(rich.added(self.layout)) >= LIMITS.many else None
 
     def result(self, rich: RichModel, apply: bool, guarded: bool) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model."""
