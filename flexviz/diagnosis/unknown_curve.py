@@ -100,7 +100,7 @@ def eliminated(curve: UnknownCurve, point: OperatingPoint, weights: Array) -> El
     columns = curve.columns(point)
     weighted = columns * weights[:, None]
     precision = weighted.T @ weighted + np.eye(columns.shape[1]) / curve.size**2
-    solve: Array = np.linalg.solve(precision, weighted.T * weights)
+    solve = np.linalg.solve(precision, weighted.T * weights).astype(np.float64)
     return Eliminated(curve, columns, solve)
 
 

@@ -1,0 +1,110 @@
+"""Search backwards: bounded steps, firm priors, elimination, unknown curves, a set with seven effects."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from flexviz import diagnose
+from flexviz.diagnosis.elimination import eliminate
+from flexviz.diagnosis.motion_fit import MotionContext, place
+from flexviz.diagnosis.unknown_curve import VARIABLES, eliminated
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.estimation import Bounds, bounded_minimum
+from flexviz.measurements import read_set
+
+SHARED = Path(__file__).parents[2] / "shared" / "robotlike"
+DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
+
+
+def test_bounded_minimum_against_scipy():
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        size = int(rng.integers(2, 20))
+        a = rng.normal(size=(size + 3, size)) * 10 ** rng.uniform(-2, 2, size)
+        a[:, 0] = a[:, -1] + 1e-3 * a[:, 0]  # nearly collinear
+        b = rng.normal(size=size + 3)
+        lower = -rng.uniform(0, 0.5, size) * (rng.random(size) < 0.7)
+        upper = rng.uniform(0, 0.5, size)
+        step, held = bounded_minimum(-a.T @ b, a.T @ a, np.zeros(size), Bounds(lower, upper))
+        best = lsq_linear(a, b, (lower - 1e-15, upper + 1e-15), method="bvls", tol=1e-14)
+        assert np.all((step >= lower) & (step <= upper))
+        assert np.sum((a @ step - b) ** 2) <= 2 * best.cost * (1 + 1e-6) + 1e-9
+        assert np.all((step[held] == lower[held]) | (step[held] == upper[held]))
+
+
+@pytest.fixture(scope="module")
+def context() -> MotionContext:
+    measurements = read_set(DEMO)
+    return MotionContext(measurements, measurements.joints)
+
+
+def test_firm_prior_against_finite_differences(context):
+    layout = Layout(context.measurements.joints)
+    start = context.start(layout)
+    prior, x = start.prior, start.x * 1.07
+    gradient, _ = prior.gradient_and_hessian(x)
+    for k in range(layout.compliance.start, layout.size):
+        h = 1e-6 * x[k] if x[k] else 1e-9
+        up, down = x.copy(), x.copy()
+        up[k], down[k] = x[k] + h, x[k] - h
+        slope = (prior.value(up) - prior.value(down)) / (2 * h)
+        assert slope == pytest.approx(gradient[k], rel=1e-4, abs=1e-5 / max(abs(x[k]), 1e-3))
+    assert np.isfinite(prior.log_spread[layout.compliance]).all()
+
+
+def test_elimination_keeps_what_is_hidden_and_drops_what_is_not(context):
+    joints = context.measurements.joints
+    hidden, absent = ChosenEffect("coulomb_friction", 1), ChosenEffect("torque_offset", 0)
+    layout = Layout(joints, (hidden, absent, ChosenEffect("quadratic_friction", 0)))
+    fit = context.fit(layout, context.start(layout).x)
+    result = eliminate(fit)
+    assert set(result.kept) == {hidden} and result.kept[hidden].deviations > 50
+    assert absent in result.dropped and result.x[place(layout, absent)] == 0
+    smaller = Layout(joints, (hidden,))
+    again = context.fit(smaller, smaller.vector(layout.model(result.x)))
+    # the closed form lands where a fit does
+    coulomb = result.x[place(layout, hidden)][0]
+    assert again.x[place(smaller, hidden)][0] == pytest.approx(coulomb, rel=2e-3)
+
+
+@pytest.mark.parametrize("variable", VARIABLES)
+def test_an_unknown_curve_removes_a_law_of_its_variable(context, variable):
+    layout = Layout(context.measurements.joints, (ChosenEffect("coulomb_friction", 1),))
+    fit = context.fit(layout, context.start(layout).x)
+    curve = replace(context.unknown_curve(0, variable), size=1e3)
+    columns = curve.columns(fit.point)
+    law = columns @ np.sin(np.arange(columns.shape[1]))
+    residual = np.zeros_like(fit.residual)
+    residual[:, 0] = law
+    rest = eliminated(curve, fit.point, np.ones(len(law))).remove(residual)
+    assert np.abs(rest[:, 0]).max() < 1e-3 * np.abs(law).max()
+    assert not rest[:, 1].any()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SHARED.is_dir(), reason="the robot-like sets are not beside this checkout")
+def test_seven_effects_at_once():
+    name = "robotlike-2r-00"
+    truth = json.loads((SHARED / "truth" / f"{name}.json").read_text())
+    result = diagnose(read_set(SHARED / "cases" / name), apply=True)
+    found = {(e["effect"], e["joint"]): e["parameters"] for e in result.effects}
+    assert set(found) == {(e["effect"], e["joint"]) for e in truth["effects"]}
+    errors = [
+        abs(found[e["effect"], e["joint"]][k]["value"] / v - 1)
+        for e in truth["effects"]
+        for k, v in e["parameters"].items()
+    ]
+    assert np.median(errors) < 0.01 and max(errors) < 0.03
+    last = result.steps[-1]
+    assert last.verdict == "nothing-missing"
+    assert np.all(np.array(last.rms_validation) < 4 * np.array(last.noise_floor))
+    assert all(s.added.confidence > 0.9 for s in result.steps if s.added is not None)
+    stiffness = [p.value for p in result.parameters if p.name == "stiffness"]
+    np.testing.assert_allclose(stiffness, truth["stiffness"], rtol=0.05)
