@@ -65,6 +65,11 @@ class TaskRunner:
         self.stop = self._worker.stop
         self.close = self._worker.close
 
+    @property
+    def busy(self) -> bool:
+        """Whether a task is running or waiting."""
+        return self._worker.busy
+
     def start(
         self,
         task: Task[Result],
