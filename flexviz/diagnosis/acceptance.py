@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.fit_context import Fit, Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.results import Verdict
@@ -32,20 +32,22 @@ def held_out_share(before: Fit, after: Fit) -> float:
     return float(np.clip(share, 0.0, 1.0))
 
 
-def credible(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
+def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
     """Whether the estimated parameters of an effect are plausible; `raw_step` is that of the records [s]."""
     values = fit.x[dict(fit.layout.effect_slices())[effect]]
-    return EFFECTS[effect.effect].credible(values, _evidence(fit, effect, raw_step))
+    return EFFECTS[effect.effect].credible(values, effect_evidence(fit, effect, raw_step))
 
 
-def only_an_offset(fit: Fit, effect: ChosenEffect, raw_step: float) -> bool:
+def only_an_offset(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
     """Whether an effect amounts to a constant offset of its joint in this motion."""
-    return EFFECTS[effect.effect].only_an_offset(_evidence(fit, effect, raw_step))
+    return EFFECTS[effect.effect].only_an_offset(effect_evidence(fit, effect, raw_step))
 
 
-def _evidence(fit: Fit, effect: ChosenEffect, raw_step: float) -> EffectEvidence:
-    torque = fit.point.narrow.torque[0][:, effect.joint or 0]
-    return EffectEvidence(torque, raw_step, frozenset(e.effect for e in fit.layout.effects))
+def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> EffectEvidence:
+    """The data by which an effect of a fit is judged; `raw_step` is that of the records [s]."""
+    return EffectEvidence(
+        fit.torque[:, effect.joint or 0], raw_step, frozenset(e.effect for e in fit.layout.effects)
+    )
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:

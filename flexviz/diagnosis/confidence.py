@@ -1,7 +1,8 @@
-"""Confidence in a finding: logistic regression on three features.
+"""Confidence in a finding: logistic regression on its features.
 
-The weights are fitted to the simulated cases of the diagnosis study and cross-validated in two halves
-(`python -m benchmarks.diagnosis_study calibrate`).
+The weights for single effects are fitted to the simulated cases of the diagnosis study and cross-validated
+in two halves (`python -m benchmarks.diagnosis_study calibrate`). Those for an effect among many are a first
+guess, not calibrated.
 """
 
 from __future__ import annotations
@@ -15,8 +16,6 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 
 WEIGHTS = (1.294, 0.598, 0.546, -2.372)  # intercept, then the features
-
-
 # of an effect among many: intercept, then `rich_result.features`
 WEIGHTS_AMONG_MANY = (0.5, 0.8, 0.5, 0.3, -0.8)
 

@@ -14,9 +14,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.acceptance import effect_evidence
 from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.effects import EFFECTS, ChosenEffect
 
 Array = NDArray[np.float64]
 
@@ -166,15 +167,9 @@ def _necessity(
     torque = np.sqrt(np.maximum(squares.mean(axis=0), 0.0))
     # an effect without a joint acts on all of them, not only on one that lacks something else
     share = float(np.median(torque * sigma / fit.context.spread[joints]))
-    return Necessity(deviations, mean, error, share, _credible(fit, effect, x[where]))
-
-
-def _credible(fit: MotionFit, effect: ChosenEffect, values: Array) -> bool:
-    torque = fit.evaluation.torque[0][:, effect.joint or 0]
     step = max(b.segment.step for b in fit.context.signals.blocks)
-    evidence = EffectEvidence(torque, step, frozenset(e.effect for e in fit.layout.effects))
-    law = EFFECTS[effect.effect]
-    return law.credible(values, evidence) and not law.at_bound(values)
+    credible = EFFECTS[effect.effect].credible(x[where], effect_evidence(fit, effect, step))
+    return Necessity(deviations, mean, error, share, credible)
 
 
 def _stretches(fit: MotionFit) -> list[slice]:

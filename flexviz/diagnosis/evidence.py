@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import held_out_share
 from flexviz.diagnosis.confidence import features, probability
-from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.fit_context import Fit, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Tie
+from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Step, Tie
 from flexviz.diagnosis.search import CandidateScores, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance, ScoredCandidate, sandwich
+from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
-
-
-class Fitted(Protocol):
-    """A model with its parameters."""
-
-    @property
-    def layout(self) -> Layout: ...
-
-    @property
-    def x(self) -> Array: ...
 
 
 LIMITS = THRESHOLDS.evidence
@@ -72,6 +61,12 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
         shown,
         evidenced,
     )
+
+
+def made_step(added: Finding | None, fit: Fitted, errors: PredictionErrors, verdict: Verdict) -> Step:
+    """One step of a result: the model after adding an effect."""
+    model = fit.layout.model(fit.x)
+    return Step(added, errors.rms, errors.rms_validation, verdict, errors.groups, errors.noise_floor, model)
 
 
 def ties(context: FitContext, step: SearchStep, scores: CandidateScores) -> tuple[Tie, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,25 @@ DAMPING_RISE = 100.0  # rise of the objective above the best point after which a
 SEARCH_WEIGHTING = WeightingSettings(WIDE_HERTZ, {1: 24, 2: 20, 3: 16}, 12, 5, 1e-6)
 
 
+class Fitted(Protocol):
+    """A model with its parameters."""
+
+    @property
+    def layout(self) -> Layout: ...
+
+    @property
+    def x(self) -> Array: ...
+
+
+class Judged(Fitted, Protocol):
+    """A fit by whose torque its effects are judged."""
+
+    @property
+    def torque(self) -> Array:
+        """Transmission torque, shape (N, n) [Nm]."""
+        ...
+
+
 @dataclass(frozen=True)
 class Fit:
     """A model fitted to the fit groups and evaluated on all groups.
@@ -67,6 +86,11 @@ class Fit:
     noise_objective: float
     converged: bool
     noise_at: tuple[Array, Array]
+
+    @property
+    def torque(self) -> Array:
+        """Transmission torque of the fit groups, shape (N, n) [Nm]."""
+        return self.point.narrow.torque[0]
 
 
 class FitContext:

@@ -57,9 +57,17 @@ class ManyEffects:
         rich = search.run(survey)
         return rich if len(rich.added(self.layout)) >= LIMITS.many else None
 
-    def result(self, rich: RichModel, apply: bool, guarded: bool) -> Diagnosis:
-        """The staircase of a model as a diagnosis; without `apply`, of the set's own model."""
-        stairs = staircase(self.context, self.layout, rich, self.band, lambda: self.say(""))
+    def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:
+        """The staircase of a model as a diagnosis; without `apply`, of the set's own model.
+
+        Args:
+            rich: the model.
+            apply: whether the result describes it.
+            guarded: whether to check it against the observer's bandwidth.
+            tell: called with a progress message. It does not stop the work: what is found is not thrown away.
+        """
+        tell("fitting the models on the way")
+        stairs = staircase(self.context, self.layout, rich, self.band)
         found = list(findings(stairs, rich, self.band))
         last = verdict_on(rich)
         if not apply:
@@ -68,12 +76,12 @@ class ManyEffects:
         final = rich.fit if apply else self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
         context = FitContext(self.measurements, final.layout)
         at_noise = context.fit(final.layout, final.x, iterations=0)
-        self.say("locating the residual")
+        tell("locating the residual")
         where, maps = locate_residual(context, at_noise)
         curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
         bandwidths = None
         if guarded:
-            self.say("checking parameters against the observer's bandwidth")
+            tell("checking parameters against the observer's bandwidth")
             bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
         unexplained = final.sigma**2 if last == "unknown" else None
         prior, covariance = self.context.start(final.layout).prior, final.covariance

@@ -11,7 +11,7 @@ from flexviz.diagnosis.elimination import Necessity, eliminate
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit, place
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import UnknownCurve
-from flexviz.effects import EFFECTS, ChosenEffect, JointScale
+from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
 
@@ -58,31 +58,28 @@ class ModelFamily:
         )
         more = (e for e in usual if e not in own and (e.effect, e.joint) not in replaced)
         layout = Layout(self.own.joints, (*have, *more))
-        x = self.context.start(layout).x.copy()
-        if beside is not None:
-            x = layout.vector(beside.layout.model(beside.x))
+        start = self.context.start(layout).x
+        x = start.copy() if beside is None else layout.vector(beside.layout.model(beside.x))
         for effect, where in layout.effect_slices():
             if beside is not None and effect in own:
                 continue
-            values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0)))
+            values = np.array(EFFECTS[effect.effect].typical(self.scale(effect.joint or 0, layout, start)))
             values[list(EFFECTS[effect.effect].size_at)] *= LIMITS.small_start
             x[where] = values
         return self.fit(layout, x, LIMITS.rich_iterations)
 
-    def scale(self, joint: int) -> JointScale:
-        """Magnitudes of a joint's motion in the fit groups."""
-        signals, x = self.context.signals, self.context.start(Layout(self.own.joints)).x
-        layout = Layout(self.own.joints)
+    def scale(self, joint: int, layout: Layout, x: Array) -> JointScale:
+        """Magnitudes of a joint's motion in the fit groups, with a model's parameters x, shape (P,)."""
+        signals = self.context.signals
         torque = float(np.sqrt(np.mean(signals.tau[0, :, joint] ** 2)))
         compliance, inertia = x[layout.compliance], x[layout.motor_inertia]
-        neighbour = joint - 1 if joint else min(1, self.own.n - 1)
         return JointScale(
             torque=torque,
             speed=float(np.sqrt(np.mean(signals.theta[1, :, joint] ** 2))),
             deflection=torque * float(compliance[joint]),
             stiffness=1 / float(compliance[joint]),
             motor_inertia=float(inertia[joint]),
-            neighbour_inertia=float(inertia[neighbour]),
+            neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
             position=float(np.mean(signals.theta[0, :, joint])),
             duration=float(np.ptp(signals.time)),
         )
@@ -118,14 +115,10 @@ class ModelFamily:
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
         x = smaller.vector(fit.layout.model(fit.x))
         for offset in merged:
+            torque = float(fit.x[place(fit.layout, offset).start])
             for effect, where in smaller.effect_slices():
-                if (
-                    effect.joint == offset.joint
-                    and EFFECTS[effect.effect].offset_parameter
-                    and x[where.start]
-                ):
-                    torque = fit.x[place(fit.layout, offset).start]
-                    x[where.start + 1] = np.clip(x[where.start + 1] - torque / x[where.start], -50.0, 50.0)
+                if effect.joint == offset.joint:
+                    x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
         fit = self.fit(smaller, x)
         return fit, eliminate(fit, frozenset(smaller.effects)).kept
 
@@ -148,11 +141,11 @@ class ModelFamily:
         All joints at once: the score of one alternative says little, because its law is far from linear.
         """
         loud = fit.rms > LIMITS.far_off * self.context.noise_floor
-        for name in dict.fromkeys(a for law in EFFECTS.values() for a in law.alternatives):
+        for name, law in EFFECTS.items():
             swaps = {
                 e: ChosenEffect(name, e.joint)
                 for e in fit.layout.effects
-                if name in EFFECTS[e.effect].alternatives
+                if e.effect in (law.replaces, law.instead_of)
                 and e.joint is not None
                 and loud[e.joint]
                 and e not in self.own.effects
@@ -186,17 +179,18 @@ class ModelFamily:
     ) -> MotionFit:
         """The model with effects swapped, from the values of a model that may have the new ones."""
         offsets = {e.joint: e for e in self.offsets_of_springs(fit.layout) if e not in self.own.effects}
-        springs = [e for e in swaps if EFFECTS[e.effect].offset_parameter]
-        gone = {offsets[e.joint] for e in springs if e.joint in offsets}
+        springs = {e.joint for e in swaps if EFFECTS[e.effect].offset_parameter}
+        gone = {offset for joint, offset in offsets.items() if joint in springs}
         layout = Layout(
             fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects if e not in gone)
         )
         x = layout.vector(values.layout.model(values.x))
         for old, new in swaps.items():
             if new not in values.layout.effects:
-                start = fit.x[place(fit.layout, old)].copy()
-                if old in springs and offsets.get(old.joint) in gone and start[0]:
-                    start[1] -= fit.x[place(fit.layout, offsets[old.joint]).start] / start[0]
+                start = fit.x[place(fit.layout, old)]
+                if (offset := offsets.get(old.joint)) in gone and offset is not None:
+                    torque = float(fit.x[place(fit.layout, offset).start])
+                    start = EFFECTS[old.effect].with_constant(start, torque)
                 x[place(layout, new)] = EFFECTS[new.effect].refining(start)
         for effect, where in layout.effect_slices():
             if effect in fit.layout.effects and effect not in values.layout.effects:

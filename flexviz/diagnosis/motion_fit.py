@@ -25,6 +25,7 @@ from flexviz.estimation import (
     Bounds,
     Covariance,
     Prior,
+    Projection,
     Start,
     bounded_minimum,
     other_effects,
@@ -87,13 +88,30 @@ class MotionFit:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
         return self.residual * self.weights, self.jacobian * self.weights[:, :, None]
 
+    @property
+    def torque(self) -> Array:
+        """Transmission torque of the fit groups, shape (N, n) [Nm]."""
+        return self.evaluation.torque[0]
+
+    @cached_property
+    def information(self) -> Array:
+        """Zᵀ Z of the weighted Jacobian Z, shape (P, P)."""
+        flat = self.whitened[1].reshape(-1, self.layout.size)
+        return flat.T @ flat
+
+    @cached_property
+    def projection(self) -> Projection:
+        """Projection of weighted signatures onto the complement of the model's own parameters."""
+        residual, jacobian = self.whitened
+        flat = jacobian.reshape(-1, self.layout.size)
+        return Projection(residual.ravel(), flat, self.information + self.prior_hessian)
+
     @cached_property
     def covariance(self) -> Covariance:
         """Of the parameters, from the residual's own spectra."""
-        r, z = self.whitened
-        flat = z.reshape(-1, self.layout.size)
         rows = [b.rows for b in self.context.signals.blocks]
-        return sandwich(flat.T @ flat, score_covariance(r, z, rows), self.prior_hessian, self.at_bound)
+        score = score_covariance(*self.whitened, rows)
+        return sandwich(self.information, score, self.prior_hessian, self.at_bound)
 
     @cached_property
     def rms(self) -> Array:
@@ -107,12 +125,11 @@ class MotionFit:
 
         Zero at standstill where that is judged apart.
         """
-        equation = self.context.held_out_equation(self.layout)
-        used = in_motion(self.context.judged_signals) | ~self.context.apart
+        equation, used = self.context.held_out_equation(self.layout), self.context.judged_used
         if equation is None:
             return self.residual * used, self.jacobian * used[:, :, None]
         point = equation.at(self.x)
-        found = point.evaluate_moving(self.x)
+        found = point.evaluate(self.x, moving=True)
         residual, jacobian = found.residual, found.jacobian
         for curve in self.eliminated:
             residual = curve.remove_elsewhere(residual, self.evaluation.residual, point)
@@ -126,8 +143,7 @@ class MotionFit:
 
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
-        used = in_motion(self.context.judged_signals) | ~self.context.apart
-        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / used.sum(axis=0))
+        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / self.context.judged_used.sum(axis=0))
 
     @property
     def chain(self) -> Chain:
@@ -143,17 +159,14 @@ class MotionContext:
         measurements: the set.
         signals: of the fit groups.
         apart: shape (n,), joints whose standstill is judged apart (`set_standstill_apart`).
-        used: shape (N, n), samples of the fit groups that count.
     """
 
     def __init__(self, measurements: MeasurementSet, joints: tuple[str, ...]) -> None:
         self.measurements = measurements
-        fit = [g for g in measurements.groups if not g.validation]
-        held = [g for g in measurements.groups if g.validation]
-        self.signals = self._signals(fit)
+        held = measurements.validation_groups
+        self.signals = self._signals(measurements.fit_groups)
         self._held = self._signals(held) if held else None
         self.apart = np.zeros(len(joints), bool)
-        self.used = np.ones((self.signals.count, len(joints)), bool)
         self._shared: dict[object, Any] = {}
         self._held_shared: dict[object, Any] = {}
         bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
@@ -164,11 +177,27 @@ class MotionContext:
         self.noise_floor: Array = np.sqrt(variance)
         self.spread: Array = np.std(self.signals.tau[0], axis=0)
 
-    def _signals(self, groups: list[Group]) -> Signals:
+    def _signals(self, groups: tuple[Group, ...]) -> Signals:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
-        shortest = min(float(s.time[-1] - s.time[0]) for g in groups for s in g.segments)
-        edge = min(max(observer.settling()), LIMITS.longest_edge * shortest)
-        return build_signals(self.measurements, groups, observer, drop=(edge, edge))
+        return build_signals(self.measurements, groups, observer, longest_edge=LIMITS.longest_edge)
+
+    @cached_property
+    def _moving(self) -> NDArray[np.bool_]:
+        return in_motion(self.signals)
+
+    @cached_property
+    def _judged_moving(self) -> NDArray[np.bool_]:
+        return self._moving if self._held is None else in_motion(self._held)
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Samples of the fit groups that count, shape (N, n)."""
+        return self._moving | ~self.apart
+
+    @property
+    def judged_used(self) -> NDArray[np.bool_]:
+        """Samples of `judged_signals` that count, shape (N, n)."""
+        return self._judged_moving | ~self.apart
 
     def equation(self, layout: Layout) -> Equation:
         """Equation of the fit groups."""
@@ -188,14 +217,14 @@ class MotionContext:
         At rest friction takes any value up to its limit, brakes hold, and controllers drift: no law of the
         motion describes the torque there.
         """
-        moving = in_motion(self.signals)
+        moving = self._moving
         squares = fit.residual**2
         rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
         moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
         loud = np.sqrt(rest) > LIMITS.far_off * self.noise_floor
         apart = self.apart | (loud & (rest > LIMITS.standstill_ratio**2 * moved))
         more = bool(np.any(apart & ~self.apart))
-        self.apart, self.used = apart, moving | ~apart
+        self.apart = apart
         return more
 
     @property
@@ -261,15 +290,14 @@ class MotionContext:
                 moved = renewed is not point
                 point = renewed
             assert point is not None
-            evaluation = point.evaluate_moving(x) if moved or fit is None else fit.evaluation
+            evaluation = point.evaluate(x, moving=True) if moved or fit is None else fit.evaluation
             fit = self._weighted(layout, x, point, evaluation, prior, curves)
             settled = abs(before - fit.objective) < LIMITS.settled_objective
             before = fit.objective
-            r, z = fit.whitened
-            flat = z.reshape(-1, layout.size)
+            residual, jacobian = fit.whitened
             gradient, hessian = prior.gradient_and_hessian(x)
-            gradient = gradient + flat.T @ r.ravel()
-            hessian = hessian + flat.T @ flat
+            gradient = gradient + jacobian.reshape(-1, layout.size).T @ residual.ravel()
+            hessian = hessian + fit.information
             step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
             fit = replace(fit, at_bound=at_bound, converged=length < LIMITS.negligible_step or settled)
@@ -292,9 +320,8 @@ class MotionContext:
             trial = bounds.clip(fit.x + length * step)
             trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
             if prior.feasible(trial):
-                after = self._weighted(
-                    fit.layout, trial, fit.point, fit.point.evaluate_moving(trial), prior, curves
-                )
+                now = fit.point.evaluate(trial, moving=True)
+                after = self._weighted(fit.layout, trial, fit.point, now, prior, curves)
                 if after.objective < fit.objective:
                     return after
             length *= 0.5
@@ -310,16 +337,16 @@ class MotionContext:
         curves: Sequence[UnknownCurve],
     ) -> MotionFit:
         """An evaluation with its weights and objective."""
-        residual, jacobian, gone = evaluation.residual, evaluation.jacobian, []
+        residual, jacobian, gone, used = evaluation.residual, evaluation.jacobian, [], self.used
         for curve in curves:
-            sigma = robust_deviation(residual, self.noise_floor, self.used)
-            gone.append(eliminated(curve, point, self.used[:, curve.joint] / sigma[curve.joint]))
+            sigma = robust_deviation(residual, self.noise_floor, used)
+            gone.append(eliminated(curve, point, used[:, curve.joint] / sigma[curve.joint]))
             residual, jacobian = gone[-1].remove(residual), gone[-1].remove(jacobian)
-        sigma = robust_deviation(residual, self.noise_floor, self.used)
-        ratio = np.abs(residual) / sigma * self.used
-        weights = self.used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
+        sigma = robust_deviation(residual, self.noise_floor, used)
+        ratio = np.abs(residual) / sigma * used
+        weights = used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
         loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
-        spent = 2 * float(self.used.sum(axis=0) @ np.log(sigma))
+        spent = 2 * float(used.sum(axis=0) @ np.log(sigma))
         objective = spent + float(loss.sum()) + 2 * prior.value(x)
         return MotionFit(
             self, layout, x, point, evaluation, weights, sigma, np.zeros(layout.size, bool),

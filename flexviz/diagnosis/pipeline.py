@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance
+from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance, made_step
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
@@ -20,9 +20,9 @@ from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.notes import notes
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
-from flexviz.diagnosis.result import Diagnosis, Finding, Step
+from flexviz.diagnosis.result import Diagnosis, Finding
 from flexviz.diagnosis.search import RefittedCandidate, Search, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
@@ -124,13 +124,14 @@ class _Pipeline:
             self.progress(Progress(text, self.share))
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
+        many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
         try:
-            many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
-            if (rich := many.find()) is not None:
-                result = many.result(rich, apply, bool(guarded))
-                return replace(result, seconds=time.perf_counter() - self.began)
+            rich = many.find()
         except Interrupted:
-            pass  # nothing is found yet
+            rich = None  # nothing is found yet
+        if rich is not None:
+            result = many.result(rich, apply, bool(guarded), self.tell)
+            return replace(result, seconds=time.perf_counter() - self.began)
         self.prepare()
         try:
             self.check_stop()
@@ -249,7 +250,7 @@ class _Pipeline:
             fits[-1], errors[-1] = last.fit, self.error_band.errors(last.fit)
         added = [None, *findings] if apply else [None]
         verdicts: list[Verdict] = [*("missing" for _ in self.steps), last.verdict]
-        taken = [_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
+        taken = [made_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
         prior = self.context.start(layout).prior
         where, maps = locate_residual(self.context, final)
@@ -309,18 +310,6 @@ class _Pipeline:
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out
-
-
-def _step(added: Finding | None, fit: Fit, errors: PredictionErrors, verdict: Verdict) -> Step:
-    return Step(
-        added,
-        errors.rms,
-        errors.rms_validation,
-        verdict,
-        errors.groups,
-        errors.noise_floor,
-        fit.layout.model(fit.x),
-    )
 
 
 def objectives(refitted: Iterable[RefittedCandidate]) -> dict[ChosenEffect, float]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.fit_context import Fit
-from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import in_motion
 from flexviz.equation import Equation, build_signals
 from flexviz.estimation import residual_noise
@@ -48,9 +48,7 @@ class PredictionErrorBand:
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
         observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
-        shortest = min(float(np.ptp(s.time)) for g in measurements.groups for s in g.segments)
-        edge = min(max(observer.settling()), LONGEST_EDGE * shortest)
-        self.signals = build_signals(measurements, measurements.groups, observer, drop=(edge, edge))
+        self.signals = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
         self.noise = segments_noise([b.segment for b in self.signals.blocks])
         self._shared: dict[object, Any] = {}
         self.rows = {
@@ -61,14 +59,17 @@ class PredictionErrorBand:
             for k, group in enumerate(self.signals.groups)
         }
 
-    def errors(self, fit: Fit | MotionFit) -> PredictionErrors:
-        """Residuals of a model."""
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """Samples at which a joint moves, shape (N, n)."""
+        return in_motion(self.signals)
+
+    def errors(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> PredictionErrors:
+        """Residuals of a model; `apart`, shape (n,): joints whose standstill does not count."""
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
         evaluation = equation.evaluate(fit.x)
         residual = evaluation.residual
-        used = np.ones(residual.shape, bool)
-        if isinstance(fit, MotionFit):
-            used = in_motion(self.signals) | ~fit.context.apart
+        used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
             (name, _rms(residual[rows], used[rows]), held_out[name])

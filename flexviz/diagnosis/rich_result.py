@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.elimination import Necessity, by_weight
-from flexviz.diagnosis.evidence import absorbed, explained_residual
+from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit, place
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
-from flexviz.diagnosis.result import EffectParameter, Evidence, Finding, Step, Tie
+from flexviz.diagnosis.result import EffectParameter, Finding, Step, Tie
 from flexviz.diagnosis.rich_search import RichModel
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
+from flexviz.estimation import Projection
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Stair:
     def of(added: ChosenEffect | None, fit: MotionFit, band: PredictionErrorBand) -> Stair:
         """The stair of a fit, without its large arrays."""
         std = fit.covariance.standard_errors
-        return Stair(added, fit.layout, fit.x, fit.objective, std, band.errors(fit))
+        return Stair(added, fit.layout, fit.x, fit.objective, std, band.errors(fit, fit.context.apart))
 
 
 def staircase(
@@ -57,7 +58,6 @@ def staircase(
     own: Layout,
     rich: RichModel,
     band: PredictionErrorBand,
-    check: Callable[[], None],
 ) -> list[Stair]:
     """The set's own model, then one effect more at a time, the weightiest first.
 
@@ -69,7 +69,7 @@ def staircase(
         effects = (*own.effects, *order[:count])
         layout = Layout(own.joints, effects)
         x = layout.vector(rich.fit.layout.model(rich.fit.x))
-        fit = context.fit(layout, x, iterations=LIMITS.stair_iterations, check=check)
+        fit = context.fit(layout, x, iterations=LIMITS.stair_iterations)
         stairs.append(Stair.of(order[count - 1] if count else None, fit, band))
     return [*stairs, Stair.of(order[-1] if order else None, rich.fit, band)]
 
@@ -88,13 +88,14 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
         effect, need = after.added, rich.needed[after.added]
         where = place(rich.fit.layout, effect)
         specs = EFFECTS[effect.effect].parameters
+        shown = features(rich, effect, need)
         yield Finding(
             effect.effect,
             rich.fit.layout.joint_name(effect),
             effect.group,
             effect.payload,
             score=removed_share(before.errors, after.errors),
-            confidence=probability_among_many(features(rich, effect, need)),
+            confidence=probability_among_many(shown),
             parameters={
                 p.name: EffectParameter(float(v), float(e), p.unit)
                 for p, v, e in zip(specs, rich.fit.x[where], std[where], strict=True)
@@ -102,8 +103,8 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
             inseparable_from=tuple(ties(rich, effect)),
             gain=float(before.objective - after.objective),
             absorbed=absorbed(before, after, after.standard_errors),
-            evidence=_evidence(before, after, band),
-            features=features(rich, effect, need),
+            evidence=explained_residual(before.layout, effect.joint, band, before.errors, after.errors),
+            features=shown,
         )
 
 
@@ -131,19 +132,18 @@ def ties(rich: RichModel, effect: ChosenEffect) -> Iterator[Tie]:
     law = EFFECTS[effect.effect]
     if effect.joint is None or not law.twins:
         return
-    _, jacobian = fit.whitened
-    others = np.ones(fit.layout.size, bool)
-    others[place(fit.layout, effect)] = False
-    rest = jacobian.reshape(-1, fit.layout.size)
-    mine = rest[:, place(fit.layout, effect).start]
-    inside = rest[:, others]
-    precision = inside.T @ inside + fit.prior_hessian[np.ix_(others, others)]
+    residual, jacobian = fit.whitened
+    own = place(fit.layout, effect)
+    others = np.delete(np.arange(fit.layout.size), own)
+    flat = jacobian.reshape(-1, fit.layout.size)
+    precision = (fit.information + fit.prior_hessian)[np.ix_(others, others)]
+    projection = Projection(residual.ravel(), flat[:, others], precision)
 
     def outside(column: Array) -> Array:
-        left = column - inside @ np.linalg.solve(precision, inside.T @ column)
+        left = projection.rest(column[:, None])[:, 0]
         return left / max(float(np.linalg.norm(left)), 1e-300)
 
-    mine = outside(mine)
+    mine = outside(flat[:, own.start])
     for name in law.twins:
         other = ChosenEffect(name, effect.joint)
         if name not in EFFECTS or other in fit.layout.effects:
@@ -169,26 +169,8 @@ def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
     return float(np.clip(1 - new / max(old, 1e-300), 0.0, 1.0))
 
 
-def _evidence(before: Stair, after: Stair, band: PredictionErrorBand) -> Evidence:
-    joint = None if after.added is None else after.added.joint
-    return explained_residual(before.layout, joint, band, before.errors, after.errors)
-
-
 def steps(stairs: list[Stair], found: list[Finding], last: Verdict) -> list[Step]:
     """The staircase as steps of a result."""
-    out = []
-    for stair, added in zip(stairs, [None, *found], strict=True):
-        e = stair.errors
-        out.append(
-            Step(
-                added,
-                e.rms,
-                e.rms_validation,
-                "missing",
-                e.groups,
-                e.noise_floor,
-                stair.layout.model(stair.x),
-            )
-        )
-    out[-1] = replace(out[-1], verdict=last)
-    return out
+    verdicts: list[Verdict] = [*("missing" for _ in found), last]
+    each = zip([None, *found], stairs, verdicts, strict=True)
+    return [made_step(added, stair, stair.errors, verdict) for added, stair, verdict in each]

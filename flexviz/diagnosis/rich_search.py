@@ -22,12 +22,11 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_gain
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import Projection, ScoredCandidate, best_intervals, score
+from flexviz.estimation import ScoredCandidate, best_intervals, score
 
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
-OFFSET = "torque_offset"
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ class RichSearch(ModelFamily):
         return RichModel(fit, needed)
 
     def hides_many(self, survey: RichModel) -> bool:
-        """Whether the set needs several effects and no single one explains nearly as much."""
+        """Whether the set needs several effects: no single one brings every joint near its noise."""
         quiet = np.all(survey.fit.rms < LIMITS.far_off * self.context.noise_floor)
         if quiet and len(survey.added(self.own)) < LIMITS.many:
             return False
@@ -149,7 +148,7 @@ class RichSearch(ModelFamily):
         """The model without curves that the effects found later made superfluous."""
         for curve in self.curves:
             others = tuple(c for c in self.curves if c != curve)
-            without = self.context.fit(fit.layout, fit.x, curves=others)
+            without = self.context.fit(fit.layout, fit.x, curves=others, check=lambda: self.say(""))
             if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
                 self.curves = others
                 fit, needed = self.thinned(without)
@@ -159,11 +158,9 @@ class RichSearch(ModelFamily):
 
     def scores(self, fit: MotionFit) -> list[ScoredCandidate]:
         """Scores of all effects that a model lacks, the best first."""
-        weigh = self.weigh(fit)
-        residual, jacobian = fit.whitened
-        flat = jacobian.reshape(-1, fit.layout.size)
-        projection = Projection(residual.ravel(), flat, flat.T @ flat + fit.prior_hessian)
-        wanted = [e for e in candidates(fit.layout, self.fit_groups, many=True) if e not in self._refused]
+        weigh, projection = self.weigh(fit), fit.projection
+        groups = self.context.measurements.fit_groups
+        wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
         found = score(fit.point, fit.chain, wanted, weigh, projection)
         for joint in range(fit.layout.n):
             self.say("")
@@ -173,9 +170,6 @@ class RichSearch(ModelFamily):
 
     def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> UnknownCurve | None:
         """The free curve that explains much more than any candidate on its joint; the largest one."""
-        residual, jacobian = fit.whitened
-        flat = jacobian.reshape(-1, fit.layout.size)
-        projection = Projection(residual.ravel(), flat, flat.T @ flat + fit.prior_hessian)
         best = {s.effect.joint: s.gain for s in reversed(chosen)}
         taken = {curve.joint for curve in self.curves} | self._lawful
         ratio = fit.rms / self.context.noise_floor
@@ -183,23 +177,19 @@ class RichSearch(ModelFamily):
         if joint in taken or ratio[joint] < LIMITS.far_off:
             return None
         curves = [self.context.unknown_curve(joint, variable) for variable in VARIABLES]
-        gains = [self.curve_gain(fit, curve, projection) for curve in curves]
+        gains = [self.curve_gain(fit, curve) for curve in curves]
         simplest = max(gains[:-1])  # the last has twice as many pieces
         k = int(np.argmax(gains if gains[-1] > LIMITS.curve_lead * simplest else gains[:-1]))
         least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
         return curves[k] if gains[k] > least else None
 
-    def curve_gain(self, fit: MotionFit, curve: UnknownCurve, projection: Projection) -> float:
-        """Share of the weighted sum of squares that a curve explains beside the model's own parameters."""
+    def curve_gain(self, fit: MotionFit, curve: UnknownCurve) -> float:
+        """Decrease of the weighted sum of squares by a curve beside the model's own parameters."""
         own = curve.columns(fit.point)
         columns = np.zeros((*fit.weights.shape, own.shape[1]))
         columns[:, curve.joint] = own
         columns *= fit.weights[:, :, None]
-        return explained_gain(curve, *projection.normal(columns.reshape(-1, own.shape[1])))
-
-    @property
-    def fit_groups(self) -> list:
-        return [g for g in self.context.measurements.groups if not g.validation]
+        return explained_gain(curve, *fit.projection.normal(columns.reshape(-1, own.shape[1])))
 
     def weigh(self, fit: MotionFit) -> Callable[[Array, int], Array]:
         """Function that weights the columns of a stretch like the residual of a fit."""

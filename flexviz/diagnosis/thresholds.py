@@ -90,9 +90,7 @@ class MotionThresholds:
     standstill_ratio: float = 1.5  # residual at rest relative to that in motion from which it is judged apart
     standstill_speed: float = 0.01  # of a joint's 95 % speed: it rests below
     start_angle: float = 0.01  # [rad] after rest that counts as standstill
-    split_spread: float = (
-        0.2  # prior standard deviation of the link's share of viscous friction, relative ...
-    )
+    split_spread: float = 0.2  # prior standard deviation of the link's viscous friction, relative ...
     split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
     massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy ...
     massless_weight: float = 0.1  # ... and the weight of its prior
@@ -109,10 +107,8 @@ class MotionThresholds:
     eliminations: int = 4  # fits until all effects of a model are needed
     rounds: int = 6  # of scoring what is left
     least_share: float = 0.05  # of a joint's mean square that a candidate has to explain ...
-    least_share_episode: float = (
-        0.3  # ... an episode, which no other group confirms and which imitates many ...
-    )
-    episode_noise: float = 3.0  # ... leave less than this many times the noise on every joint
+    least_share_episode: float = 0.3  # ... an episode, which no other group confirms, more ...
+    episode_noise: float = 3.0  # ... and leave less than this many times the noise on its joint
     quiet: float = 1.3  # times the noise: a joint below is not searched
     longest_episode: float = 0.6  # share of a stretch
     replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove

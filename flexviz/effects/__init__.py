@@ -14,6 +14,7 @@ from flexviz.effects.terms import (
     JointState,
     ParameterSpec,
     Terms,
+    neighbour,
     smooth_sign,
 )
 from flexviz.effects.user_effects import forget_effects, load_effects, loaded_files
@@ -43,5 +44,6 @@ __all__ = [
     "known_names",
     "load_effects",
     "loaded_files",
+    "neighbour",
     "smooth_sign",
 ]

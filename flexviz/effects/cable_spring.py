@@ -25,7 +25,6 @@ class CableSpring(Effect):
     usual = True
     twins = ("gravity_compensator",)
     offset_parameter = "rest_angle"
-    alternatives = ("gravity_compensator",)
     parameters = (
         ParameterSpec("stiffness", "Nm/rad", 0.0, explanation="of the spring", symbol="k_c"),
         ParameterSpec("rest_angle", "rad", -50.0, 50.0, "angle of zero torque", "q₀"),
@@ -44,6 +43,10 @@ class CableSpring(Effect):
             return np.array([c[0], -c[1] / c[0] if c[0] else 0.0])
 
         return [Guess("residual", (place.own_joint,), np.stack((q, np.ones_like(q))), to_values)]
+
+    def with_constant(self, values: Array, torque: float) -> Array:
+        stiffness, rest_angle = values
+        return np.array([stiffness, rest_angle - torque / stiffness]) if stiffness else values
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.3 * scale.torque, scale.position + 0.2)

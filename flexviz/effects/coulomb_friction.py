@@ -22,7 +22,6 @@ class CoulombFriction(LinearEffect):
     confirm = "Slow motions with many reversals."
     reference = ARMSTRONG
     usual = True
-    alternatives = ("presliding_hysteresis",)
     parameters = (SLIDING,)
     twins = ("link_coulomb_friction",)
     common = True

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from flexviz.effects.effect import Effect, JointScale
-from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms, smooth_sign
+from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms, neighbour, smooth_sign
 
 
 class CoupledFriction(Effect):
@@ -38,7 +38,7 @@ class CoupledFriction(Effect):
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joint = place.own_joint
-        pair = (joint, joint + 1 if joint + 1 < context.joints() else joint - 1)
+        pair = (joint, neighbour(joint, context.joints()))
         parts = []
         for own, other in zip(*(context.motions(j) for j in pair), strict=True):
             velocity = own.velocity + other.velocity

@@ -101,7 +101,7 @@ class Effect(ABC):
         memory: u depends on the time before the record.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
-        alternatives: effects of the same joint that may be meant instead; the better one is kept.
+        instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
         only_among_many: a search for single effects leaves it out.
         size_at: positions of the parameters that are zero when the effect is absent.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
@@ -136,7 +136,7 @@ class Effect(ABC):
     memory: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
-    alternatives: ClassVar[tuple[str, ...]] = ()
+    instead_of: ClassVar[str | None] = None
     only_among_many: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     usual: ClassVar[bool] = False
@@ -196,6 +196,10 @@ class Effect(ABC):
     def only_an_offset(self, evidence: EffectEvidence) -> bool:
         """Whether it is indistinguishable from a constant joint offset in this motion."""
         return False
+
+    def with_constant(self, values: Array, torque: float) -> Array:
+        """Parameters that add a constant torque [Nm] to u, by `offset_parameter`; shape (P,)."""
+        return values
 
     # -- search and noise model
 

@@ -33,6 +33,7 @@ class GravityCompensator(Effect):
     state = True
     size_at = (0, 1)
     only_among_many = True
+    instead_of = "cable_spring"
     twins = ("cable_spring", "torque_offset")
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import Effect, JointScale
-from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms
+from flexviz.effects.terms import Array, Context, EffectTarget, ParameterSpec, Terms, neighbour
 
 
 class MotorCoupling(Effect):
@@ -28,8 +28,7 @@ class MotorCoupling(Effect):
 
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         joint = place.own_joint
-        other = joint + 1 if joint + 1 < context.joints() else joint - 1
-        column = context.theta(other)[2:5, :, None]
+        column = context.theta(neighbour(joint, context.joints()))[2:5, :, None]
         return Terms("torque", (joint,), values[0] * column, column[None])
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:

@@ -22,6 +22,11 @@ def smooth_sign(velocity: Array) -> Array:
     return np.tanh(velocity / SIGN_VELOCITY)
 
 
+def neighbour(joint: int, joints: int) -> int:
+    """The joint beside one of `joints`: the next one, or the one before the last."""
+    return joint + 1 if joint + 1 < joints else max(joint - 1, 0)
+
+
 @dataclass(frozen=True)
 class ParameterSpec:
     """One parameter of an effect.

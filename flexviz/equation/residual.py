@@ -203,8 +203,16 @@ class OperatingPoint:
             residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
         return _without(terms, residual)
 
-    def evaluate(self, x: Array) -> Evaluation:
-        """Residual and Jacobian at x (shape (P,))."""
+    def evaluate(self, x: Array, *, moving: bool = False) -> Evaluation:
+        """Residual and Jacobian at x (shape (P,)).
+
+        Args:
+            x: shape (P,).
+            moving: let the operating point move with x: the Jacobian includes ∂u/∂s ∂s/∂x of effects whose u
+                follows the transmission torque s. Without it, a direction that the rest of the equation does
+                not show (motor inertia against link inertia) seems free, although it changes s and with it
+                the friction: a fit that renews the operating point at every step would oscillate.
+        """
         lay = self.layout
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
@@ -216,6 +224,8 @@ class OperatingPoint:
         residual = _without(terms, residual)
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
         jacobian = self._jacobian(x, terms, chain, s, q, link)
+        if moving:
+            self._add_load_chain(jacobian, x, terms, chain)
         if self._initial is None:
             values = [(effect, x[where]) for effect, where in lay.effect_slices()]
             self._initial = initial_states(self.context, self.signals, values, chain)
@@ -248,19 +258,8 @@ class OperatingPoint:
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
         return jacobian
 
-    def evaluate_moving(self, x: Array) -> Evaluation:
-        """Residual and Jacobian at x (shape (P,)) with an operating point that moves with x.
-
-        Adds ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s. Without it, a direction that
-        the rest of the equation does not show (motor inertia against link inertia) seems free, although it
-        changes s and with it the friction: fits that renew the operating point would oscillate.
-        """
-        here = self.evaluate(x)
-        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], here.link)
-        self._add_load_chain(here.jacobian, x, self.terms(x), chain)
-        return here
-
     def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
+        """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s."""
         lay, theta = self.layout, self.signals.theta
         for effect, where in lay.effect_slices():
             law, j = EFFECTS[effect.effect], effect.joint

@@ -96,6 +96,7 @@ def build_signals(
     sample_step: float = 0.025,
     exact_step: bool = False,
     drop: tuple[float, float] | None = None,
+    longest_edge: float = np.inf,
 ) -> Signals:
     """Run the observer over all groups and stack its outputs.
 
@@ -106,11 +107,14 @@ def build_signals(
         sample_step: longest step of the equation's samples [s].
         exact_step: never refine `sample_step`; otherwise refine it as the observer's bandwidth requires.
         drop: seconds to drop at the start and end of each segment; default: the observer's transients.
+        longest_edge: share of the shortest segment that is dropped at either end at most.
 
     Raises:
         InputError: if no samples are left after the transients.
     """
-    start, end = observer.settling() if drop is None else drop
+    shortest = min((float(np.ptp(s.time)) for g in groups for s in g.segments), default=0.0)
+    wanted = observer.settling() if drop is None else drop
+    start, end = (min(seconds, longest_edge * shortest) for seconds in wanted)
     delay = measurements.torque_hold / 2
     blocks: list[Block] = []
     times, thetas, taus = [], [], []
