@@ -13,9 +13,9 @@ EFFECTS = Path(__file__).resolve().parent / "user_effects.py"
 
 flexviz.load_effects(EFFECTS)
 folder = Path(tempfile.mkdtemp()) / "hidden"
-main(["simulate", "planar-2r", "--effect", "directional_friction:joint2", "--out", str(folder)])
+main(["simulate", "planar-2r", "--effect", "worm_gear_friction:joint2", "--out", str(folder)])
 
-result = flexviz.identify(flexviz.read_set(folder), effects=["directional_friction:joint2"], refine=True)
+result = flexviz.identify(flexviz.read_set(folder), effects=["worm_gear_friction:joint2"], refine=True)
 for name in ("forward", "backward"):
-    found = result[f"directional_friction.{name}", "joint2"]
+    found = result[f"worm_gear_friction.{name}", "joint2"]
     print(f"{name}: {found.value:.3f} ± {1.96 * found.std:.3f} {found.unit}")

@@ -1,4 +1,4 @@
-"""Two user-defined effects for --effects-from: direction-dependent and cubic friction."""
+"""Two user-defined effects for --effects-from: worm gear and cubic friction."""
 
 from math import tanh
 
@@ -7,11 +7,11 @@ import numpy as np
 from flexviz.effects import JointMotion, JointState, LinearEffect, ParameterSpec, smooth_sign
 
 
-class DirectionalFriction(LinearEffect):
+class WormGearFriction(LinearEffect):
     """Dry friction that is not the same forwards and backwards, as behind a worm gear."""
 
-    name = "directional_friction"
-    title = "Direction-dependent friction"
+    name = "worm_gear_friction"
+    title = "Worm gear friction"
     where = "motor"  # u is subtracted from the motor torque
     explanation = "Dry friction opposes the motion with one torque forwards and another one backwards."
     equation = "u = f_p for θ̇ > 0, −f_n for θ̇ < 0"

@@ -1,4 +1,4 @@
-"""Effects that only a search for many effects considers: gravity compensator and coupled friction."""
+"""Effects that only a search for many effects considers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from flexviz.measurements import read_set
 from flexviz.simulation import laws, make_plan, simulate_preset
 from tests.test_effects import MOTION, VALUES, named
 
-ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction"}
+ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction", "directional_friction"}
 JOINTS = ("joint1", "joint2", "joint3")
 
 
@@ -54,6 +54,7 @@ def test_a_search_for_single_effects_leaves_them_out() -> None:
     [
         ("coupled_friction:joint1", {"coulomb": 2.5, "viscous": 1.2}),
         ("gravity_compensator:joint2", {"sine": 4.0, "cosine": -3.0}),
+        ("directional_friction:joint1", {"directional": -0.4}),
     ],
 )
 def test_identification_recovers_them(hidden: str, truth: dict[str, float], tmp_path: Path) -> None:

@@ -42,6 +42,7 @@ MOTOR_CASES: list[tuple[str, dict[str, float], Callable[..., Array]]] = [
         lambda t, x, v, load, acc: 3.0 * np.exp(-((v / 0.2) ** 2)) * sign(v),
     ),
     ("quadratic_friction", {"quadratic": 2.0}, lambda t, x, v, load, acc: 2.0 * v * np.abs(v)),
+    ("directional_friction", {"directional": 0.5}, lambda t, x, v, load, acc: 0.5 * np.abs(v)),
     (
         "load_dependent_friction",
         {"coefficient": 0.2},

@@ -30,7 +30,7 @@ from flexviz.view.effects import addable_effects, more_effects
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "examples" / "user_effects.py"
 PAGE = ROOT / "docs" / "user-effects.md"
-NAMES = ("directional_friction", "cubic_friction")
+NAMES = ("worm_gear_friction", "cubic_friction")
 GOOD = """\
 import numpy as np
 from flexviz.effects import LinearEffect, ParameterSpec
@@ -66,7 +66,7 @@ def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A set with the example's first effect hidden on joint 2."""
     folder = tmp_path_factory.mktemp("own") / "set"
     load_effects(EXAMPLE)
-    simulate_preset("planar-2r", folder, ["directional_friction:joint2:forward=5"], seed=2)
+    simulate_preset("planar-2r", folder, ["worm_gear_friction:joint2:forward=5"], seed=2)
     forget_effects()
     return folder
 
@@ -92,17 +92,17 @@ def test_example_appears_everywhere(hidden: Path) -> None:
 
 def test_hidden_by_the_simulator_and_identified(hidden: Path, tmp_path: Path) -> None:
     truth = json.loads((hidden / "truth.json").read_text(encoding="utf-8"))["effects"]
-    assert [(e["effect"], e["joint"]) for e in truth] == [("directional_friction", "joint2")]
+    assert [(e["effect"], e["joint"]) for e in truth] == [("worm_gear_friction", "joint2")]
     assert truth[0]["parameters"] == {
         "forward": {"value": 5.0, "unit": "Nm"},
         "backward": {"value": 2.5, "unit": "Nm"},
     }
     out = tmp_path / "result.json"
-    wanted = ["--effect", "directional_friction:joint2", "--effects-from", str(EXAMPLE)]
+    wanted = ["--effect", "worm_gear_friction:joint2", "--effects-from", str(EXAMPLE)]
     assert main(["identify", str(hidden), *wanted, "--refine", "--json", str(out)]) == 0
     found = {p["name"]: p for p in json.loads(out.read_text(encoding="utf-8"))["parameters"]}
     for name, value in (("forward", 5.0), ("backward", 2.5)):
-        one = found[f"directional_friction.{name}"]
+        one = found[f"worm_gear_friction.{name}"]
         assert one["joint"] == "joint2" and one["unit"] == "Nm"
         assert one["value"] == pytest.approx(value, rel=2e-3)
 
@@ -114,7 +114,7 @@ def test_diagnosis_finds_it(hidden: Path, tmp_path: Path) -> None:
     found = json.loads(out.read_text(encoding="utf-8"))
     assert found["verdict"] == "missing" and found["steps"][-1]["verdict"] == "nothing-missing"
     first = found["candidates"][0]
-    assert (first["effect"], first["joint"]) == ("directional_friction", "joint2")
+    assert (first["effect"], first["joint"]) == ("worm_gear_friction", "joint2")
     assert first["parameters"]["backward"]["value"] == pytest.approx(2.5, rel=2e-3)
 
 
@@ -173,11 +173,11 @@ def test_sessions_keep_its_name_and_never_its_code(hidden: Path, tmp_path: Path)
     load_effects(EXAMPLE)
     measurements = read_set(hidden)
     session = Session.of(measurements)
-    session = session.then("with it", session.analysis.with_effect("directional_friction:joint2", True))
+    session = session.then("with it", session.analysis.with_effect("worm_gear_friction:joint2", True))
     folder = save_session(session, measurements, tmp_path / "kept")
-    assert open_session(folder).session.analysis.effects == ("directional_friction:joint2",)
+    assert open_session(folder).session.analysis.effects == ("worm_gear_friction:joint2",)
     forget_effects()
-    with pytest.raises(InputError, match=f"directional_friction:joint2 came .*--effects-from {EXAMPLE}"):
+    with pytest.raises(InputError, match=f"worm_gear_friction:joint2 came .*--effects-from {EXAMPLE}"):
         open_session(folder)
 
 
@@ -189,11 +189,11 @@ def test_sets_may_start_with_it(hidden: Path, tmp_path: Path) -> None:
     toml = folder / "measurements.toml"
     text = toml.read_text(encoding="utf-8")
     assert "[model]\neffects = []\n" in text
-    toml.write_text(text.replace("effects = []", 'effects = ["directional_friction"]'), encoding="utf-8")
+    toml.write_text(text.replace("effects = []", 'effects = ["worm_gear_friction"]'), encoding="utf-8")
     with pytest.raises(InputError, match=r"model.effects.*--effects-from"):
         read_set(folder)
     load_effects(EXAMPLE)
-    assert read_set(folder).effects == ("directional_friction",)
+    assert read_set(folder).effects == ("worm_gear_friction",)
 
 
 def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> N
 
     model = make_preset("planar-2r").model
     group = measurements.groups[0]
-    kept = EffectValue("directional_friction", "joint2", {"forward": 5.0, "backward": 2.5})
+    kept = EffectValue("worm_gear_friction", "joint2", {"forward": 5.0, "backward": 2.5})
     left_out = EffectValue("my_friction", "joint1", {"size": 1.0})
     options: dict[str, Any] = {"torque_hold": measurements.torque_hold, "duration": 1.0}
     gains = measurements.kp, measurements.kd
@@ -218,7 +218,7 @@ def test_replay_with_and_without_a_simulation(hidden: Path, tmp_path: Path) -> N
     with pytest.raises(InputError, match=r"my_friction.*cannot be hidden"):
         simulate_preset("planar-2r", tmp_path / "out", ["my_friction:joint1"])
     with pytest.raises(InputError, match="forward is -1"):
-        simulate_preset("planar-2r", tmp_path / "out", ["directional_friction:joint1:forward=-1"])
+        simulate_preset("planar-2r", tmp_path / "out", ["worm_gear_friction:joint1:forward=-1"])
 
 
 COLUMNS = "    def columns"

@@ -117,6 +117,7 @@ PICTURES: dict[str, Picture] = {
         SWEEP,
     ),
     "quadratic_friction": Picture(VELOCITY, velocity, (Curve(sweep(2.0), (0.8,)),), SWEEP),
+    "directional_friction": Picture(VELOCITY, velocity, (Curve(sweep(2.0), (0.4,)),), SWEEP),
     "load_dependent_friction": Picture(
         LOAD,
         torque,

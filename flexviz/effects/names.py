@@ -6,6 +6,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "coulomb_friction",
     "stribeck_friction",
     "quadratic_friction",
+    "directional_friction",
     "load_dependent_friction",
     "presliding_hysteresis",
     "friction_drift",

@@ -123,6 +123,7 @@ COUPLED = {"coulomb": "coulomb", "viscous": "viscous"}
 STRIBECK = {"stribeck": "stribeck", "velocity": "width"}
 DRIFT = {"relative_rise": "rise", "time_constant": "constant"}
 DAHL = {"presliding_stiffness": "stiffness", "coulomb": "coulomb"}
+SYMMETRIC = LeftOut("friction in MJCF is the same in both directions")
 FRICTION = Written("part of the joint's friction")
 
 
@@ -158,6 +159,10 @@ COVERAGE = {
     "quadratic_friction": Coverage(
         PerJoint("quadratic friction f_q [Nm s^2/rad^2]", "quadratic", "quadratic"),
         Written("quadratic damping of the motor"),
+    ),
+    "directional_friction": Coverage(
+        PerJoint("directional friction f_d [Nm s/rad]", "directional", "directional"),
+        SYMMETRIC,
     ),
     "load_dependent_friction": Coverage(
         PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),

@@ -329,6 +329,9 @@ static void motors(const jet theta[N], const jet load[N], double time, NAME_memo
         /* [quadratic */
         tau[i] += QUADRATIC[i] * speed * fabs(speed);
         /* quadratic] */
+        /* [directional */
+        tau[i] += DIRECTIONAL[i] * fabs(speed);
+        /* directional] */
         /* [load */
         tau[i] += LOAD[i] * fabs(load[i].d[0]) * sign;
         /* load] */

@@ -35,6 +35,7 @@ DAMPING = np.array([0.0, 2.0])
 MOTOR_COULOMB = np.array([2.0, 1.0])
 LINK_COULOMB = np.array([0.5, 0.0])
 QUADRATIC = np.array([0.3, 0.0])
+DIRECTIONAL = np.array([0.0, -0.05])
 LOAD = np.array([0.0, 0.1])
 OFFSET = np.array([0.4, 0.0])
 GAIN_ERROR = np.array([0.05, 0.0])
@@ -273,6 +274,9 @@ def _motor_torque(theta, load, time, memory):
     # [quadratic
     tau += QUADRATIC[:, None] * speed * np.abs(speed)
     # quadratic]
+    # [directional
+    tau += DIRECTIONAL[:, None] * np.abs(speed)
+    # directional]
     # [load
     tau += LOAD[:, None] * np.abs(load) * sign
     # load]

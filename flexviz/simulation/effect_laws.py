@@ -145,6 +145,7 @@ LAWS: dict[str, EffectLaw] = {
     "coulomb_friction": motor(laws.coulomb_friction),
     "stribeck_friction": motor(laws.stribeck_friction, positive=("velocity",)),
     "quadratic_friction": motor(laws.quadratic_friction),
+    "directional_friction": motor(laws.directional_friction),
     "load_dependent_friction": motor(laws.load_dependent_friction),
     "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
     "friction_drift": EffectLaw(_friction_drift, positive=("time_constant",)),

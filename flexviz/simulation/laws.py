@@ -39,6 +39,11 @@ def quadratic_friction(quadratic: float) -> MotorLaw:
     return lambda t, theta, velocity, load: quadratic * velocity * abs(velocity)
 
 
+def directional_friction(directional: float) -> MotorLaw:
+    """f_d |θ̇|"""
+    return lambda t, theta, velocity, load: directional * abs(velocity)
+
+
 def load_dependent_friction(coefficient: float) -> MotorLaw:
     """μ |τ_j| sign(θ̇)"""
     return lambda t, theta, velocity, load: coefficient * abs(load) * tanh(velocity / SIGN_WIDTH)
