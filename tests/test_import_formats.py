@@ -145,6 +145,36 @@ def test_csv_states_its_units_and_what_cannot_be_used(tmp_path: Path) -> None:
     assert list(log.columns) == ["t", "y"]
 
 
+@pytest.mark.parametrize("separator", [",", "\t", " "])
+def test_blank_lines_between_rows(tmp_path: Path, separator: str) -> None:
+    """Text mode on Windows doubles the ends of lines."""
+    header = separator.join(["t", "p1", "m1", "p2", "m2"])
+    (tmp_path / "run.csv").write_bytes("\r\n\r\n".join([header, *rows_of(wide(), separator)]).encode())
+    write_robot(tmp_path)
+    theta, tau = '{ from = "p#", unit = "deg" }', '{ from = "m#", unit = "mNm" }'
+    check(write_mapping(tmp_path, ["run.csv"], theta, tau, time='column = "t"\nunit = "ms"'), 1e-11)
+
+
+@pytest.mark.parametrize("cut", [3, 22, 60])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_a_last_line_that_is_cut_off_is_left_out(tmp_path: Path, separator: str, cut: int) -> None:
+    """As a logger leaves it that is switched off; the same line within the file is an error."""
+    rows = rows_of(wide(), separator)
+    last = separator.join([*rows[-1].split(separator)[:-1], "-1.5e-3"])
+    header = separator.join(["t", "p1", "m1", "p2", "m2"])
+    text = "\n".join([header, *rows[:-1], last[:-cut]])
+    (tmp_path / "run.csv").write_text(text)
+    log = open_log(tmp_path / "run.csv", ReadOptions())
+    cut_off = cut != 3  # "-1.5" is a number
+    assert log.columns["p1"].rows == (999 if cut_off else 1000) and not log.unusable
+    assert log.notes == (("the last line is cut off and left out",) if cut_off else ())
+    assert np.array_equal(log.columns["m2"].columns["m2"][:999], 1e3 * DATA.tau[:999, 1])
+    if cut_off:
+        (tmp_path / "run.csv").write_text("\n".join([header, *rows[:50], last[:-60], *rows[50:]]))
+        with pytest.raises(InputError, match="not a readable CSV table"):
+            open_log(tmp_path / "run.csv", ReadOptions())
+
+
 def test_iso_times_stay_exact(tmp_path: Path) -> None:
     stamps = np.datetime64(START, "ns") + np.round(DATA.time * 1e9).astype("timedelta64[ns]")
     table = {"stamp": pa.array(stamps), **{f"p{j + 1}": DATA.theta[:, j] for j in range(2)}}

@@ -62,6 +62,9 @@ CORPUS: list[tuple[tuple[str, ...], list[str], dict[str, str]]] = [
     (TWO, ["can0_motor%_pos", "can0_motor%_cur"], {"theta": "can0_motor%_pos", "tau": "can0_motor%_cur"}),
     (TWO, ["log.motor.q(:,%)", "log.link.q(:,%)", "log.tau(:,%)"],
      {"theta": "log.motor.q(:,%)", "q": "log.link.q(:,%)", "tau": "log.tau(:,%)"}),
+    (TWO, ["tau_g_all(:,%)", "act_torque_abs_nm(:,%)", "act_pos_rad(:,%)"],
+     {"theta": "act_pos_rad(:,%)", "tau": "act_torque_abs_nm(:,%)"}),
+    (TWO, ["torque%", "torque_act%", "q_meas%"], {"theta": "q_meas%", "tau": "torque_act%"}),
 ]  # fmt: skip
 
 
@@ -110,7 +113,17 @@ def test_unknown_names_in_order() -> None:
 
 
 def test_units_in_names() -> None:
-    said = {"q1_deg": "deg", "I1 [A]": "A", "t (ms)": "ms", "tau[N·m]": "Nm", "position_a": None, "q": None}
+    said = {
+        "q_deg(:,1)": "deg",
+        "tau_nm[0]": "Nm",
+        "q(:,1)": None,
+        "q1_deg": "deg",
+        "I1 [A]": "A",
+        "t (ms)": "ms",
+        "tau[N·m]": "Nm",
+        "position_a": None,
+        "q": None,
+    }
     assert {name: unit_in(name) for name in said} == said
     for values, unit in (
         (0.004 * np.arange(99), "s"),
@@ -163,6 +176,21 @@ def test_csv_in_degrees_with_a_joint_turned_round(tmp_path: Path) -> None:
     assert 'robot = "robot.urdf"' in text and "step 0.002 s; the unit is stated" in text
     assert re.search(r'with unit = "deg" the robot.s masses explain \d+ %', text)
     same(tmp_path, tmp_path / "found.toml")
+
+
+def test_a_computed_torque_is_not_taken_and_a_choice_is_told(tmp_path: Path) -> None:
+    """A gravity torque of the opposite sign is no measured one, even alone; equal names are listed."""
+    base = {"t": DATA.time}
+    for j in range(2):
+        base |= {f"tau_g_all{j + 1}": -DATA.tau[:, j], f"pos{j + 1}": DATA.theta[:, j]}
+    robot = str(tmp_path / "robot.urdf")
+    alone = inspect_logs([csv_of(tmp_path, base)], robot)
+    assert "no columns were recognised as the motor torque" in alone.draft.missing[0]
+    for j in range(2):
+        base |= {f"torque_a{j + 1}": DATA.tau[:, j], f"torque_b{j + 1}": DATA.tau[:, j] + 1.0}
+    text = inspect_logs([csv_of(tmp_path, base)], robot).draft.text(None)
+    assert "taken for the motor torque τ (or the current): torque_a#; others: torque_b#" in text
+    assert "sign" not in text.split("[joints.joint1]")[1]
 
 
 def test_bag_with_two_topics(tmp_path: Path) -> None:

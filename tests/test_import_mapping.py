@@ -78,6 +78,17 @@ def test_everything_is_undone(tmp_path: Path) -> None:
     assert table.theta_ref is not None and np.allclose(table.theta_ref[:, 0], 1.02 * DATA.q[:, 0])
 
 
+def test_a_negative_gear_turns_the_other_way(tmp_path: Path) -> None:
+    keys = 'gear = -50.0\ntheta = { from = "p1", side = "motor" }\ntau = { from = "m1", side = "motor" }\n'
+    mapping = SIMPLE.replace('theta = "p1"\ntau = "m1"\n', keys)
+    file = write(tmp_path, mapping, p1=-50 * DATA.theta[:, 0], m1=-DATA.tau[:, 0] / 50)
+    done = import_logs(file, None)
+    assert not done.issues
+    assert np.allclose(done.groups[0].table.theta, DATA.theta) and np.allclose(
+        done.groups[0].table.tau, DATA.tau
+    )
+
+
 def test_groups_payloads_and_what_the_set_says(tmp_path: Path) -> None:
     top = """torque_hold = 0.002
 [initial]
@@ -99,7 +110,8 @@ from = 0.2
 to = 0.6
 """
     mapping = SIMPLE.replace('robot = "robot.urdf"\n', 'robot = "robot.urdf"\n' + top)
-    done = import_logs(write(tmp_path, mapping), tmp_path / "set", table_format="csv")
+    file = write(tmp_path, mapping, t=5.0 + DATA.time)  # from and to count from the first sample
+    done = import_logs(file, tmp_path / "set", table_format="csv")
     measurements = read_set(tmp_path / "set")
     assert done.folder == tmp_path / "set" and [g.name for g in measurements.groups] == ["held-out", "g1"]
     held, whole = measurements.groups
@@ -107,6 +119,7 @@ to = 0.6
     assert whole.trajectory == "g1" and whole.payload == "none" and not whole.bodies
     chosen = (DATA.time >= 0.2) & (DATA.time <= 0.6)
     assert np.array_equal(held.segments[0].theta, DATA.theta[chosen]) and held.time[0] == 0.0
+    assert done.groups[0].notes == ("the part from time stamp 5.2 to 5.6 s is used",)
     assert measurements.torque_hold == 0.002 and measurements.effects == ("coulomb_friction",)
     assert measurements.kp is not None and measurements.initial_stiffness is not None
     assert (tmp_path / "set" / "robot.urdf").is_file() and held.file.suffix == ".csv"
@@ -119,13 +132,15 @@ def test_meshes_come_along(tmp_path: Path) -> None:
     mesh = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
     urdf = (tmp_path / "robot.urdf").read_text()
     both = mesh.format("mesh dir/a.stl") + mesh.format("package://gone/b.stl")
+    both += mesh.format("package://gone/c.stl")
     (tmp_path / "robot.urdf").write_text(
         urdf.replace('<link name="base"/>', f'<link name="base">{both}</link>')
     )
     done = import_logs(file, tmp_path / "set")
     assert (tmp_path / "set" / "meshes" / "a.stl").read_bytes().startswith(b"solid a")
     assert 'filename="meshes/a.stl"' in (tmp_path / "set" / "robot.urdf").read_text()
-    assert any("gone/b.stl" in warning for warning in done.warnings)
+    (warning,) = done.warnings
+    assert warning.startswith("2 meshes are missing, ") and "gone/b.stl" in warning
 
 
 def test_no_two_results(tmp_path: Path) -> None:
@@ -173,9 +188,13 @@ BAD = {
         r'joint1\.theta\.side: found "gear", expected "joint" or "motor"',
     ),
     "sign": (swap('"p1"', '{ from = "p1", sign = 2 }'), r"joint1\.theta\.sign: found 2, expected 1 or -1"),
+    "side without gear": (
+        swap('"p1"', '{ from = "p1", side = "motor" }'),
+        r"joints\.joint1: theta is before the gear, expected gear \(motor turns per joint turn; 1\.0",
+    ),
     "gear": (
         swap('tau = "m1"', 'tau = "m1"\ngear = 0'),
-        r"joints\.joint1\.gear: found 0, expected a number above 0",
+        r"joints\.joint1\.gear: found 0: expected a number other than 0",
     ),
     "no theta": (
         swap('theta = "p1"\n', ""),
@@ -209,7 +228,7 @@ BAD = {
     ),
     "too short": (
         swap('group = "g1"', 'group = "g1"\nfrom = 1.19'),
-        r'log "g1": run\.csv has 5 samples from 1\.19 s',
+        r'log "g1": run\.csv has 5 samples from 1\.19 s, .*counted from its first sample it lasts 1\.198 s',
     ),
     "group twice": (
         swap("[joints.joint1]", '[[logs]]\nfile = "run.csv"\ngroup = "g1"\n[joints.joint1]'),

@@ -145,8 +145,9 @@ def test_select_groups(small: Path) -> None:
 )
 def test_rounding_is_no_jitter(time: np.ndarray) -> None:
     signals = np.random.default_rng(1).normal(size=(len(time), 2))
-    (segment,), dropped, resampled = make_segments(time, signals.copy(), 1)
-    assert not resampled and dropped == 0
+    found = make_segments(time, signals.copy(), 1)
+    (segment,) = found.segments
+    assert not found.jitters and found.dropped == found.filled == 0
     np.testing.assert_array_equal(segment.theta, signals[:, :1])
     assert np.ptp(np.diff(segment.time)) <= 4 * np.spacing(time[-1])
 
@@ -167,9 +168,11 @@ def test_jitter_is_resampled(kind: str, rows: int) -> None:
     def signal(t: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(20 * t), np.cos(33 * t), t / time[-1], 5 * np.sin(7 * t)], axis=1)
 
-    segments, dropped, resampled = make_segments(time, signal(time), 2)
-    assert resampled and dropped == 0 and len(segments) == 1
-    (segment,) = segments
+    found = make_segments(time, signal(time), 2)
+    assert found.jitters == (kind != "lost samples") and found.dropped == 0 and len(found.segments) == 1
+    if kind in ("jitter", "lost samples"):
+        assert found.filled == (rows // 20 if kind == "lost samples" else 0)
+    (segment,) = found.segments
     assert segment.time[0] >= time[0] and segment.time[-1] <= time[-1] + 1e-9
     np.testing.assert_allclose(np.diff(segment.time), segment.step, rtol=1e-6)
     np.testing.assert_allclose(np.hstack([segment.theta, segment.tau]), signal(segment.time), atol=2e-6)
@@ -217,6 +220,24 @@ def test_jitter_in_a_file_is_told(small: Path) -> None:
     np.testing.assert_allclose(segment.theta[:, 0], theta, atol=3e-4)
 
 
+def test_what_was_done_to_the_clocks_is_said_once(small: Path) -> None:
+    """Samples missed one at a time are filled where they were, and all files share one warning."""
+    table = columns(0)
+    for name in ("a.csv", "sub/c.csv"):
+        write_table(small / name, {key: np.delete(x, [700, 1200]) for key, x in table.items()})
+    measurements = read_set(small)
+    first = f"{small / 'a.csv'} and 1 more: "
+    assert measurements.warnings == (f"{first}4 single missing samples were interpolated",)
+    (segment,) = measurements.group("g1").segments
+    assert len(segment) == 2000
+    np.testing.assert_allclose(segment.theta[:, 0], table["theta_joint1"], atol=2e-4)
+    for i, name in enumerate(("a.csv", "sub/c.csv")):
+        time = table["time"] + np.random.default_rng(i).uniform(-4e-4, 4e-4, 2000)
+        write_table(small / name, table | {"time": time})
+    (text,) = read_set(small).warnings
+    assert text.startswith(f"{first}the time jitters")
+
+
 # -- writing -----------------------------------------------------------------------------------------
 
 
@@ -259,6 +280,15 @@ def test_copy_gives_the_same_set(small: Path, tmp_path: Path, table_format: str)
             np.testing.assert_array_equal(getattr(a.segments[0], name), getattr(b.segments[0], name))
         np.testing.assert_array_equal(a.q, b.q)
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["copy"]
+
+
+def test_a_folder_above_can_be_written_to(
+    small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    folder = copy_set(read_set(small), Path("../x"), "parquet")
+    assert folder == tmp_path / "x" and read_set(folder).groups
 
 
 SMALL = st.floats(-1e-3, 1e-3, allow_subnormal=True)  # a motion that no unit check minds

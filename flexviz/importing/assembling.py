@@ -59,8 +59,8 @@ class Trace:
 Traces = dict[tuple[str, str], Trace]  # (joint, signal) -> its trace
 
 
-def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, list[str]]:
-    """The traces of all signals, and what was done to their clocks, one sentence each.
+def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, list[str]]:
+    """The traces of all signals, the log's first time stamp [s], and what was done to the clocks.
 
     θ of the first joint comes first: its clock is the group's, its first instant the log's time zero.
     """
@@ -93,7 +93,8 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, list[st
         factor = mapping.joints[joint].scale(signal)
         values = raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
         traces[joint, name] = Trace(signal.column, clock.key, time, values)
-    return traces, notes
+    assert origin is not None
+    return traces, float(origin.raw[0]) * origin.unit, notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +111,13 @@ class AssembledGroup:
 
 def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> AssembledGroup:
     """The group that `entry` asks for. Errors name the mapping `file` and the key, or the log and the row."""
-    traces, notes = read_traces(log, mapping, file)
+    traces, stamp, notes = read_traces(log, mapping, file)
     notes = [*log.notes, *notes]
     base = traces[mapping.names[0], "theta"]
     time = chosen_time(base, entry, log, file)
+    if len(time) < len(base.time):
+        first, last = (stamp + t for t in (time[0], time[-1]))
+        notes.append(f"the part from time stamp {first:.12g} to {last:.12g} s is used")
     values: dict[tuple[str, str], Array] = {}
     keep = np.ones(len(time), dtype=bool)
     for key in (key for key in traces if key[1] in NEEDED):
@@ -141,7 +145,7 @@ def chosen_time(base: Trace, entry: LogEntry, log: Log, file: Path) -> Array:
     if len(time) < SHORTEST:
         span = f"from {entry.start:g} s" + ("" if entry.stop is None else f" to {entry.stop:g} s")
         found = f"{log.file.name} has {len(time)} samples {span}, expected at least {SHORTEST}"
-        message = f"{found}; it lasts {base.time[-1] - base.time[0]:.6g} s"
+        message = f"{found}; counted from its first sample it lasts {base.time[-1] - base.time[0]:.6g} s"
         raise InputError(message, file=file, place=f'log "{entry.group}"')
     return time
 

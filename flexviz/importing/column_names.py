@@ -61,6 +61,8 @@ ROLES = {
     "reference": {*REFERENCE_WORDS.split(), "soll", "nominal", "d"},
     "motor": set(["motor", "motors", "mot", "rotor", "drive", "drives", "actuator", "qm"]),
     "link": set(["link", "links", "output", "secondary", "arm", "ql"]),
+    "measured": {"act", "actual", "meas", "measured", "msr", "ist"},
+    "computed": {"g", "grav", "gravity", "model", "calc", "calculated", "computed", "predicted", "coriolis"},
     "sensor": set(["sensor", "sensors", "ext", "external", "jts", "strain"]),
 }
 
@@ -75,6 +77,7 @@ CLEAR, VAGUE = _by_word(CLEAR_WORDS), _by_word(VAGUE_WORDS)
 QUANTITY_OF = _by_word(
     {"torque": " ".join(TORQUE), "current": " ".join(CURRENT), "position": " ".join(ANGLE)}
 )
+_INDEX = re.compile(r"[\d:,\s]*")
 _UNIT_AT_END = re.compile(r"[\[(]([^\])]*)[\])]\s*$")  # in brackets
 
 
@@ -87,6 +90,8 @@ class Meaning:
     side: Side | None = None  # of the gear and the spring; None where the name does not tell
     sensor: bool = False  # measured by a sensor at the joint
     unit: str | None = None  # the unit that the name or the file states
+    measured: bool = False  # said to be measured
+    computed: bool = False  # a torque computed from a model, such as gravity's
 
 
 def words(name: str) -> list[str]:
@@ -98,7 +103,7 @@ def words(name: str) -> list[str]:
 def without_unit(name: str) -> str:
     """A name without a unit in brackets at its end (but with MATLAB's and Python's indices)."""
     stated = _UNIT_AT_END.search(name)
-    return name if stated is None or re.fullmatch(r"[\d:,\s]*", stated[1]) else name[: stated.start()]
+    return name if stated is None or _INDEX.fullmatch(stated[1]) else name[: stated.start()]
 
 
 def meaning(said: Sequence[str], unit: str | None = None) -> Meaning:
@@ -118,12 +123,16 @@ def meaning(said: Sequence[str], unit: str | None = None) -> Meaning:
     elif spoken & ROLES["link"] or (angle and spoken & {"load", "l"}):
         side = "link"
     sensor = bool(spoken & ROLES["sensor"]) or "taujoint" in pairs
-    return Meaning(quantity, bool(spoken & ROLES["reference"]), side, sensor, unit)
+    reference, measured, computed = (bool(spoken & ROLES[x]) for x in ("reference", "measured", "computed"))
+    return Meaning(quantity, reference, side, sensor, unit, measured, computed and quantity == "torque")
 
 
 def unit_in(text: str) -> str | None:
     """The unit that the end of a column's name states: "q1_deg", "I1 [A]"."""
-    if bracketed := _UNIT_AT_END.search(text):
+    bracketed = _UNIT_AT_END.search(text)
+    if bracketed and _INDEX.fullmatch(bracketed[1]):
+        text = text[: bracketed.start()]
+    elif bracketed:
         return known_unit(bracketed[1])
     last = re.split(r"[\s_./-]+", text.strip())[-1]
     return None if last.lower() in _NEED_BRACKETS or last == text.strip() else known_unit(last)

@@ -183,6 +183,8 @@ def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> floa
     """How likely a family is the signal; 0: impossible. More joints count most, then the name."""
     said = family.meaning
     likely = 0.0
+    if said.computed:
+        return 0.0
     if name == "theta" and said.quantity == "position" and not said.reference:
         likely = {"motor": 3.0, None: 2.0, "link": 1.0}[said.side]
     elif name == "q" and said.quantity == "position" and not said.reference:
@@ -197,7 +199,7 @@ def rank(family: ColumnFamily, name: str, taken: Sequence[ColumnFamily]) -> floa
         likely -= 1.5 if said.quantity == "current" else 0.0
     elif name == "tau_joint" and said.quantity == "torque" and not said.reference:
         likely = 2.0 if said.sensor else 1.0 if said.side == "link" else 0.0
-    return likely + len(family.columns) if likely > 0 else 0.0
+    return likely + 0.25 * said.measured + len(family.columns) if likely > 0 else 0.0
 
 
 def reason(family: ColumnFamily) -> str:

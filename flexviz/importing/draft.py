@@ -34,7 +34,7 @@ class DraftJoint:
     """One joint's entry."""
 
     signals: dict[str, dict[str, Any]] = field(default_factory=dict)  # "theta" … -> the keys of its table
-    gear: float = 1.0  # where known
+    gear: float = 1.0  # where known; negative: motor and joint turn opposite ways
     torque_constant: float | None = None
     # "theta" …, "gear" -> observations and reasons, one sentence each
     comments: dict[str, list[str]] = field(default_factory=dict)
@@ -138,8 +138,8 @@ class Questions:
         """The index of one of the options, or None for none of them."""
         return default
 
-    def numbers(self, question: str, count: int) -> list[float] | None:
-        """`count` positive numbers (one stands for all), or None where they are not known."""
+    def numbers(self, question: str, count: int, signed: bool = False) -> list[float] | None:
+        """`count` numbers (one stands for all), positive unless `signed`; None where they are not known."""
         return None
 
     def several(self, question: str, options: Sequence[str]) -> list[int]:
@@ -162,13 +162,15 @@ class Person(Questions):
         (answer,) = self._ask("number", preset, lambda x: len(x) == 1 and x[0] in valid, wrong)
         return int(answer) - 1 if answer else None
 
-    def numbers(self, question: str, count: int) -> list[float] | None:
+    def numbers(self, question: str, count: int, signed: bool = False) -> list[float] | None:
         wanted = "one number" + (f", or {count} with commas" if count > 1 else "")
         values = self._ask(
             f"{question} ({wanted}; only Enter where it is not known)",
             "",
-            lambda x: len(x) in (0, 1, count) and all(0.0 < value < 1e9 for value in x),
-            f"is not {wanted} above 0",
+            lambda x: (
+                len(x) in (0, 1, count) and all(0.0 < (abs(value) if signed else value) < 1e9 for value in x)
+            ),
+            f"is not {wanted} {'other than' if signed else 'above'} 0",
         )
         return (values * count if len(values) == 1 else values) or None
 

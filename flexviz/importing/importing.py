@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -109,7 +110,7 @@ def import_logs(
     """
     file = Path(file)
     mapping = mapping or read_mapping(file)
-    target = None if out is None else Path(out).absolute()
+    target = None if out is None else Path(os.path.abspath(out))
     if target is not None:
         check_free(target)
     folder = file.absolute().parent
@@ -228,13 +229,13 @@ def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[
         return robot.source, {}, []
     text = robot.urdf_path.read_text(encoding="utf-8-sig")
     files: dict[str, str | bytes | Path] = {}
-    notes: list[str] = []
+    missing: list[str] = []
     renamed: dict[str, str] = {}
     for name in mesh_names(text):
         try:
             found = resolve_mesh(name, robot.urdf_path)
         except InputError as error:
-            notes.append(f"{error.message}: the robot can be identified but not drawn")
+            missing.append(error.message)
             continue
         inside = f"meshes/{found.name}"
         if inside in files:
@@ -246,6 +247,8 @@ def robot_files(robot: Robot) -> tuple[str, dict[str, str | bytes | Path], list[
         for mesh in root.iter("mesh"):
             mesh.set("filename", renamed.get(mesh.get("filename", ""), mesh.get("filename", "")))
         text = ElementTree.tostring(root, encoding="unicode")
+    notes = [f"{missing[0]}: the robot can be identified but not drawn"] if missing else []
+    notes = [f"{len(missing)} meshes are missing, {notes[0]}"] if len(missing) > 1 else notes
     return "robot.urdf", {"robot.urdf": text, **files}, notes
 
 

@@ -67,7 +67,7 @@ def inspect_logs(
     draft = Draft(robot, list(sources), group_names(sources))
     draft.seen = describe(logs[0])
     families = families_of(logs[0], whole.joints)
-    roles = choose_roles(families, asked)
+    roles = choose_roles(families, asked, draft.seen)
     for name in (name for name in NEEDED if name not in roles):
         known = "; ".join(family.name for family in families[:12])
         together = f"; columns that belong together: {known}" if known else ""
@@ -146,8 +146,10 @@ def range_text(values: Array) -> str:
     return f"{np.nanmin(values):.4g} … {np.nanmax(values):.4g}"
 
 
-def choose_roles(families: Sequence[ColumnFamily], asked: Questions) -> dict[str, ColumnFamily]:
-    """Signal -> family; those that nothing is known of are left out."""
+def choose_roles(
+    families: Sequence[ColumnFamily], asked: Questions, seen: list[str]
+) -> dict[str, ColumnFamily]:
+    """Signal -> family; those that nothing is known of are left out. `seen` is told what was ambiguous."""
     roles: dict[str, ColumnFamily] = {}
     for name in SIGNALS:
         found = candidates(families, name, list(roles.values()))
@@ -163,6 +165,8 @@ def choose_roles(families: Sequence[ColumnFamily], asked: Questions) -> dict[str
         index = asked.choose(f"Which columns are {TITLES[name]}?", described, default)
         if index is not None:
             roles[name] = options[index]
+            others = ", ".join(f.name for f in options if f is not options[index])
+            seen += [f"  taken for {TITLES[name]}: {options[index].name}; others: {others}"] if others else []
     return roles
 
 
@@ -199,7 +203,7 @@ def ask_for_constants(draft: Draft, roles: dict[str, ColumnFamily], asked: Quest
     joints = list(draft.joints)
     question = "τ is a current: torque constant [Nm/A], of the motor before the gear"
     constants = asked.numbers(question, len(joints))
-    gears = asked.numbers("gear ratio", len(joints)) if constants else None
+    gears = asked.numbers("gear ratio", len(joints), signed=True) if constants else None
     if constants is None:
         draft.missing.append("torque_constant [Nm/A] of every joint: τ is a current (motor's data sheet)")
     for i, joint in enumerate(joints):
@@ -244,7 +248,8 @@ def ask_for_scales(draft: Draft, remaining: Sequence[Issue], asked: Questions) -
     tau = [joint for signal, joint in unknown if signal == "tau"]
     weak = [joint for joint in tau if "unit" not in draft.joints[joint].signals["tau"]]
     if far:
-        ratios = asked.numbers(f"gear ratio of {', '.join(far)}: theta turns too far", len(far))
+        question = f"gear ratio of {', '.join(far)}: theta turns too far"
+        ratios = asked.numbers(question, len(far), signed=True)
         for joint, ratio in zip(far, ratios or (), strict=False):
             draft.joints[joint].gear = ratio
             draft.joints[joint].signals["theta"]["side"] = "motor"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexviz import toml
@@ -35,6 +35,15 @@ def _unit(*units: str) -> Any:
         raise PydanticCustomError("choice", "{meant}", {"meant": meant})
 
     return BeforeValidator(check)
+
+
+def _nonzero(value: float) -> float:
+    if value == 0.0:
+        raise PydanticCustomError("choice", "expected a number other than 0")
+    return value
+
+
+_not_zero = AfterValidator(_nonzero)
 
 
 class SignalColumn(StrictTable):
@@ -67,7 +76,7 @@ class TorqueColumn(SignalColumn):
 class JointColumns(StrictTable):
     """The columns of one joint; `side = "motor"` means before a gear of this ratio."""
 
-    gear: Positive = 1.0  # motor turns per joint turn
+    gear: Annotated[Number, _not_zero] | None = None  # motor turns per joint turn; negative: opposite turns
     torque_constant: Positive | None = None  # [Nm/A] on the side where the current's torque is
     theta: AngleColumn = Field(description='theta = { from = "column" }: every joint needs θ and τ')
     tau: TorqueColumn = Field(description='tau = { from = "column" }: every joint needs θ and τ')
@@ -75,9 +84,14 @@ class JointColumns(StrictTable):
     tau_joint: TorqueColumn | None = None
     theta_ref: AngleColumn | None = None
 
+    @property
+    def ratio(self) -> float:
+        """The gear, 1 where none is stated."""
+        return 1.0 if self.gear is None else self.gear
+
     def scale(self, signal: SignalColumn) -> float:
         """One unit of a signal's column at the joint side [rad], [Nm]; negative for the opposite sign."""
-        gear = self.gear if signal.side == "motor" else 1.0
+        gear = self.ratio if signal.side == "motor" else 1.0
         if isinstance(signal, AngleColumn):
             return signal.sign * size_of(signal.unit, ANGLE) / gear
         assert isinstance(signal, TorqueColumn)
@@ -191,6 +205,11 @@ def check(mapping: Mapping, file: Path) -> None:
         constant = mapping.joints[joint].torque_constant
         if isinstance(signal, TorqueColumn) and signal.unit in CURRENT and constant is None:
             message = f"{name} is a current, expected torque_constant [Nm/A] to make a torque of it"
+            refuse(f"joints.{joint}", message)
+        if signal.side == "motor" and mapping.joints[joint].gear is None:
+            message = (
+                f"{name} is before the gear, expected gear (motor turns per joint turn; 1.0 without one)"
+            )
             refuse(f"joints.{joint}", message)
         place = f"joints.{joint}.{name}"
         if name in NEEDED and signal.column in used:

@@ -235,7 +235,7 @@ def scale_hint(mapping: Mapping, slopes: dict[str, float]) -> str:
     """Possible reasons for τ of another size, where no unit or gear of the mapping explains it."""
     if min(slopes.values()) > 1:
         return "a smaller unit, or a gear counted twice"
-    gears = [mapping.joints[joint].gear for joint in slopes]
+    gears = [mapping.joints[joint].ratio for joint in slopes]
     if 1.0 not in gears:
         about = ", ".join(f"{1 / s / gear:.2g}" for s, gear in zip(slopes.values(), gears, strict=True))
         return f'a current (unit = "A", side = "motor", torque_constant about {about} Nm/A)'

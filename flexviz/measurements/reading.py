@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -13,7 +13,7 @@ from flexviz import toml
 from flexviz.errors import FlexvizError, InputError, choose_from
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet
 from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, parse
-from flexviz.measurements.segments import SHORTEST, check_time, make_segments
+from flexviz.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.measurements.tables import column_names, read_columns, require
 from flexviz.measurements.unit_checks import UnitCheck, check_optional
 from flexviz.robot import PayloadBody, Robot, is_library_robot
@@ -51,10 +51,13 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
         if (first := users.setdefault(paths[-1], group.name)) != group.name:
             warn(f'{paths[-1]}: groups "{first}" and "{group.name}" use the same file')
     stiffness = values(content.initial.stiffness)
+    clocks: dict[Path, Segmented] = {}
     groups = tuple(
-        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn)
+        read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks)
         for entry, table in zip(content.groups, paths, strict=True)
     )
+    for text in clock_warnings(clocks):
+        warn(text)
     controller = content.controller
     return MeasurementSet(
         path=folder,
@@ -154,8 +157,9 @@ def read_group(
     bodies: tuple[PayloadBody, ...],
     stiffness: Array | None,
     warn: Callable[[str], None],
+    clocks: dict[Path, Segmented],
 ) -> Group:
-    """Read and check one group's table."""
+    """Read and check one group's table; what was done to its clock is added to `clocks`."""
     n, joints = robot.n, robot.joints
     present = column_names(file)
     needed = [f"{kind}_{joint}" for kind in ("theta", "tau") for joint in joints]
@@ -189,14 +193,34 @@ def read_group(
         if kind not in compared:
             compared[kind] = np.full((n, len(column)), np.nan).T
         compared[kind][:, j] = column
-    segments, dropped, resampled = make_segments(time, signals, n)
-    if not segments:
+    clocks[file] = found = make_segments(time, signals, n)
+    if not found.segments:
         message = f"no stretch without a gap has {SHORTEST} samples or more, expected at least one"
         raise InputError(message, file=file)
-    if dropped:
-        warn_here(f"{dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
-    if resampled:
-        warn_here("the time jitters: the signals were resampled to a uniform step")
+    if found.dropped:
+        warn_here(f"{found.dropped} samples in stretches of fewer than {SHORTEST} between gaps are not used")
+    if found.filled or found.jitters:
         time = time.copy()  # so that the table can be forgotten
     names = entry.name, entry.trajectory, entry.payload
-    return Group(*names, bodies, entry.validation, file, tuple(segments), time, **compared)
+    return Group(*names, bodies, entry.validation, file, found.segments, time, **compared)
+
+
+def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:
+    """What was done to the clocks of the tables, one sentence for all that share it."""
+    jittering = [file for file, found in clocks.items() if found.jitters]
+    filled = {file: found.filled for file, found in clocks.items() if found.filled}
+    warnings = []
+    if jittering:
+        warnings.append(
+            f"{listed(jittering)}: the time jitters: the signals were resampled to a uniform step"
+        )
+    if filled:
+        count = sum(filled.values())
+        what = "1 single missing sample was" if count == 1 else f"{count} single missing samples were"
+        warnings.append(f"{listed(list(filled))}: {what} interpolated")
+    return warnings
+
+
+def listed(files: Sequence[Path]) -> str:
+    """The first file in full, and how many more there are."""
+    return str(files[0]) + (f" and {len(files) - 1} more" if len(files) > 1 else "")

@@ -5,9 +5,9 @@ are compared with the best uniform clock t₀ + i·h:
 
 - within 0.1 % of h, or within the rounding of the recorded numbers (floating point, or a fixed number of
   decimals): the clock was uniform, the values stay and only `time` is made exact;
-- beyond: the clock jittered (or single samples are missing), and the signals are resampled to the uniform
-  clock by polynomials through the six nearest samples. The error is below 1e-6 of the amplitude for motion
-  slower than 1/30 of the sampling rate.
+- beyond: the clock jittered or single samples are missing, and the signals are resampled to the uniform
+  clock by polynomials through the six nearest samples, which fills the missing ones. The error is below
+  1e-6 of the amplitude for motion slower than 1/30 of the sampling rate.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from flexviz.measurements.tables import row_name
 
 GAP = 2.75  # intervals longer than this many median ones separate segments
 JITTER = 1e-3  # deviations from a uniform clock up to this part of a step are no jitter
+ROUNDED = 0.05  # steps by which the instants of a clock with missing samples may be rounded
+MISSING = 1.75  # steps: longer intervals within a segment lack a sample
 SHORTEST = 32  # samples: shorter segments are not used
 POINTS = 6  # samples per interpolated value
 POSITIONS = np.arange(POINTS)
@@ -121,19 +123,25 @@ def decimal_resolution(time: Array, step: float) -> float:
     return 0.0
 
 
-def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], int, bool]:
-    """Split and, where the clock jitters, resample.
+@dataclass(frozen=True, eq=False)
+class Segmented:
+    """The uniform segments of a recording (views of its signals where possible), and what was done to it."""
+
+    segments: tuple[Segment, ...]
+    dropped: int = 0  # samples in stretches that are too short
+    filled: int = 0  # single missing samples that were interpolated
+    jitters: bool = False  # whether the instants deviate from a uniform clock apart from missing samples
+
+
+def make_segments(time: Array, signals: Array, n: int) -> Segmented:
+    """Split and, where the clock jitters or samples are missing, resample.
 
     Args:
         time: (N,) strictly increasing [s].
         signals: (N, 2n) θ of every joint, then τ of every joint [rad], [Nm]; overwritten when resampled.
-
-    Returns:
-        The segments (views of `signals` where possible), the number of samples in stretches that are too
-        short, and whether anything was resampled.
     """
     segments: list[Segment] = []
-    dropped, resampled = 0, False
+    dropped, filled, jitters = 0, 0, False
     for piece in pieces(time):
         if piece.stop - piece.start < SHORTEST:
             dropped += piece.stop - piece.start
@@ -141,11 +149,14 @@ def make_segments(time: Array, signals: Array, n: int) -> tuple[list[Segment], i
         recorded, values = time[piece], signals[piece]
         clock = find_clock(recorded)
         if clock.jitters:
-            values, resampled = resample(recorded, values, clock), True
+            values = resample(recorded, values, clock)
+            filled += int(np.count_nonzero(np.diff(recorded) > MISSING * clock.step))
+            place = (recorded - clock.start) / clock.step
+            jitters |= bool(np.max(np.abs(place - np.round(place))) > ROUNDED)
         exact = not clock.jitters and deviation(recorded, clock.start, clock.step) < 1e-9 * clock.step
         instants = recorded if exact else clock.instants(0, clock.count)
         segments.append(Segment(instants, values[:, :n], values[:, n:], clock.step))
-    return segments, dropped, resampled
+    return Segmented(tuple(segments), dropped, filled, jitters)
 
 
 def resample(time: Array, values: Array, clock: UniformClock) -> Array:

@@ -83,7 +83,7 @@ def write_set(
         single: store the signals (never the time) as float32.
         overwrite: replace an existing set; any other folder or file is never touched.
     """
-    folder = Path(folder).absolute()
+    folder = Path(os.path.abspath(folder))  # without ".."
     check_free(folder, overwrite)
     if table_format not in SUFFIXES:
         raise InputError(f'table format "{table_format}" is not known, expected csv or parquet')

@@ -40,7 +40,8 @@ def read_delimited(path: Path, options: ReadOptions) -> Log:
     with readable(path, "CSV table"):
         with path.open("rb") as stream:
             layout = find_layout(stream.read(HEAD), path)
-        table = read_table(path, layout, [name for name in layout.names if options.wants(name)])
+        end = end_of_whole_rows(path, layout)
+        table = read_table(path, layout, [name for name in layout.names if options.wants(name)], end)
     check_rows(table.num_rows, path)
     kinds = {field.name: field.type for field in table.schema}
     usable = [name for name, kind in kinds.items() if is_number(kind) or pa.types.is_timestamp(kind)]
@@ -51,14 +52,39 @@ def read_delimited(path: Path, options: ReadOptions) -> Log:
         elif pa.types.is_string(kind) or pa.types.is_binary(kind):
             unusable[name] = first_text(table[name], layout)
     unread = tuple(name for name in layout.names if not options.wants(name))
-    return Log(path, "CSV", (LogTable("", columns, None, layout.units | units),), unusable, unread=unread)
+    notes = () if end is None else ("the last line is cut off and left out",)
+    columns_here = LogTable("", columns, None, layout.units | units)
+    return Log(path, "CSV", (columns_here,), unusable, notes, unread)
 
 
-def read_table(path: Path, layout: CsvLayout, names: list[str]) -> pa.Table:
-    """The columns `names` of a file."""
+def end_of_whole_rows(path: Path, layout: CsvLayout) -> int | None:
+    """Where a last line begins that was cut off [bytes]; None where it is complete.
+
+    Cut off: fewer cells than columns, or no number where the line before has one, and no end of line.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as stream:
+        stream.seek(max(0, size - HEAD))
+        tail = stream.read()
+    if tail.endswith((b"\n", b"\r")):
+        return None
+    lines = [line for line in tail.splitlines() if line.strip()]
+    if len(lines) < 2:
+        return None
+    before, last = (split(line.decode("utf-8", "replace"), layout.separator) for line in lines[-2:])
+    if len(before) != len(layout.names):
+        return None
+    pairs = zip(before, last, strict=False)
+    broken = any(is_numeral(b, layout.decimal) and not is_numeral(c, layout.decimal) for b, c in pairs)
+    return size - len(lines[-1]) if broken or len(last) < len(before) else None
+
+
+def read_table(path: Path, layout: CsvLayout, names: list[str], end: int | None) -> pa.Table:
+    """The columns `names` of a file, up to its byte `end`."""
     spaces = layout.separator == " "
+    content = path.read_bytes()[:end] if spaces or end is not None else None
     return pacsv.read_csv(
-        pa.BufferReader(commas(path.read_bytes())) if spaces else path,
+        path if content is None else pa.BufferReader(commas(content) if spaces else content),
         pacsv.ReadOptions(
             use_threads=False, skip_rows=layout.skip, column_names=layout.names, encoding=layout.encoding
         ),
@@ -92,11 +118,11 @@ def find_layout(head: bytes, path: Path) -> CsvLayout:
     lines = text.splitlines()
     lines = lines[:-1] if len(head) == HEAD else lines
     for separator, decimal in LAYOUTS:
-        rows = [split(line, separator) for line in lines]
+        rows = [(i, split(line, separator)) for i, line in enumerate(lines) if line.strip()]
         # the numbers begin at the first two successive rows of equally many of them
-        for i, (row, after) in enumerate(pairwise(rows)):
+        for (i, row), (_, after) in pairwise(rows):
             if len(row) == len(after) and is_data(row, decimal) and is_data(after, decimal):
-                names, units = header(rows[:i], len(row), path)
+                names, units = header([cells for k, cells in rows if k < i], len(row), path)
                 return CsvLayout(separator, decimal, i, names, units, encoding)
     expected = "expected a header and rows of numbers, separated by commas, semicolons, tabs or spaces"
     raise InputError(f"no rows of numbers were found, {expected}", file=path)
