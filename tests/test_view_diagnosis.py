@@ -19,7 +19,6 @@ from flexviz.effects import EFFECTS
 from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, finding_html, heading_html, picture, verdict_html
-from flexviz.view.fit_charts import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     ResidualSamples,
@@ -32,10 +31,12 @@ from flexviz.view.residuals import (
     stretches_of,
     time_residual,
 )
+from flexviz.view.staircase import NO_STEPS, staircase_charts, staircase_html
 from flexviz.view.status import next_step, steps_done
 from flexviz.view.time_charts import evidence_chart
 from flexviz.wording import effect_text_name, share_text, values_text, verdict_text
 
+JOINTS = ("joint1", "joint2")
 TIE = Tie("link_coulomb_friction", "joint2", 0.97, "A payload twice as heavy would tell the two apart.")
 ABSORBED = Absorbed("motor_viscous_friction", "joint2", 12.0, 10.1, "Nm s/rad", 30.0)
 FINDING = Finding(
@@ -142,20 +143,20 @@ def test_evidence_follows_the_group() -> None:
 
 def test_stairs_fall_and_say_what_was_added() -> None:
     model_steps = (ModelStep((), STEP), ModelStep(("coulomb_friction:joint2",), LOW))
-    both, one = staircase_charts(model_steps, 1, "joint2")
+    both, one = staircase_charts(model_steps, 1, JOINTS)
     labels = [series.label for series in both.series]
     assert labels == ["g1", "g4 (validation)", "noise floor"]
     assert both.series[0].y[0] == pytest.approx(np.sqrt(2.5)) and both.series[0].y[-1] < 0.2
     assert list(columns(both)[0]) == [-0.5, 0.5, 0.5, 1.5] and one.series[0].y[0] == 1.0
     assert both.x.ticks == ((0, "0"), (1, "1")) and both.series[1].dash and not both.series[0].dash
     assert "g1 from 1.58 to 0.158 Nm" in both.description
-    assert "+ Coulomb friction on joint2" in staircase_html(model_steps)
+    assert "+ Coulomb friction on joint2" in staircase_html(model_steps, JOINTS)
     without = tuple(ModelStep(s.effects, replace(s.step, groups=(), noise_floor=())) for s in model_steps)
-    assert [series.label for series in staircase_charts(without, 0, "joint1")[0].series] == [
+    assert [series.label for series in staircase_charts(without, 0, JOINTS)[0].series] == [
         "fit",
         "validation",
     ]
-    assert staircase_charts((), 0, "joint1")[0].note == NO_STEPS and staircase_html(()) == ""
+    assert staircase_charts((), 0, JOINTS)[0].note == NO_STEPS and staircase_html((), JOINTS) == ""
 
 
 def residuals(n: int = 2000) -> Any:

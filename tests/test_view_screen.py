@@ -75,6 +75,7 @@ class Residual:
     rms: Any
     rms_validation: Any
     noise_floor: Any = None
+    torque_spread: Any = ()
 
 
 @dataclass
@@ -144,6 +145,8 @@ def test_status_names_step_and_error() -> None:
     assert status.error_text(None) == "no model yet"
     validated: Any = Result((), Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012]))
     assert status.error_text(validated) == "validation error 0.0120 Nm"
+    validated.residual.torque_spread = (0.1, 0.4)
+    assert status.error_text(validated) == "validation error 7.5 % of the torque (0.0120 Nm)"
     fitted: Any = Result((), Residual(("a", "b"), [0.3, 0.4], None))
     assert status.error_text(fitted).startswith("fit error 0.354 Nm")
     unknown: Any = Result((), Residual(("a",), [0.3], [float("nan")]))

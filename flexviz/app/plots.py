@@ -76,8 +76,10 @@ class PlotPanel:
 
     def _draw_compare(self) -> None:
         store, models = self._store, self._store.analysis.model_steps
-        self._compare.show(staircase_charts(models, store.joint, store.joint_name))
-        self._steps.content = staircase_html(models)
+        joints, spread = store.measurements.joints, store.measurements.torque_spread
+        result = store.analysis.identification
+        self._compare.show(staircase_charts(models, store.joint, joints, spread))
+        self._steps.content = staircase_html(models, joints, spread, result.parameters if result else ())
 
     def _iterated(self) -> None:
         self._stale = True

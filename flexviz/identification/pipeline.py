@@ -203,7 +203,8 @@ def _residuals(
         series |= _series(held_out, result)
         rms_validation = _rms(result.residual)
     rms = _rms(evaluation.residual)
-    return ResidualSummary(layout.joints, rms, rms_validation, tuple(map(float, floor))), series
+    floors, spread = tuple(map(float, floor)), measurements.torque_spread
+    return ResidualSummary(layout.joints, rms, rms_validation, floors, spread), series
 
 
 def _rms(residual: Array) -> tuple[float, ...]:

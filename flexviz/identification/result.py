@@ -72,12 +72,14 @@ class ResidualSummary:
         rms: over the samples of the fitted groups.
         rms_validation: over the validation groups; None without any.
         noise_floor: rms due to measurement noise alone.
+        torque_spread: standard deviation of the recorded torque over all groups; empty if unknown.
     """
 
     joints: tuple[str, ...]
     rms: tuple[float, ...]
     rms_validation: tuple[float, ...] | None
     noise_floor: tuple[float, ...]
+    torque_spread: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +134,12 @@ class MeasurementSet:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joints)
+
+    @cached_property
+    def torque_spread(self) -> tuple[float, ...]:
+        """Standard deviation of each joint's recorded torque over all groups [Nm]."""
+        torque = [segment.tau for group in self.groups for segment in group.segments]
+        return tuple(map(float, np.std(np.concatenate(torque), axis=0))) if torque else ()
 
     @property
     def fit_groups(self) -> tuple[Group, ...]:

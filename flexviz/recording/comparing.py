@@ -20,8 +20,7 @@ from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
 from flexviz.recording.texts import table
 from flexviz.results import bandwidth_text
-from flexviz.view import total_rms
-from flexviz.wording import as_markdown, number
+from flexviz.wording import as_markdown, number, total_rms
 
 SCALARS = "Scalars:scalars"
 NOTABLE_DEVIATIONS = 3.0  # [standard errors] larger differences are rarely chance, even among 100 parameters

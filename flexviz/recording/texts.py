@@ -11,7 +11,6 @@ from flexviz.measurements import Group, MeasurementSet
 from flexviz.results import bandwidth_text
 from flexviz.scene import RobotMotion
 from flexviz.statistics import NORMAL_95
-from flexviz.view import total_rms
 from flexviz.wording import (
     absorbed_list,
     as_markdown,
@@ -19,6 +18,7 @@ from flexviz.wording import (
     number,
     share_text,
     tie_text,
+    total_rms,
     values_text,
     verdict_text,
 )

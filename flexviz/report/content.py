@@ -10,7 +10,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
 from flexviz.session import Analysis, ModelStep, Session
-from flexviz.wording import effect_text_name
+from flexviz.wording import effect_text_name, families, text_runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,21 @@ class ReportContent:
         return tuple(one.model.step for one in self.rounds)
 
     @property
+    def runs(self) -> list[tuple[str, list[str], int]]:
+        """The models as they are shown: neighbouring effects of one kind are one step; see `text_runs`."""
+        return text_runs([one.added for one in self.rounds], self.joints)
+
+    @property
+    def shown(self) -> tuple[DiagnosisStep, ...]:
+        """The errors of the models as they are shown."""
+        return tuple(self.rounds[last].model.step for _, _, last in self.runs)
+
+    @property
+    def spread(self) -> tuple[float, ...]:
+        """Standard deviation of each joint's torque [Nm]."""
+        return self.measurements.torque_spread
+
+    @property
     def added(self) -> tuple[tuple[str, Finding | None], ...]:
         """Text and finding of each added effect; the finding is None if it was added by hand."""
         out: list[tuple[str, Finding | None]] = []
@@ -74,9 +89,11 @@ class ReportContent:
 
     @property
     def proposed(self) -> tuple[Finding, ...]:
-        """The effect that the diagnosis proposes, if any."""
+        """The effect that the diagnosis proposes, on all joints where it is found."""
         diagnosis = self.diagnosis
-        return diagnosis.findings[:1] if diagnosis is not None and diagnosis.verdict == "missing" else ()
+        if diagnosis is None or diagnosis.verdict != "missing" or not diagnosis.findings:
+            return ()
+        return families(diagnosis.findings)[0].members
 
     @property
     def parameters(self) -> tuple[ParameterEstimate, ...]:

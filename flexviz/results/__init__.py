@@ -9,7 +9,8 @@ from flexviz.results.entries import (
     ValueEntry,
 )
 from flexviz.results.lookup import ParameterNotFound, find_parameter
-from flexviz.results.summary import WIDE, bandwidth_text, interval, parts, plain_table, run_lines
+from flexviz.results.summary import WIDE, bandwidth_text, parts, run_lines
+from flexviz.results.tables import interval, plain_table
 
 __all__ = [
     "WIDE",

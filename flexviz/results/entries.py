@@ -54,12 +54,20 @@ class ObserverEntry(ResultEntry):
 
 
 class ResidualEntry(ResultEntry):
-    """Residual per joint [Nm], unweighted."""
+    """Residual per joint [Nm], unweighted, and the standard deviation of the recorded torque."""
 
     joints: list[str]
     rms: list[Number]
     rms_validation: list[Number] | None
     noise_floor: list[Number]
+    torque_spread: list[Number] = Field(default_factory=list)
+
+
+class TorqueEntry(ResultEntry):
+    """Standard deviation of the recorded torque per joint [Nm], over all groups."""
+
+    joints: list[str]
+    spread: list[Number]
 
 
 class ValueEntry(ResultEntry):
@@ -112,6 +120,12 @@ class PlaceEntry(ResultEntry):
     payload: str | None = None
     inseparable_from: list[TieEntry] = Field(default_factory=list)
     absorbed: list[AbsorbedEntry] = Field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        """`coulomb_friction:joint1`, `external_contact:joint1@g2`"""
+        place = self.joint or self.payload
+        return self.effect + (f":{place}" if place else "") + (f"@{self.group}" if self.group else "")
 
 
 class CandidateEntry(PlaceEntry):
@@ -199,6 +213,7 @@ class ResultFields(ResultEntry):
     maps: list[MapEntry] = Field(default_factory=list)
     free_curve: FreeCurveEntry | None = None
     guard: GuardEntry | None = None
+    torque: TorqueEntry | None = None
     seconds: Number | None = None
 
     @property

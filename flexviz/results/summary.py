@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from flexviz import wording
-from flexviz.results.entries import (
-    AbsorbedEntry,
-    CandidateEntry,
-    CombinationEntry,
-    ParameterEntry,
-    PlaceEntry,
-    ResidualEntry,
-    ResultFields,
-)
-from flexviz.wording import escape, number, unit_text, verdict_text
+from flexviz.results.diagnosis_summary import diagnosis_parts
+from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
+from flexviz.results.tables import in_ascii, interval, plain_table
+from flexviz.wording import escape, normalised, number
 
 WIDE = 110  # columns from which a table has room for ties between parameters
-SHOWN_ABSORBED = 3  # parameters named per added effect
 
 
 def text(result: ResultFields, width: int) -> str:
@@ -52,7 +43,7 @@ def html(result: ResultFields) -> str:
 def parts(result: ResultFields, width: int) -> list[Table | str]:
     """Tables and lines of text in their order; narrow ones list ties below the table."""
     if result.verdict is not None:
-        return list(diagnosis_lines(result))
+        return diagnosis_parts(result)
     wide = width >= WIDE
     out: list[Table | str] = [parameter_table(result.all_parameters, ties=wide)]
     out += [] if wide else tied_lines(result.all_parameters)
@@ -82,63 +73,6 @@ def bandwidth_text(bandwidth: ArrayLike) -> str:
     return ", ".join(f"{value:.4g}" for value in np.atleast_1d(bandwidth)) + " rad/s"
 
 
-def diagnosis_lines(result: ResultFields) -> list[str]:
-    """Verdict, candidates, steps, notes."""
-    out = [verdict_text(result)]
-    for rank, candidate in enumerate(result.candidates, 1):
-        out.append(f"{rank:3d}. {described(candidate)}")
-        for tie in candidate.inseparable_from:
-            place = f" on {tie.joint}" if tie.joint else ""
-            out.append(f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})")
-            out += [f"     {tie.would_separate}"] if tie.would_separate else []
-    for step in result.steps:
-        label = "present model" if step.added is None else f"with {effect_text(step.added)}"
-        held_out = "" if step.rms_validation is None else f", held out {_numbers(step.rms_validation)} Nm"
-        out.append(f"{label}: rms {_numbers(step.rms)} Nm{held_out} → {step.verdict}")
-        if step.added is not None and step.added.absorbed:
-            moved = "; ".join(map(_moved, step.added.absorbed[:SHOWN_ABSORBED]))
-            out.append(f"     previously absorbed by {moved}")
-    if result.final_verdict == "unknown" and result.where:
-        place = result.where[0]
-        low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
-        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")
-    if result.steps and result.steps[-1].noise_floor:
-        out.append(f"noise floor: {_numbers(result.steps[-1].noise_floor)} Nm")
-    out += [f"note: {note}" for note in result.notes]
-    return [*out, "stopped; this is what was found so far"] if result.stopped else out
-
-
-def described(candidate: CandidateEntry) -> str:
-    """A candidate with its place and values."""
-    place = candidate.joint or candidate.payload or "the whole robot"
-    group = f" in group {candidate.group}" if candidate.group else ""
-    values = ", ".join(
-        f"{name} {' ± '.join(interval(v.value, v.std))} {unit_text(v.unit)}".rstrip()
-        for name, v in candidate.parameters.items()
-    )
-    return (
-        f"{candidate.effect} on {place}{group}: {values}; explains {100 * candidate.score:.0f} % of the "
-        f"held-out excess, confidence {candidate.confidence:.2f}"
-    )
-
-
-def effect_text(added: PlaceEntry) -> str:
-    """`coulomb_friction:joint1`, `external_contact:joint1@g2`"""
-    place = added.joint or added.payload
-    return added.effect + (f":{place}" if place else "") + (f"@{added.group}" if added.group else "")
-
-
-def _moved(absorbed: AbsorbedEntry) -> str:
-    place = f" of {absorbed.joint}" if absorbed.joint else ""
-    change = f"{absorbed.before:.4g} → {absorbed.after:.4g} {absorbed.unit}"
-    deviations = "" if absorbed.deviations is None else f", {absorbed.deviations:.0f} standard errors"
-    return f"{absorbed.name.replace('_', ' ')}{place} ({change}{deviations})"
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return " ".join(f"{value:.4g}" for value in values)
-
-
 # -- tables --------------------------------------------------------------------------------------------------
 
 
@@ -153,7 +87,7 @@ def parameter_table(parameters: Iterable[ParameterEntry], *, ties: bool = True) 
         table.add_row(
             p.name,
             p.joint or "",
-            _ascii(number(p.start)),
+            in_ascii(number(p.start)),
             *interval(p.value, p.std),
             p.unit,
             p.identifiable + (", at bound" if p.at_bound else ""),
@@ -181,27 +115,11 @@ def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
 def residual_table(residual: ResidualEntry) -> Table:
     """Torque error per joint: root mean square on the fitted and the held-out groups, and the noise floor."""
     table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
-    columns = (residual.rms, residual.rms_validation, residual.noise_floor)
+    columns = [residual.rms, residual.rms_validation, residual.noise_floor]
+    if residual.torque_spread:
+        table.add_column("% of the torque", justify="right", no_wrap=True)
+        shares = normalised(residual.rms_validation or residual.rms, residual.torque_spread)
+        columns.append([100 * share for share in shares])
     for index, joint in enumerate(residual.joints):
         table.add_row(joint, *(number(None if column is None else column[index]) for column in columns))
     return table
-
-
-def interval(value: float, std: float | None) -> tuple[str, str]:
-    """A value and half its 95 % interval, rounded to the second digit of the interval."""
-    shown, half = wording.interval(value, std)
-    shown = _ascii(shown)
-    return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
-
-
-def plain_table(*texts: str, numbers: Sequence[str] = (), end: Sequence[str] = ()) -> Table:
-    """An empty table: columns of text, of numbers, and of text again."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for title in (*texts, *numbers, *end):
-        table.add_column(title, justify="right" if title in numbers else "left", no_wrap=True)
-    return table
-
-
-def _ascii(text: str) -> str:
-    """Replace the minus sign by a hyphen, so that numbers can be copied into a program."""
-    return text.replace("−", "-")

@@ -15,9 +15,6 @@ from flexviz.view.effects import (
 from flexviz.view.fit_charts import (
     convergence_charts,
     progress_text,
-    staircase_chart,
-    staircase_charts,
-    staircase_html,
     sweep_bandwidths,
     sweep_charts,
     sweep_html,
@@ -40,6 +37,7 @@ from flexviz.view.residuals import (
     stretches_of,
     time_residual,
 )
+from flexviz.view.staircase import staircase_chart, staircase_charts, staircase_html
 from flexviz.view.status import (
     error_text,
     joint_colours,
@@ -49,7 +47,6 @@ from flexviz.view.status import (
     status_html,
     step_line_html,
     steps_done,
-    total_rms,
 )
 from flexviz.view.tables import (
     check_html,
@@ -119,7 +116,6 @@ __all__ = [
     "sweep_charts",
     "sweep_html",
     "time_residual",
-    "total_rms",
     "truth_html",
     "truth_values",
     "verdict_html",

@@ -1,4 +1,4 @@
-"""Charts of fits: convergence, bandwidth sweep, and error after each added effect."""
+"""Charts of fits: convergence and bandwidth sweep."""
 
 from __future__ import annotations
 
@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
-from flexviz.diagnosis import Step
 from flexviz.identification import SweepResult
 from flexviz.progress import Iteration
-from flexviz.session import ModelStep
-from flexviz.view.status import total_rms
-from flexviz.wording import SYMBOLS, effect_text_name, escape, number
+from flexviz.wording import SYMBOLS, escape, number
 
 Array = NDArray[np.float64]
 
@@ -181,119 +178,3 @@ def sweep_html(result: SweepResult, joint: int, name: str) -> str:
     if len(errors) > 1 and result.best in (result.bandwidths.min(), result.bandwidths.max()):
         text += " That is the end of the sweep's range: use it and sweep again."
     return f'<div class="fv">{text}</div>'
-
-
-# -- error after each added effect -----------------------------------------------------------------------
-
-NO_STEPS = (
-    "The error of every group after each added effect appears here, with the noise floor: "
-    "press Find the missing effect (step 4, Diagnose), then Add and refit."
-)
-COMPARED_IN = "rms residual in the band that the diagnosis compares models in, the same for every model"
-HELD_OUT = "validation"
-MAX_GROUPS = 10  # drawn
-ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
-
-
-def step_errors(steps: Sequence[Step], joint: int | None) -> dict[str, tuple[list[float], bool]]:
-    """Name -> (error at each step [Nm], held out?) of every group; fit and validation if groups are unknown.
-
-    `joint` None: rms over the joints.
-    """
-
-    def value(row: Sequence[float]) -> float:
-        values = np.asarray(row, dtype=float)
-        return total_rms(values) if joint is None else float(values[joint])
-
-    if all(step.groups for step in steps):
-        names = [(name, held_out) for name, _, held_out in steps[-1].groups]
-        found: dict[str, tuple[list[float], bool]] = {}
-        for name, held_out in names[:MAX_GROUPS]:
-            rows = [next((row for other, row, _ in step.groups if other == name), None) for step in steps]
-            if all(row is not None for row in rows):
-                found[name] = [value(row) for row in rows if row is not None], held_out
-        return found
-    found = {"fit": ([value(step.rms) for step in steps], False)}
-    if all(step.rms_validation is not None for step in steps):
-        found[HELD_OUT] = [value(step.rms_validation or ()) for step in steps], True
-    return found
-
-
-def staircase_charts(model_steps: Sequence[ModelStep], joint: int, name: str) -> tuple[Chart, ...]:
-    """The error over all joints, and of the selected joint."""
-    if not model_steps:
-        return no_chart("all", NO_STEPS), no_chart("joint")
-    steps = [model_step.step for model_step in model_steps]
-    charts = [staircase_chart(steps)]
-    if len(steps[0].rms) > 1:
-        charts.append(staircase_chart(steps, joint, name))
-    return tuple(charts)
-
-
-def staircase_chart(
-    steps: Sequence[Step], joint: int | None = None, name: str = "", ticks: Sequence[str] = ()
-) -> Chart:
-    """The error after each added effect, of one joint or over all (None); `ticks` name the steps."""
-    x = np.arange(float(len(steps)))
-    errors = step_errors(steps, joint)
-    bright = COLOURS.series[:6]
-    series = [
-        ChartSeries(
-            f"{group} (validation)" if held_out and group != HELD_OUT else group,
-            bright[k % len(bright)],
-            x,
-            np.maximum(values, ERROR_FLOOR),
-            2.6 if held_out else 1.6,
-            DASHED if held_out else DASHES[0 if k < len(bright) else 3],
-            points=len(steps) == 1,
-            steps=True,
-        )
-        for k, (group, (values, held_out)) in enumerate(errors.items())
-    ]
-    floors = [np.asarray(step.noise_floor) for step in steps]
-    if all(len(floor) for floor in floors):
-        low = [total_rms(floor) if joint is None else float(floor[joint]) for floor in floors]
-        if np.isfinite(low).all():
-            floor = np.maximum(low, ERROR_FLOOR)
-            series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
-    fell = (
-        f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} Nm"
-        for group, (values, _) in errors.items()
-    )
-    whose = "of all joints" if joint is None else f"of {name}"
-    return Chart(
-        "all" if joint is None else "joint",
-        f"Error after each added effect, {whose.removeprefix('of ')}",
-        ChartAxis(
-            "effects added",
-            limits=(-0.5, len(steps) - 0.5),
-            ticks=tuple(enumerate(ticks or [str(k) for k in range(len(steps))])),
-            whole=True,
-        ),
-        ChartAxis("rms residual", "Nm", logarithmic=True),
-        tuple(series),
-        description=f"{'; '.join(fell)}.",
-        height=230,
-    )
-
-
-def staircase_html(model_steps: Sequence[ModelStep]) -> str:
-    """The errors of the steps as a table."""
-    if not model_steps:
-        return ""
-    rows = []
-    before: set[str] = set()
-    for count, stair in enumerate(model_steps):
-        added = [effect_text_name(name) for name in stair.effects if name not in before]
-        before |= set(stair.effects)
-        what = ", ".join(added) or "the model itself"
-        held_out = stair.step.rms_validation
-        rows.append(
-            f"<tr><td>{count}. {'+ ' if added and count else ''}{escape(what)}</td>"
-            f"<td>{number(total_rms(np.asarray(stair.step.rms)), 3)}</td>"
-            f"<td>{'–' if held_out is None else number(total_rms(np.asarray(held_out)), 3)}</td></tr>"
-        )
-    return (
-        '<div class="fv"><table class="fv-table"><tr><th>Error [Nm]</th><th>fit</th><th>validation</th></tr>'
-        f'{"".join(rows)}</table><div class="fv-dim">{COMPARED_IN}.</div></div>'
-    )

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
 from flexviz.identification import Identification
 from flexviz.session import Analysis
-from flexviz.wording import escape, number, short_names
+from flexviz.wording import escape, number, short_names, torque_error_text
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
@@ -35,13 +34,8 @@ def error_text(result: Identification | None) -> str:
     ):
         column = np.asarray([] if values is None else values, dtype=float)
         if column.size and np.isfinite(column).all():
-            return f"{name} {number(total_rms(column), 3)} Nm"
+            return f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"
     return "the model has no error to show"
-
-
-def total_rms(per_joint: ArrayLike) -> float:
-    """Root mean square over the joints' rms values [Nm]."""
-    return float(np.sqrt(np.mean(np.square(per_joint))))
 
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:

@@ -1,19 +1,14 @@
-"""A diagnosis as plain text: verdict, findings and their values."""
+"""Findings of a diagnosis as plain text: names, values, ties, what had absorbed them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from flexviz.effects import EFFECTS
-from flexviz.wording.numbers import interval, listed, number, plain_name, plural, unit_text
+from flexviz.wording.numbers import interval, number, plain_name, plural, unit_text
 
-BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
-WITH_ADDED = {
-    "missing": "this is still missing",
-    "nothing-missing": "nothing is missing",
-    "unknown": "not all of the error is explained",
-}
 ALONG = {
     "position": "the position",
     "velocity": "the velocity",
@@ -26,7 +21,6 @@ ALONG = {
 INERTIA = {f"m{axis}": f"first moment m·{axis}" for axis in "xyz"} | {
     name: f"inertia {name[1:]}" for name in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
 }
-MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
 
 
 class Placed(Protocol):
@@ -64,28 +58,6 @@ class ValueLike(Protocol):
     def unit(self) -> str: ...
 
 
-class LocationLike(Protocol):
-    """A joint and variable with a structured residual."""
-
-    @property
-    def joint(self) -> str: ...
-    @property
-    def variable(self) -> str: ...
-    @property
-    def explained(self) -> float | None: ...
-
-
-class VerdictLike(Protocol):
-    """A diagnosis or a results document."""
-
-    @property
-    def verdict(self) -> str | None: ...
-    @property
-    def findings(self) -> Sequence[FindingLike]: ...
-    @property
-    def where(self) -> Sequence[LocationLike]: ...
-
-
 class TieLike(Protocol):
     """An effect that the data hardly tell from another."""
 
@@ -110,6 +82,15 @@ class AbsorbedLike(Protocol):
     def after(self) -> float: ...
     @property
     def unit(self) -> str: ...
+    @property
+    def deviations(self) -> float | None: ...
+
+
+class AbsorbingLike(Protocol):
+    """An effect with the parameters that had absorbed it."""
+
+    @property
+    def absorbed(self) -> Sequence[AbsorbedLike]: ...
 
 
 def effect_title(name: str) -> str:
@@ -145,36 +126,6 @@ def share_text(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def verdict_text(diagnosis: VerdictLike, added: Sequence[str] = ()) -> str:
-    """The verdict, beginning with "Nothing is missing:", "Missing:" or "Unknown:".
-
-    `added` are names of effects that the diagnosis found and added; if there are any, they come first.
-    """
-    if added:
-        beginning, _, rest = verdict_text(diagnosis).partition(":")
-        now = WITH_ADDED.get(diagnosis.verdict or "", beginning.lower())
-        them = "it" if len(added) == 1 else "them"
-        return f"{BEGINNINGS['missing']} {listed(added)} (added here). With {them} {now}:{rest}"
-    beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
-    if diagnosis.verdict == "missing" and diagnosis.findings:
-        best = diagnosis.findings[0]
-        return (
-            f"{beginning} {finding_name(best)}. It explains {share_text(best.score)} of the error above the "
-            f"noise; confidence {share_text(best.confidence)}."
-        )
-    if diagnosis.verdict == "missing":
-        return f"{beginning} an effect that could not be named."
-    if diagnosis.verdict == "nothing-missing":
-        return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
-    place = next((p for p in diagnosis.where if (p.explained or 0.0) > MIN_NAMED_SHARE), None)
-    if place is None:
-        return f"{beginning} no effect of the library explains the structured residual."
-    return (
-        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}, "
-        f"where {share_text(place.explained or 0.0)} follows {ALONG.get(place.variable, place.variable)}."
-    )
-
-
 def values_text(finding: FindingLike) -> str:
     """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals."""
     parts = []
@@ -192,14 +143,41 @@ def tie_text(tie: TieLike) -> str:
     return f"{text} {breaks}".strip()
 
 
-def absorbed_list(absorbed: Sequence[AbsorbedLike], most: int = 3) -> str:
+@dataclass(frozen=True)
+class Moved:
+    """Change of a parameter over several added effects."""
+
+    name: str
+    joint: str | None
+    before: float
+    after: float
+    unit: str
+    deviations: float
+
+
+def moved(findings: Iterable[AbsorbingLike]) -> list[Moved]:
+    """Every parameter that had absorbed any of the effects, once; `findings` in the order of their addition.
+
+    Its value before the first and after the last of these effects; the largest change (in standard errors)
+    comes first.
+    """
+    out: dict[tuple[str, str | None], Moved] = {}
+    for a in (entry for finding in findings for entry in finding.absorbed):
+        first = out.get((a.name, a.joint))
+        before, least = (a.before, 0.0) if first is None else (first.before, first.deviations)
+        largest = max(least, abs(a.deviations or 0.0))
+        out[a.name, a.joint] = Moved(a.name, a.joint, before, a.after, a.unit, largest)
+    return sorted(out.values(), key=lambda m: -m.deviations)
+
+
+def absorbed_list(absorbed: Sequence[AbsorbedLike | Moved], most: int = 3) -> str:
     """The first parameters that had absorbed the effect, and the number of others."""
     more = len(absorbed) - most
     others = [f"and {plural(more, 'other')}"] if more > 0 else []
     return "; ".join([absorbed_text(entry) for entry in absorbed[:most]] + others)
 
 
-def absorbed_text(absorbed: AbsorbedLike) -> str:
+def absorbed_text(absorbed: AbsorbedLike | Moved) -> str:
     """A parameter that had absorbed the effect: its value before and after."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)

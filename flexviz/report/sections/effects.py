@@ -23,16 +23,23 @@ from flexviz.view import evidence_chart, parameter_names
 from flexviz.wording import (
     ALONG,
     INERTIAL,
+    Family,
     absorbed_list,
+    confidence_range,
     effect_text_name,
     effect_title,
     finding_name,
+    joint_score,
+    moved,
     share_text,
+    text_families,
+    text_names,
     values_text,
     where_text,
 )
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
+MAX_ABSORBED = 4  # parameters named
 MAX_CANDIDATES = 6  # listed per model
 MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
@@ -49,47 +56,67 @@ FOLLOW = {
 
 
 def effects(content: ReportContent) -> Section | None:
-    """One part per added or proposed effect, and the ranking; None without a diagnosis."""
+    """One part per family of added or proposed effects, and the ranking; None without a diagnosis."""
     if content.diagnosis is None:
         return None
-    parts = [_added(name, finding) for name, finding in content.added]
-    parts += [_part(f"Proposed: {finding_name(f)}", f) for f in content.proposed]
+    parts = [_added(content, texts) for texts in _families(content)]
+    if content.proposed:
+        parts.append(_part("Proposed", Family(content.proposed), content.joints, absorbed=True))
     ranking = _ranking(content)
     candidates = explanation(
         "Candidates tried on each model, best first. A candidate “explains” the share of the "
         "held-out error above the noise that it removes after refitting."
     )
+    moves = [a for a in moved(content.found) if a.deviations >= MIN_DEVIATIONS]
+    absorbed = f"Before, other parameters had absorbed what was added: {absorbed_list(moves, MAX_ABSORBED)}."
     return section(
         "Which effects",
         None if parts else Paragraph("No effect was added and none is proposed."),
+        Paragraph(absorbed) if moves else None,
         *(() if ranking is None else (candidates, ranking)),
         parts=parts,
     )
 
 
-def _added(name: str, finding: Finding | None) -> Section:
-    if finding is not None:
-        return _part(f"Added: {finding_name(finding)}", finding)
+def _families(content: ReportContent) -> list[tuple[str, ...]]:
+    return text_families([name for name, _ in content.added], content.joints)
+
+
+def _added(content: ReportContent, texts: Sequence[str]) -> Section:
+    known = {name: finding for name, finding in content.added}
+    found = tuple(finding for text in texts if (finding := known[text]) is not None)
+    if len(found) == len(texts):
+        return _part("Added", Family(found), content.joints)
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
-    return section(f"Added: {effect_text_name(name)}", Paragraph(unknown))
+    return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(unknown))
 
 
-def _part(title: str, finding: Finding) -> Section:
-    values = f"{values_text(finding)}. " if finding.parameters else ""
-    effect = EFFECTS.get(finding.effect)
-    moved = [a for a in finding.absorbed if abs(a.deviations) >= MIN_DEVIATIONS]
-    absorbed = f"Before it was added, other parameters absorbed it: {absorbed_list(moved)}."
-    chart = evidence_chart(finding, height=FIGURE_HEIGHT)
+def _part(title: str, family: Family[Finding], joints: Sequence[str], absorbed: bool = False) -> Section:
+    first, effect = family.members[0], EFFECTS.get(family.effect)
+    many = len(family.members) > 1
+    values = f"{values_text(first)}. " if first.parameters and not many else ""
+    together = "Together they explain" if many else "Explains"
+    moves = [a for a in moved(family.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
+    charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in family.members)
     return section(
-        title,
+        f"{title}: {family.name(joints)}",
         Paragraph(
-            f"{values}Explains {share_text(finding.score)} of the held-out error above the noise; confidence "
-            f"{share_text(finding.confidence)}."
+            f"{values}{together} {share_text(joint_score(family.members))} of the held-out error above the "
+            f"noise; confidence {confidence_range(family.members)}."
         ),
+        _members(family, joints) if many else None,
         None if effect is None else explanation(_law(effect)),
-        Paragraph(absorbed) if moved else None,
-        chart if chart.series else None,
+        Paragraph(f"Other parameters have absorbed it: {absorbed_list(moves)}.") if moves else None,
+        *(chart for chart in charts if chart.series),
     )
+
+
+def _members(family: Family[Finding], joints: Sequence[str]) -> ReportTable:
+    rows = [
+        [str(one.joint), values_text(one), share_text(one.score), share_text(one.confidence)]
+        for one in family.by_joint(joints)
+    ]
+    return table(("joint", "value ± 95 %", "explains", "confidence"), rows, (2, 3))
 
 
 def _law(effect: Effect) -> str:

@@ -21,48 +21,58 @@ from flexviz.view import (
     notable,
     spectrum_chart,
     staircase_chart,
-    total_rms,
 )
-from flexviz.wording import effect_text_name, number
+from flexviz.wording import explained, mean_nrms, normalised, number, text_names, total_rms
 
 MAX_MODELS = 7  # columns per table
 
 
 def staircase(content: ReportContent) -> Section | None:
     """The error step by step, as chart and tables; None without a diagnosis."""
-    steps = content.steps
+    steps = content.shown
     if not steps:
         return None
     many = len(steps) > 1
-    added = [", ".join(map(effect_text_name, one.added)) or "nothing" for one in content.rounds]
-    own = (*content.measurements.effects, *content.rounds[0].model.effects)
-    first = f", with {', '.join(map(effect_text_name, own))}" if own else ""
+    own = text_names((*content.measurements.effects, *content.rounds[0].model.effects), content.joints)
+    first = f", with {', '.join(own)}" if own else ""
+    adds = "".join(f"; {k} adds {name or 'nothing'}" for k, (name, _, _) in enumerate(content.runs) if k)
     return section(
         "How the error fell" if many else "The error",
-        _chart(steps) if many else None,
+        _chart(content, steps) if many else None,
         explanation(
-            "Rms of the torque residual over all joints, in one frequency band for all models. Held-out "
-            f"groups are never fitted. Model 0 is the model of the set{first}"
-            f"{''.join(f'; {k} adds {name}' for k, name in enumerate(added) if k)}."
+            "Rms of the torque residual in per cent of the spread of the joint's torque (NRMS), in one "
+            "frequency band for all models; of all joints: the mean. Held-out groups are never fitted. Model "
+            f"0 is the model of the set{first}{adds}."
         ),
-        _groups(steps),
+        _groups(content, steps),
         _joints(content, steps) if len(content.joints) > 1 else None,
     )
 
 
-def _chart(steps: Sequence[Step]) -> Chart:
-    chart = staircase_chart(steps)
-    return replace(chart, description=f"{fall(steps)} {chart.description}", height=FIGURE_HEIGHT)
+def _chart(content: ReportContent, steps: Sequence[Step]) -> Chart:
+    chart = staircase_chart(steps, spread=content.spread)
+    words = f"{fall(steps, content.spread)} {chart.description}"
+    return replace(chart, description=words, height=FIGURE_HEIGHT)
 
 
-def _groups(steps: Sequence[Step]) -> ReportTable:
-    shown = columns(len(steps))
-    rows = [[name, used, *(number(values[k], 3) for k in shown)] for name, used, values in group_rows(steps)]
+def _share(values: Sequence[float], spread: Sequence[float]) -> str:
+    """Mean NRMS in per cent."""
+    return number(100 * mean_nrms(values, spread), 3)
+
+
+def _groups(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
+    shown, spread = columns(len(steps)), content.spread
+    rows = []
+    for name, _, held_out in steps[-1].groups:
+        found = [next((rms for other, rms, _ in step.groups if other == name), None) for step in steps]
+        cells = ("–" if (row := found[k]) is None else _share(row, spread) for k in shown)
+        rows.append([name, "validate" if held_out else "fit", *cells])
+    rows = rows or [["all", "fit", *(_share(steps[k].rms, spread) for k in shown)]]
     if all(step.noise_floor for step in steps):
-        floors = (number(total_rms(steps[k].noise_floor), 3) for k in shown)
-        rows.append(["noise floor", "", *floors])
+        rows.append(["noise floor", "", *(_share(steps[k].noise_floor, spread) for k in shown)])
     head = ("group", "used to", *(f"model {k}" for k in shown))
-    return table(head, rows, range(2, len(head)), "Rms residual [Nm] of each group, all joints")
+    caption = "Rms residual of each group, mean of all joints [% of the torque]"
+    return table(head, rows, range(2, len(head)), caption)
 
 
 def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
@@ -76,17 +86,24 @@ def group_rows(steps: Sequence[Step]) -> list[tuple[str, str, list[float]]]:
 
 
 def _joints(content: ReportContent, steps: Sequence[Step]) -> ReportTable:
-    held_out = all(step.rms_validation is not None for step in steps)
-    shown = columns(len(steps))
+    held_out = all(step.rms_validation for step in steps)
+    shown, spread = columns(len(steps)), content.spread
     errors = [(step.rms_validation or step.rms) if held_out else step.rms for step in steps]
+    shares = [normalised(error, spread) for error in errors]
     floor = steps[-1].noise_floor
     rows = [
-        [joint, *(number(errors[k][j], 3) for k in shown), number(floor[j], 3) if floor else "–"]
+        [
+            joint,
+            *(number(100 * shares[k][j], 3) for k in shown),
+            explained(shares[-1][j]),
+            number(errors[-1][j], 3),
+            number(floor[j], 3) if floor else "–",
+        ]
         for j, joint in enumerate(content.joints)
     ]
-    head = ("joint", *(f"model {k}" for k in shown), "noise floor")
+    head = ("joint", *(f"model {k} [%]" for k in shown), "torque explained", "last [Nm]", "noise floor [Nm]")
     what = "held-out groups" if held_out else "fitted groups"
-    return table(head, rows, range(1, len(head)), f"Rms residual [Nm] of each joint, {what}")
+    return table(head, rows, range(1, len(head)), f"Rms residual of each joint [% of its torque], {what}")
 
 
 def columns(count: int) -> list[int]:

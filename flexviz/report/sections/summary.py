@@ -7,9 +7,21 @@ from collections.abc import Sequence
 from flexviz.diagnosis import Step
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
-from flexviz.view import total_rms
-from flexviz.wording import INERTIAL, effect_text_name, number, plural, verdict_text
+from flexviz.wording import (
+    INERTIAL,
+    by_share,
+    left_text,
+    mean_nrms,
+    number,
+    percent,
+    plural,
+    text_names,
+    torque_error_text,
+    total_rms,
+    verdict_text,
+)
 
+REPLACED_NOTES = ("explained", "unexplained")  # said here with the torque as the yardstick
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
 
@@ -19,13 +31,17 @@ def summary(content: ReportContent) -> Section:
     verdict = Callout("Not diagnosed yet: the model may be incomplete.", "unknown")
     if diagnosis is not None:
         verdict = Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown"))
-    notes = () if diagnosis is None else diagnosis.notes
+    notes = [note.text for note in diagnosis.notes if note.kind not in REPLACED_NOTES] if diagnosis else []
+    if diagnosis is not None and diagnosis.verdict == "unknown" and content.steps:
+        last = content.steps[-1]
+        left = left_text(content.joints, judged(last), content.spread, last.noise_floor)
+        notes.insert(0, f"what stays: {left}")
     return section(
         "Summary",
         verdict,
         *(Callout(warning, "warn") for warning in warnings(content)),
         Tiles(numbers(content)),
-        *(explanation(_sentence(note.text, content.joints)) for note in notes),
+        *(explanation(_sentence(note, content.joints)) for note in notes),
     )
 
 
@@ -33,43 +49,48 @@ def sentence(content: ReportContent) -> str:
     """The verdict, with the added effects and the fall of the error."""
     if content.diagnosis is None:
         return "Not diagnosed."
-    names = [effect_text_name(name) for name, _ in content.added]
-    words = verdict_text(content.diagnosis, names)
-    return f"{words} {fall(content.steps)}".strip() if names else words
+    joints, worst = content.joints, ""
+    if content.steps:
+        worst = joints[by_share(judged(content.steps[-1]), content.spread)[0]]
+    names = text_names([name for name, _ in content.added], joints)
+    words = verdict_text(content.diagnosis, names, joints=joints, worst=worst)
+    return f"{words} {fall(content.steps, content.spread)}".strip() if names else words
 
 
-def fall(steps: Sequence[Step]) -> str:
+def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
     """How far the error fell, as a sentence."""
     if len(steps) < 2:
         return ""
-    first, last = error_of(steps[0]), error_of(steps[-1])
-    what = "error on held-out groups" if steps[0].rms_validation is not None else "error"
-    times = f", {number(first / last, 2)} times less" if last > 0 and first > last else ""
-    return f"The {what} went from {number(first, 3)} to {number(last, 3)} Nm{times}."
+    first, last = judged(steps[0]), judged(steps[-1])
+    what = "error on held-out groups" if steps[0].rms_validation else "error"
+    before, after = (torque_error_text(rms, spread) for rms in (first, last))
+    return f"The {what} went from {before} to {after}."
 
 
-def error_of(step: Step) -> float:
-    """Rms error of the held-out groups, else of the fitted ones, over all joints [Nm]."""
-    return total_rms(step.rms if step.rms_validation is None else step.rms_validation)
+def judged(step: Step) -> Sequence[float]:
+    """Rms error per joint of the held-out groups, else of the fitted ones [Nm]."""
+    return step.rms_validation or step.rms
 
 
 def numbers(content: ReportContent) -> list[Tile]:
     """Error, noise floor, effects, parameters."""
     tiles: list[Tile] = []
-    steps = content.steps
-    if steps:
-        held_out = steps[-1].rms_validation is not None
-        shown = [number(error_of(step), 3) for step in (steps[0], steps[-1])[-len(steps) :]]
-        note = "rms torque, all joints" + ("; groups that were not fitted" if held_out else "")
-        tiles.append(Tile("Error", f"{' → '.join(shown)} Nm", note))
-        if steps[-1].noise_floor:
-            floor = number(total_rms(steps[-1].noise_floor), 3)
-            tiles.append(Tile("Noise floor", f"{floor} Nm", "expected from measurement noise alone"))
-    elif content.identification is not None:
-        found = content.identification.residual
-        values = found.rms if found.rms_validation is None else found.rms_validation
-        note = "fitted groups" if found.rms_validation is None else "groups that were not fitted"
-        tiles.append(Tile("Error", f"{number(total_rms(values), 3)} Nm", f"rms torque; {note}"))
+    steps, found = content.steps, content.identification
+    errors: list[Sequence[float]] = (
+        [judged(step) for step in (steps[0], steps[-1])[-len(steps) :]] if steps else []
+    )
+    held_out, floor = bool(steps and steps[-1].rms_validation), steps[-1].noise_floor if steps else ()
+    if not steps and found is not None:
+        held_out = found.residual.rms_validation is not None
+        errors = [found.residual.rms_validation or found.residual.rms]
+    if errors:
+        shown = " → ".join(percent(mean_nrms(rms, content.spread), 3) for rms in errors)
+        torque = " → ".join(number(total_rms(rms), 3) for rms in errors)
+        groups = "groups that were not fitted" if held_out else "fitted groups"
+        tiles.append(Tile("Error", shown, f"of the torque, mean of the joints; {groups}; {torque} Nm"))
+    if floor:
+        note = f"{number(total_rms(floor), 3)} Nm, expected from measurement noise alone"
+        tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread), 3), note))
     own = len(content.measurements.effects)
     beside = f"beside {plural(own, 'effect')} of the set" if own else ""
     tiles.append(Tile("Effects added", str(len(content.analysis.effects)), beside))

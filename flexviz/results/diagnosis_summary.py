@@ -1,0 +1,155 @@
+"""A diagnosis as text: verdict, candidates, errors step by step, what stays, notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rich.table import Table
+
+from flexviz.results.entries import CandidateEntry, ResultFields, StepEntry
+from flexviz.results.tables import in_ascii, interval, plain_table
+from flexviz.wording import (
+    Family,
+    absorbed_list,
+    by_share,
+    confidence_range,
+    explained,
+    families,
+    joint_score,
+    left_text,
+    location,
+    mean_nrms,
+    moved,
+    normalised,
+    number,
+    short_names,
+    text_runs,
+    unit_text,
+    verdict_text,
+)
+
+SHOWN_ABSORBED = 4  # parameters
+REPLACED_NOTES = ("explained", "unexplained")  # said here with the joints' torque as the yardstick
+
+
+def diagnosis_parts(result: ResultFields) -> list[Table | str]:
+    """Verdict, candidates, table of the steps, what stays, notes."""
+    joints = joints_of(result)
+    last = result.steps[-1] if result.steps else None
+    spread = result.torque.spread if result.torque is not None else []
+    ranking = by_share(last.rms_validation or last.rms, spread) if last is not None and spread else []
+    worst = joints[ranking[0]] if ranking else ""
+    out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
+    for rank, family in enumerate(families(result.candidates), 1):
+        out += candidate_lines(rank, family, joints)
+    if last is not None:
+        out.append(steps_table(result, joints, spread))
+        if absorbed := moved(step.added for step in result.steps if step.added is not None):
+            out.append(
+                f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
+            )
+        if result.final_verdict == "unknown" and spread:
+            error = last.rms_validation or last.rms
+            out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
+    place = location(result.where, worst)
+    if result.final_verdict == "unknown" and place is not None:
+        low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
+        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")
+    skipped = {note.text for note in result.typed_notes if spread and note.kind in REPLACED_NOTES}
+    out += [f"note: {note}" for note in result.notes if note not in skipped]
+    return [*out, "stopped; this is what was found so far"] if result.stopped else out
+
+
+def joints_of(result: ResultFields) -> tuple[str, ...]:
+    """The robot's joints."""
+    if result.torque is not None:
+        return tuple(result.torque.joints)
+    return tuple(dict.fromkeys(p.joint for p in result.all_parameters if p.joint is not None))
+
+
+# -- candidates ----------------------------------------------------------------------------------------------
+
+
+def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
+    """A candidate with its place and values; of a family, one value per joint."""
+    first, *others = family.members
+    if not others:
+        yield f"{rank:3d}. {described(first)}"
+        for tie in first.inseparable_from:
+            place = f" on {tie.joint}" if tie.joint else ""
+            yield f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})"
+            if tie.would_separate:
+                yield f"     {tie.would_separate}"
+        return
+    yield (
+        f"{rank:3d}. {first.effect} on {family.place(joints)}: together explain "
+        f"{100 * joint_score(family.members):.0f} % of the held-out excess, confidence "
+        f"{confidence_range(family.members)}"
+    )
+    for member in family.by_joint(joints):
+        twins = ", ".join(
+            tie.effect + (f" on {tie.joint}" if tie.joint != member.joint else "")
+            for tie in member.inseparable_from
+        )
+        yield f"     {member.joint}: {values(member)}" + (f"; not told apart from {twins}" if twins else "")
+
+
+def described(candidate: CandidateEntry) -> str:
+    """A candidate with its place, values, share and confidence."""
+    place = candidate.joint or candidate.payload or "the whole robot"
+    group = f" in group {candidate.group}" if candidate.group else ""
+    return (
+        f"{candidate.effect} on {place}{group}: {values(candidate)}; explains {100 * candidate.score:.0f} % "
+        f"of the held-out excess, confidence {candidate.confidence:.2f}"
+    )
+
+
+def values(candidate: CandidateEntry) -> str:
+    """ "coulomb 3.000 ± 0.012 Nm"."""
+    return ", ".join(
+        f"{name} {' ± '.join(interval(v.value, v.std))} {unit_text(v.unit)}".rstrip()
+        for name, v in candidate.parameters.items()
+    )
+
+
+# -- steps ---------------------------------------------------------------------------------------------------
+
+
+def steps_table(result: ResultFields, joints: Sequence[str], spread: Sequence[float]) -> Table:
+    """Errors per joint after each added family of effects: in per cent of the torque if known, else in Nm."""
+    held_out = all(step.rms_validation for step in result.steps)
+
+    def error(step: StepEntry) -> Sequence[float]:
+        return step.rms_validation if held_out and step.rms_validation else step.rms
+
+    def cells(values: Sequence[float]) -> list[str]:
+        return [number(value, 3) for value in values]
+
+    first, last = result.steps[0], result.steps[-1]
+    names = short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
+    groups, unit = "held-out" if held_out else "fitted", "% of the torque" if spread else "Nm"
+    mean = ["mean"] if spread and len(names) > 1 else []
+    title = f"error of the {groups} groups [{unit}]"
+    table = plain_table(title, numbers=(*names, *mean), end=("verdict",))
+    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
+    for name, step in named_steps(result.steps, joints):
+        share = [100 * value for value in normalised(error(step), spread)] if spread else error(step)
+        average = [100 * mean_nrms(error(step), spread)] if mean else []
+        table.add_row(name, *cells([*share, *average]), step.verdict)
+    table.add_section()
+    empty = [""] * len(mean)
+    if spread:
+        texts = [explained(share).removesuffix(" %") for share in normalised(error(last), spread)]
+        table.add_row("torque explained by the last model [%]", *texts, *empty, "")
+        table.add_row("error of the last model [Nm]", *cells(error(last)), *empty, "")
+    if last.noise_floor:
+        table.add_row("noise floor [Nm]", *cells(last.noise_floor), *empty, "")
+    return table
+
+
+def named_steps(steps: Sequence[StepEntry], joints: Sequence[str]) -> Iterator[tuple[str, StepEntry]]:
+    """The first model, and the last one of every run of effects of one kind, with their names."""
+    yield "present model", steps[0]
+    added = [[step.added.text] for step in steps[1:] if step.added is not None]
+    for name, _, last in text_runs(added, joints):
+        yield f"+ {name}", steps[last + 1]

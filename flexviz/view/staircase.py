@@ -1,0 +1,196 @@
+"""The error after each added effect, as chart and table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
+from flexviz.diagnosis import Step
+from flexviz.identification import ParameterEstimate
+from flexviz.session import ModelStep
+from flexviz.wording import (
+    effect_text_name,
+    escape,
+    interval,
+    left_text,
+    mean_nrms,
+    normalised,
+    number,
+    plain_name,
+    text_runs,
+    total_rms,
+    unit_text,
+)
+
+NO_STEPS = (
+    "The error of every group after each added effect appears here, with the noise floor: "
+    "press Find the missing effect (step 4, Diagnose), then Add and refit."
+)
+COMPARED_IN = "rms residual in the band that the diagnosis compares models in, the same for every model"
+HELD_OUT = "validation"
+MAX_GROUPS = 10  # drawn
+ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
+
+
+def one_error(row: Sequence[float], joint: int | None, spread: Sequence[float]) -> float:
+    """Error of one joint, or over all (None): in per cent of the torque, or in Nm without its spread."""
+    if joint is not None:
+        return 100 * normalised(row, spread)[joint] if spread else float(row[joint])
+    return 100 * mean_nrms(row, spread) if spread else total_rms(row)
+
+
+def step_errors(
+    steps: Sequence[Step], joint: int | None, spread: Sequence[float] = ()
+) -> dict[str, tuple[list[float], bool]]:
+    """Name -> (error at each step, held out?) of every group; fit and validation if groups are unknown.
+
+    Of one joint or over all (None); in per cent of the torque, or in Nm without its spread.
+    """
+
+    def value(row: Sequence[float]) -> float:
+        return one_error(row, joint, spread)
+
+    if all(step.groups for step in steps):
+        names = [(name, held_out) for name, _, held_out in steps[-1].groups]
+        found: dict[str, tuple[list[float], bool]] = {}
+        for name, held_out in names[:MAX_GROUPS]:
+            rows = [next((row for other, row, _ in step.groups if other == name), None) for step in steps]
+            if all(row is not None for row in rows):
+                found[name] = [value(row) for row in rows if row is not None], held_out
+        return found
+    found = {"fit": ([value(step.rms) for step in steps], False)}
+    if all(step.rms_validation is not None for step in steps):
+        found[HELD_OUT] = [value(step.rms_validation or ()) for step in steps], True
+    return found
+
+
+def staircase_charts(
+    model_steps: Sequence[ModelStep], joint: int, joints: Sequence[str], spread: Sequence[float] = ()
+) -> tuple[Chart, ...]:
+    """The error over all joints, and of the selected joint; neighbouring effects of one kind are one step."""
+    if not model_steps:
+        return no_chart("all", NO_STEPS), no_chart("joint")
+    steps = [model_steps[last].step for _, _, last in model_runs(model_steps, joints)]
+    charts = [staircase_chart(steps, spread=spread)]
+    if len(steps[0].rms) > 1:
+        charts.append(staircase_chart(steps, joint, joints[joint], spread=spread))
+    return tuple(charts)
+
+
+def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[tuple[str, list[str], int]]:
+    """Name, texts of the added effects and last model of each run of effects of one kind."""
+    added, before = [], set(model_steps[0].effects)
+    for one in model_steps:
+        added.append([text for text in one.effects if text not in before])
+        before |= set(one.effects)
+    return text_runs(added, joints)
+
+
+def staircase_chart(
+    steps: Sequence[Step],
+    joint: int | None = None,
+    name: str = "",
+    ticks: Sequence[str] = (),
+    spread: Sequence[float] = (),
+) -> Chart:
+    """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
+
+    In per cent of the torque, whose `spread` has shape (n,) [Nm]; without it in Nm.
+    """
+    x, unit = np.arange(float(len(steps))), "% of the torque" if spread else "Nm"
+    errors = step_errors(steps, joint, spread)
+    bright = COLOURS.series[:6]
+    series = [
+        ChartSeries(
+            f"{group} (validation)" if held_out and group != HELD_OUT else group,
+            bright[k % len(bright)],
+            x,
+            np.maximum(values, ERROR_FLOOR),
+            2.6 if held_out else 1.6,
+            DASHED if held_out else DASHES[0 if k < len(bright) else 3],
+            points=len(steps) == 1,
+            steps=True,
+        )
+        for k, (group, (values, held_out)) in enumerate(errors.items())
+    ]
+    floors = [step.noise_floor for step in steps]
+    if all(len(floor) for floor in floors):
+        low = [one_error(floor, joint, spread) for floor in floors]
+        if np.isfinite(low).all():
+            floor = np.maximum(low, ERROR_FLOOR)
+            series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
+    fell = (
+        f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} {unit}"
+        for group, (values, _) in errors.items()
+    )
+    whose = "of all joints" if joint is None else f"of {name}"
+    return Chart(
+        "all" if joint is None else "joint",
+        f"Error after each added effect, {whose.removeprefix('of ')}",
+        ChartAxis(
+            "effects added",
+            limits=(-0.5, len(steps) - 0.5),
+            ticks=tuple(enumerate(ticks or [str(k) for k in range(len(steps))])),
+            whole=True,
+        ),
+        ChartAxis("rms residual", unit, logarithmic=True),
+        tuple(series),
+        description=f"{'; '.join(fell)}.",
+        height=230,
+    )
+
+
+def staircase_html(
+    model_steps: Sequence[ModelStep],
+    joints: Sequence[str],
+    spread: Sequence[float] = (),
+    parameters: Sequence[ParameterEstimate] = (),
+) -> str:
+    """The errors of the steps as a table; a family of effects unfolds to its values per joint."""
+    if not model_steps:
+        return ""
+    rows = []
+    for count, (name, texts, last) in enumerate(model_runs(model_steps, joints)):
+        step = model_steps[last].step
+        own = [effect_text_name(text) for text in model_steps[0].effects]
+        what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
+        found = "".join(f"<div>{escape(text)}</div>" for text in effect_values(texts, parameters))
+        label = f"{count}. {escape(what)}"
+        if found:
+            label = f"<details><summary>{label}</summary>{found}</details>"
+        held_out = step.rms_validation
+        cells = (step.rms, held_out)
+        rows.append(f"<tr><td>{label}</td>{''.join(_error_cell(row, spread) for row in cells)}</tr>")
+    last_step = model_steps[-1].step
+    if last_step.noise_floor:
+        floor = _error_cell(last_step.noise_floor, spread)
+        rows.append(f"<tr><td>noise floor</td>{floor}{floor}</tr>")
+    unit = "% of the torque" if spread else "Nm"
+    judged = last_step.rms_validation or last_step.rms
+    left = f"Largest: {left_text(joints, judged, spread, last_step.noise_floor)}. " if spread else ""
+    return (
+        f'<div class="fv"><table class="fv-table"><tr><th>Error [{unit}]</th><th>fit</th><th>validation</th>'
+        f'</tr>{"".join(rows)}</table><div class="fv-dim">{escape(left)}{COMPARED_IN}.</div></div>'
+    )
+
+
+def _error_cell(row: Sequence[float] | None, spread: Sequence[float]) -> str:
+    if not row:
+        return "<td>–</td>"
+    return f'<td title="{number(total_rms(row), 3)} Nm">{number(one_error(row, None, spread), 3)}</td>'
+
+
+def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate]) -> list[str]:
+    """ "joint2: coulomb 3.000 ± 0.012 Nm" of each effect that the parameters know."""
+    out = []
+    for text in texts:
+        effect, _, place = text.partition(":")
+        values = [
+            f"{plain_name(p.name)} {' ± '.join(interval(p.value, p.std))} {unit_text(p.unit)}".rstrip()
+            for p in parameters
+            if p.name.partition(".")[0] == effect and "." in p.name and place in (p.joint, p.payload)
+        ]
+        out += [f"{place}: {', '.join(values)}"] if values and place else []
+    return out

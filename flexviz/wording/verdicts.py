@@ -1,0 +1,87 @@
+"""The verdict of a diagnosis as a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, TypeVar
+
+from flexviz.wording.families import confidence_range, families, joint_score
+from flexviz.wording.findings import ALONG, FindingLike, share_text
+from flexviz.wording.numbers import listed
+
+BEGINNINGS = {"nothing-missing": "Nothing is missing:", "missing": "Missing:", "unknown": "Unknown:"}
+WITH_ADDED = {
+    "missing": "this is still missing",
+    "nothing-missing": "nothing is missing",
+    "unknown": "not all of the error is explained",
+}
+MIN_NAMED_SHARE = 0.005  # of the residual: a location that explains less is not named
+
+
+class LocationLike(Protocol):
+    """A joint and variable with a structured residual."""
+
+    @property
+    def joint(self) -> str: ...
+    @property
+    def variable(self) -> str: ...
+    @property
+    def explained(self) -> float | None: ...
+
+
+L = TypeVar("L", bound=LocationLike)
+
+
+class VerdictLike(Protocol):
+    """A diagnosis or a results document."""
+
+    @property
+    def verdict(self) -> str | None: ...
+    @property
+    def findings(self) -> Sequence[FindingLike]: ...
+    @property
+    def where(self) -> Sequence[LocationLike]: ...
+
+
+def verdict_text(
+    diagnosis: VerdictLike, added: Sequence[str] = (), *, joints: Sequence[str] = (), worst: str = ""
+) -> str:
+    """The verdict, beginning with "Nothing is missing:", "Missing:" or "Unknown:".
+
+    Args:
+        diagnosis: the diagnosis.
+        added: names of effects that it found and added; if there are any, they come first.
+        joints: all joints of the robot.
+        worst: joint with the largest share of its torque unexplained; default: the diagnosis's choice.
+    """
+    if added:
+        beginning, _, rest = verdict_text(diagnosis, joints=joints, worst=worst).partition(":")
+        now = WITH_ADDED.get(diagnosis.verdict or "", beginning.lower())
+        them = "it" if len(added) == 1 else "them"
+        return f"{BEGINNINGS['missing']} {listed(added)} (added here). With {them} {now}:{rest}"
+    beginning = BEGINNINGS.get(diagnosis.verdict or "", "Unknown:")
+    if diagnosis.verdict == "missing" and diagnosis.findings:
+        best = families(diagnosis.findings)[0]
+        explain = "It explains" if len(best.members) == 1 else "Together they explain"
+        share = share_text(joint_score(best.members))
+        return (
+            f"{beginning} {best.name(joints)}. {explain} {share} of the error above the noise; "
+            f"confidence {confidence_range(best.members)}."
+        )
+    if diagnosis.verdict == "missing":
+        return f"{beginning} an effect that could not be named."
+    if diagnosis.verdict == "nothing-missing":
+        return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
+    place = location(diagnosis.where, worst)
+    if place is None:
+        return f"{beginning} no effect of the library explains the structured residual."
+    return (
+        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}, "
+        f"where {share_text(place.explained or 0.0)} follows {ALONG.get(place.variable, place.variable)}."
+    )
+
+
+def location(where: Sequence[L], worst: str = "") -> L | None:
+    """The first location that explains something, on the joint `worst` if there is one."""
+    found = [place for place in where if (place.explained or 0.0) > MIN_NAMED_SHARE]
+    return next((place for place in found if place.joint == worst), found[0] if found else None)

@@ -1,0 +1,139 @@
+"""Errors in words, and effects of one kind as one finding."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from flexviz.diagnosis import EffectParameter, Step
+from flexviz.diagnosis.result import Absorbed
+from flexviz.results import CandidateEntry, parts
+from flexviz.wording import (
+    explained,
+    families,
+    joints_text,
+    left_text,
+    mean_nrms,
+    moved,
+    text_families,
+    text_names,
+    text_runs,
+    torque_error_text,
+    verdict_text,
+)
+from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, OFFSET
+
+FIRST = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")}, score=0.5)
+JOINTS = ("joint1", "joint2")
+
+
+def test_an_error_is_a_share_of_the_torque_first() -> None:
+    assert torque_error_text((0.3, 0.4), (3.0, 1.0)) == "25 % of the torque (0.354 Nm)"
+    assert torque_error_text((0.3, 0.4)) == "0.354 Nm"
+    assert mean_nrms((0.3, 0.4), (0.0, 1.0)) == 0.4  # a constant torque has no share
+    assert torque_error_text((0.3,), (0.0,)) == "0.300 Nm"
+    assert [explained(e) for e in (0.2, 0.078, 1e-4, 1.7, math.nan)] == [
+        "96 %", "99.4 %", "> 99.999 %", "0 %", "–",
+    ]  # fmt: skip
+
+
+def test_what_stays_is_ranked_by_the_share_of_the_torque() -> None:
+    text = left_text(("arm", "wrist"), (90.0, 15.0), (600.0, 200.0), (15.0, 0.15))
+    assert text == "arm 15 % of its torque (90.0 Nm, 6.0 times the noise); wrist 7.5 % of its torque (15.0 Nm, 100 times the noise)"  # fmt: skip  # noqa: E501
+    assert left_text(("a", "b"), (1.0, 2.0), (), ()) == "b 2.00 Nm; a 1.00 Nm"
+
+
+@pytest.mark.parametrize(
+    "names, joints, text",
+    [
+        (("joint_3", "joint_1", "joint_12"), (), "joints 1, 3 and 12"),
+        (("panda_joint2", "panda_joint1"), (), "joints 1 and 2"),
+        (("joint1", "joint2"), JOINTS, "joints 1 and 2"),
+        (("wrist", "elbow"), ("elbow", "wrist", "hand"), "elbow and wrist"),
+        (("a", "b", "c"), ("a", "b", "c"), "all three joints"),
+        (("joint2",), (), "joint2"),
+    ],
+)
+def test_joints_in_a_sentence(names: tuple[str, ...], joints: tuple[str, ...], text: str) -> None:
+    assert joints_text(names, joints) == text
+
+
+def test_likely_effects_of_one_kind_are_a_family() -> None:
+    doubtful = replace(COULOMB, joint="joint3", confidence=0.3)
+    found = families((COULOMB, OFFSET, FIRST, doubtful))
+    assert [family.name() for family in found] == [
+        "Coulomb friction on joints 1 and 2", "Torque offset on joint1", "Coulomb friction on joint3",
+    ]  # fmt: skip
+    assert [m.joint for m in found[0].by_joint(JOINTS)] == ["joint1", "joint2"]
+    # rivals of one search are no family: at most one of them is likelier than not
+    assert len(families((COULOMB, replace(FIRST, confidence=0.01)))) == 2
+    group = replace(COULOMB, effect="external_contact", group="g1")
+    assert len(families((group, replace(group, joint="joint1")))) == 2
+
+
+def test_families_by_their_texts() -> None:
+    texts = ("a:joint2", "torque_delay", "a:joint1", "payload_error:p1", "payload_error:p2")
+    assert text_families(texts, JOINTS) == [
+        ("a:joint2", "a:joint1"), ("torque_delay",), ("payload_error:p1",), ("payload_error:p2",),
+    ]  # fmt: skip
+    assert text_names(("coulomb_friction:joint2", "coulomb_friction:joint1"), JOINTS) == [
+        "Coulomb friction on joints 1 and 2"
+    ]
+    added = ([], ["a:joint2"], ["a:joint1"], ["b:joint1"], ["a:joint1@g1"], ["a:joint1@g2"])
+    assert [(texts, last) for _, texts, last in text_runs(added, JOINTS)] == [
+        ([], 0), (["a:joint2", "a:joint1"], 2), (["b:joint1"], 3), (["a:joint1@g1"], 4), (["a:joint1@g2"], 5),
+    ]  # fmt: skip
+
+
+def test_what_was_absorbed_is_listed_once() -> None:
+    def absorbing(*entries: Absorbed) -> Any:
+        return SimpleNamespace(absorbed=entries)
+
+    first = absorbing(Absorbed("stiffness", "joint1", 9.0, 5.0, "Nm/rad", 3.0))
+    second = absorbing(
+        Absorbed("stiffness", "joint1", 5.0, 2.0, "Nm/rad", 7.0),
+        Absorbed("mass", "joint2", 1.0, 2.0, "kg", 5.0),
+    )
+    stiffness, mass = moved((first, second))
+    assert (stiffness.before, stiffness.after, stiffness.deviations) == (
+        9.0,
+        2.0,
+        7.0,
+    ) and mass.name == "mass"
+
+
+def lines(diagnosis: Any, spread: tuple[float, ...] = ()) -> str:
+    document = diagnosis.document()
+    return (document.with_torque(JOINTS, spread) if spread else document).summary(width=160)
+
+
+def test_the_summary_has_one_line_per_family_with_the_share_of_the_torque() -> None:
+    both: Step = replace(AFTER, added=FIRST, rms_validation=(0.02, 0.3))
+    diagnosis = replace(DIAGNOSIS, findings=(COULOMB, FIRST, OFFSET), steps=(BEFORE, AFTER, both))
+    text = lines(diagnosis, (11.0, 10.0))
+    assert text.startswith("Missing: Coulomb friction on joints 1 and 2. Together they explain 81 %")
+    assert "joint1: coulomb 7.000 ± 0.039 Nm" in text and "joint2: coulomb 3.000 ± 0.020 Nm" in text
+    rows = [line.split() for line in text.splitlines()]
+    assert ["20.0", "11.0", "15.5", "missing"] in [row[-4:] for row in rows if row[:1] == ["present"]]
+    assert ["0.182", "3.00", "1.59", "unknown"] in [row[-4:] for row in rows if row[:2] == ["+", "Coulomb"]]
+    assert sum(row[:2] == ["+", "Coulomb"] for row in rows) == 1  # two steps, one line
+    assert "what stays: joint2 3.0 % of its torque (0.300 Nm, 15 times the noise); joint1 0.18 %" in text
+    assert text.count("absorbed") == 1 and "unexplained" not in text
+    assert "error of the held-out groups [Nm]" in lines(diagnosis)  # without the torque
+
+
+def test_a_held_out_group_without_samples_leaves_no_empty_error() -> None:
+    steps = (replace(BEFORE, rms_validation=()), replace(AFTER, rms_validation=()))
+    text = lines(replace(DIAGNOSIS, steps=steps), (11.0, 10.0))
+    assert "error of the fitted groups" in text and "Nm Nm" not in text
+
+
+def test_rivals_stay_apart_in_the_verdict() -> None:
+    assert verdict_text(DIAGNOSIS).startswith("Missing: Coulomb friction on joint2. It explains 62 %")
+    entries = [CandidateEntry.model_validate(f) for f in (COULOMB, FIRST)]
+    assert families(entries)[0].name(JOINTS) == "Coulomb friction on joints 1 and 2"
+    assert isinstance(parts(DIAGNOSIS.document(), 160)[0], str)
