@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.estimation.covariance import sandwich, score_covariance
-from flexviz.estimation.least_squares import Bounds, bounded_step
+from flexviz.estimation.least_squares import Bounds, bounded_step, gauss_newton
 from flexviz.estimation.weighted_point import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
@@ -198,6 +199,51 @@ def test_step_stays_within_bounds():
     step, fixed = bounded_step(np.array([3.0, 1.0]), hessian, np.array([0.5, 0.0]), bounds)
     assert list(fixed) == [True, False] and step[0] == -0.5
     assert step[1] == pytest.approx((-1.0 + 0.5 * 0.5) / 1.0)
+
+
+class CurvedEquation:
+    """r(x) = (x + 1, λx² + x − 1): Gauss–Newton's steps near the minimum x = 0 are each λ times the last.
+
+    Dennis, Schnabel: Numerical Methods for Unconstrained Optimization, section 10.2.
+    """
+
+    has_state = False
+    signals = SimpleNamespace(tau=np.ones((1, 2, 1)))
+    layout = SimpleNamespace(compliance=slice(0, 0))
+
+    def __init__(self, curvature: float) -> None:
+        self.curvature = curvature
+
+    def at(self, x, after=None):
+        return self
+
+    def evaluate(self, x):
+        residual = np.array([x + 1, self.curvature * x**2 + x - 1])
+        jacobian = np.array([[[1.0]], [[2 * self.curvature * x[0] + 1]]])
+        return SimpleNamespace(residual=residual, jacobian=jacobian)
+
+
+@pytest.mark.parametrize("curvature", [-0.95, 0.9])
+def test_slow_steps_are_extrapolated(curvature):
+    """0.95ⁿ would need about 90 iterations, 0.9ⁿ 40."""
+    flat = SimpleNamespace(
+        value=lambda x: 0.0,
+        feasible=lambda x: True,
+        gradient_and_hessian=lambda x: (np.zeros(1), np.zeros((1, 1))),
+    )
+    bounds = Bounds(np.array([-10.0]), np.array([10.0]))
+
+    equation = CurvedEquation(curvature)
+    solution = gauss_newton(
+        equation,  # type: ignore[arg-type]
+        flat,  # type: ignore[arg-type]
+        bounds,
+        np.array([1.0]),
+        max_iterations=15,
+        tolerance=1e-4,
+    )
+    assert solution.converged
+    assert abs(solution.x[0]) < 0.01
 
 
 def test_white_noise_from_fourth_differences():

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, Evaluation, OperatingPoint
-from flexviz.estimation.linear_algebra import Bounds, bounded_step
+from flexviz.estimation.linear_algebra import Bounds, bounded_step, scaled_solve
 from flexviz.estimation.prior import Prior
 
 Array = NDArray[np.float64]
 
 MAX_HALVINGS = 12
+ACCELERATION_DEPTH = 3  # past steps that an extrapolated step combines
+SHRINKING = 0.5  # times the last step, below which a step needs no extrapolation
 
 
 class Stopped(Exception):
@@ -117,20 +119,42 @@ class _Descent:
 
     def run(self, iterations: int) -> tuple[int, bool]:
         """Take steps at fixed weights; returns the iterations left and whether the fit has converged."""
+        past: list[tuple[Array, Array]] = []  # of each iteration: x and the Gauss–Newton step there
         while iterations > 0:
             iterations -= 1
             gradient, hessian = normal_equations(self.evaluation, self.weights, self.prior, self.x)
             step, self.at_bound = bounded_step(gradient, hessian, self.x, self.bounds)
-            length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
+            length = _length(step, hessian)
             if length < self.tolerance:
                 return iterations, True
-            accepted = line_search(self.point, self.weights, self.prior, self.bounds, self.x, step, self.cost)
+            past = [*past[-ACCELERATION_DEPTH:], (self.x, step)]
+            accepted = self._accelerated(past, hessian) or self._search(step, MAX_HALVINGS)
             if accepted is None:
                 # no improvement along the step: converged if it is shorter than a standard deviation
                 return iterations, length < 1.0
             self.x, self.evaluation, self.cost = accepted
             self.report(self.x, self.cost, length)
         return iterations, False
+
+    def _accelerated(
+        self, past: list[tuple[Array, Array]], hessian: Array
+    ) -> tuple[Array, Evaluation, float] | None:
+        """A step extrapolated from the last ones, if they hardly shrink and it lowers the cost.
+
+        Gauss–Newton zigzags or creeps where the residual is large and curved. Anderson acceleration takes the
+        step to where the linear combination of the last steps is smallest (Walker, Ni: Anderson acceleration
+        for fixed-point iterations, SIAM J. Numer. Anal. 49(4), 2011).
+        """
+        if len(past) < 2 or _length(past[-1][1], hessian) < SHRINKING * _length(past[-2][1], hessian):
+            return None
+        moves, changes = (np.diff(np.stack(part, axis=1), axis=1) for part in zip(*past, strict=True))
+        step = past[-1][1]
+        share = scaled_solve(changes.T @ hessian @ changes, changes.T @ hessian @ step)
+        return self._search(step - (moves + changes) @ share, 1)
+
+    def _search(self, step: Array, halvings: int) -> tuple[Array, Evaluation, float] | None:
+        place = self.point, self.weights, self.prior, self.bounds
+        return line_search(*place, self.x, step, self.cost, halvings)
 
     def reweight(self) -> bool:
         """Re-estimate the weights; returns whether weights and operating point are unchanged."""
@@ -142,6 +166,11 @@ class _Descent:
         self.cost = weighted_cost(self.evaluation, self.weights, self.prior, self.x)
         used = self.weights > 0
         return not changed and np.allclose(self.weights[used], old[used], rtol=0.02)
+
+
+def _length(step: Array, hessian: Array) -> float:
+    """In standard deviations of the parameters."""
+    return float(np.sqrt(max(step @ hessian @ step, 0.0)))
 
 
 def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> tuple[Array, Array]:
@@ -165,12 +194,19 @@ def weighted_cost(now: Evaluation, weights: Array, prior: Prior, x: Array) -> fl
 
 
 def line_search(
-    point: OperatingPoint, weights: Array, prior: Prior, bounds: Bounds, x: Array, step: Array, cost: float
+    point: OperatingPoint,
+    weights: Array,
+    prior: Prior,
+    bounds: Bounds,
+    x: Array,
+    step: Array,
+    cost: float,
+    halvings: int = MAX_HALVINGS,
 ) -> tuple[Array, Evaluation, float] | None:
     """The first of x + step, x + step/2, … that lowers the cost; None if none does."""
     compliance = point.layout.compliance
     length = 1.0
-    for _ in range(MAX_HALVINGS):
+    for _ in range(halvings):
         trial = bounds.clip(x + length * step)
         # a stiffness may grow at most tenfold per step: the residual is only nearly linear in c
         trial[compliance] = np.maximum(trial[compliance], 0.1 * x[compliance])
