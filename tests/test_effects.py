@@ -48,6 +48,7 @@ VALUES = {
     "directional_friction": (-0.4,),
     "load_dependent_friction": (0.08,),
     "presliding_hysteresis": (200.0, 2.0),
+    "startup_friction": (1.8, 0.03),
     "friction_drift": (0.8, 2.0),
     "torque_ripple": (1.2, 3.3, 0.4),
     "torque_offset": (-2.0,),

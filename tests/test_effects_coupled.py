@@ -16,7 +16,7 @@ from flexviz.measurements import read_set
 from flexviz.simulation import laws, make_plan, simulate_preset
 from tests.test_effects import MOTION, VALUES, named
 
-ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction", "directional_friction"}
+ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction", "directional_friction", "startup_friction"}
 JOINTS = ("joint1", "joint2", "joint3")
 
 
@@ -44,7 +44,7 @@ def test_every_pair_of_neighbours_once() -> None:
 
 
 def test_a_search_for_single_effects_leaves_them_out() -> None:
-    layout = Layout(JOINTS)
+    layout = Layout(JOINTS, (ChosenEffect("coulomb_friction", 1),))
     few, many = ({e.effect for e in candidates(layout, (), many=m)} for m in (False, True))
     assert many - few == ONLY_AMONG_MANY
 

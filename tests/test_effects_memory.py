@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects import EFFECTS, JointMotion, JointState, LawEffect
 from flexviz.effects.presliding_hysteresis import dahl
+from flexviz.effects.startup_friction import worn_off
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.simulation.laws import BreakAway
 from flexviz.simulation.sets import simulate_preset
 
 TIME = np.linspace(0.0, 8.0, 4001)
 _RANDOM = np.random.default_rng(3)
-PATHS = {
+PATHS: dict[str, np.ndarray] = {
     "swing": np.sin(2 * TIME) + 0.1 * np.sin(11 * TIME),
     "rest first": np.where(TIME < 1.0, 0.3, 0.3 + np.sin(2 * (TIME - 1.0))),
     "noise": 1e-4 * _RANDOM.standard_normal(len(TIME)),
@@ -49,13 +51,72 @@ def test_dahl_is_its_recurrence(name: str, rate: float) -> None:
     )
 
 
-@pytest.mark.parametrize("values", [(200.0, 2.0), (5.0, 3.0), (4000.0, 0.4)])
-def test_slopes_with_respect_to_both_parameters(values: tuple[float, float]) -> None:
-    effect = EFFECTS["presliding_hysteresis"]
-    assert isinstance(effect, LawEffect)
-    path = PATHS["swing"]
+def moving(path: np.ndarray, velocity: np.ndarray | None = None) -> JointMotion:
+    """A motion of which only the motor side is known."""
     blank = np.zeros_like(path)
-    motion = JointMotion(TIME, path, blank, blank, blank, blank, 1000.0, 1.0, 1.0)
+    return JointMotion(
+        TIME, path, blank if velocity is None else velocity, blank, blank, blank, 1000.0, 1.0, 1.0
+    )
+
+
+STARTS: dict[
+    str, np.ndarray
+] = {  # there, a pause, and back, at two speeds; a swing without a pause; creeping
+    "moves": 0.3 * (np.clip(TIME - 1, 0, 1) - np.clip(TIME - 3, 0, 2) / 2) ** 2,
+    "swing": 0.4 * np.sin(2 * TIME),
+    "creeping": 0.004 * TIME + 0.002 * np.sin(3 * TIME),
+}
+
+
+@pytest.mark.parametrize("angle", [0.003, 0.02, 0.2])
+@pytest.mark.parametrize("name", STARTS)
+def test_startup_friction_follows_the_simulators_state(name: str, angle: float) -> None:
+    path, law = STARTS[name], BreakAway(2.0, angle)
+    step, worn, states = float(TIME[1] - TIME[0]), 0.0, [0.0]
+    for speed in (np.diff(path) / step).tolist():
+        for _ in range(20):  # Euler's midpoint rule on a fine grid
+            at = JointState(0.0, 0.0, speed, 0.0, 0.0, 0.0, (worn,))
+            half = worn + 0.5 * step / 20 * law.pull(at).rates[0]
+            worn += step / 20 * law.pull(at._replace(z=(half,))).rates[0]
+        states.append(worn)
+    np.testing.assert_allclose(worn_off(path, step, angle)[0], states, atol=1e-4)
+    effect, velocity = EFFECTS["startup_friction"], np.gradient(path, step)
+    assert isinstance(effect, LawEffect)
+    torques = [
+        law.pull(JointState(0.0, 0.0, v, 0.0, 0.0, 0.0, (y,))).motor
+        for v, y in zip(velocity.tolist(), states, strict=True)
+    ]
+    u = effect.law(moving(path, velocity), np.array([2.0, angle]))[0]
+    np.testing.assert_allclose(u, torques, atol=3e-4)
+
+
+def test_only_a_rest_restores_startup_friction() -> None:
+    still = np.zeros(500)
+    there = 0.5 * np.arange(1, 401) * 2e-3  # 0.5 rad/s
+    path = np.concatenate((still, there, there[-1] + still, there[-1] - there, there))
+    worn = worn_off(path, 2e-3, 0.02)[0]
+    starts, reversal = (500, 1400), 1800
+    for start in starts:
+        gone = np.abs(path[start : start + 300] - path[start - 1])
+        np.testing.assert_allclose(1 - worn[start : start + 300], np.exp(-gone / 0.02), atol=1e-4)
+    assert (worn[reversal - 5 : reversal + 300] > 0.999).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("presliding_hysteresis", (200.0, 2.0)),
+        ("presliding_hysteresis", (5.0, 3.0)),
+        ("presliding_hysteresis", (4000.0, 0.4)),
+        ("startup_friction", (2.0, 0.003)),
+        ("startup_friction", (0.5, 0.2)),
+    ],
+)
+def test_slopes_with_respect_to_both_parameters(name: str, values: tuple[float, float]) -> None:
+    effect = EFFECTS[name]
+    assert isinstance(effect, LawEffect)
+    path = PATHS["swing"] if name == "presliding_hysteresis" else STARTS["moves"]
+    motion = moving(path, np.gradient(path, TIME[1]))
     slopes = effect.law(motion, np.array(values))[1]
     for k in range(2):
         h = 1e-6 * values[k]
@@ -95,17 +156,20 @@ def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
         assert stiffness == pytest.approx(60.0, rel=2e-4 * exact)
 
 
-def test_what_is_remembered_is_the_difference_of_two_beginnings() -> None:
-    effect = EFFECTS["presliding_hysteresis"]
+@pytest.mark.parametrize(
+    ("name", "values", "late"),
+    [("presliding_hysteresis", (40.0, 2.0), 700), ("startup_friction", (2.0, 0.4), 300)],
+)
+def test_what_is_remembered_is_the_difference_of_two_beginnings(
+    name: str, values: tuple[float, float], late: int
+) -> None:
+    effect, p = EFFECTS[name], np.array(values)
     assert isinstance(effect, LawEffect)
-    values = np.array([40.0, 2.0])
-    path, late = PATHS["swing"], 700
-    blank = np.zeros_like(path)
-    whole = JointMotion(TIME, path, blank, blank, blank, blank, 1000.0, 1.0, 1.0)
-    part = replace(whole, time=TIME[late:], position=path[late:])
-    missing = effect.law(whole, values)[0][late:] - effect.law(part, values)[0]
-    unknown = effect.unknown(part, values)
+    whole = moving(PATHS["swing"], np.gradient(PATHS["swing"], TIME[1]))
+    part = replace(whole, time=TIME[late:], position=whole.position[late:], velocity=whole.velocity[late:])
+    missing = effect.law(whole, p)[0][late:] - effect.law(part, p)[0]
+    unknown = effect.unknown(part, p)
     assert unknown.shape == (1, len(part.time))
     size = missing[0] / unknown[0, 0]
     assert 0.1 < abs(size) <= 3**0.5
-    np.testing.assert_allclose(size * unknown[0], missing, atol=1e-12 * values[1])
+    np.testing.assert_allclose(size * unknown[0], missing, atol=1e-12 * p.max())

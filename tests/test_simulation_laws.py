@@ -196,6 +196,21 @@ def test_presliding_is_dahl(robot: Robot) -> None:
     assert np.abs(expected).max() == pytest.approx(coulomb, rel=0.01)
 
 
+def test_startup_friction_fades_along_the_path(robot: Robot) -> None:
+    values = {"startup": 6.0, "angle": 0.08}
+    run = run_with(robot, EffectValue("startup_friction", JOINT, values), duration=2.5)
+    rest, v = motor_rest(run)[:, 1], middle(run.theta_velocity[:, 1])
+    left, expected = 1.0, np.empty(len(v))
+    for k, speed in enumerate(v):  # the part that is left, exact for constant speed
+        wear, healing = abs(speed) / 0.08, 10.0 * np.exp(-((speed / 0.005) ** 2))
+        final = healing / (wear + healing)
+        new = final + (left - final) * np.exp(-H * (wear + healing))
+        expected[k], left = 6.0 * 0.5 * (left + new) * sign(speed), new
+    close(rest, expected, 0.03)
+    assert np.abs(expected).max() > 5.0 and np.abs(expected[len(v) // 3 :]).max() < 1.0
+    close(motor_rest(run)[:, 0], 0.0 * v, 0.01)
+
+
 @pytest.mark.parametrize("joint", ["joint1", "joint2"])
 def test_coupled_friction_is_the_same_on_both_motors(robot: Robot, joint: str) -> None:
     run = run_with(robot, EffectValue("coupled_friction", joint, {"coulomb": 3.0, "viscous": 2.0}))
@@ -256,7 +271,7 @@ def test_every_effect_name_is_here() -> None:
 
     tested = {case[0] for case in (*MOTOR_CASES, *LINK_CASES, *JOINT_CASES)}
     alone = {"presliding_hysteresis", "torque_gain", "torque_delay", "payload_error", "base_tilt"}
-    alone |= {"coupled_friction"}
+    alone |= {"coupled_friction", "startup_friction"}
     assert tuple(LAWS) == EFFECT_NAMES
     assert tested | alone == set(EFFECT_NAMES)
 

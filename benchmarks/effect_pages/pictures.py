@@ -127,6 +127,10 @@ PICTURES: dict[str, Picture] = {
     "presliding_hysteresis": Picture(
         POSITION, theta, (Curve(creeping(), (200.0, 2.0)),), "a motion with small turns back, from rest"
     ),
+    "startup_friction": Picture(
+        POSITION, theta, (Curve(TrialMotion(CYCLE / 4, wave(0.15, -np.pi / 2, 4.0)), (2.0, 0.02)),),
+        "a quick swing that begins at rest",
+    ),
     "friction_drift": Picture(
         "time in the group t [s]", time, (Curve(later(40.0, 2 * np.pi / 4), (1.0, 10.0)),),
         "a steady swing, f_mv 2 Nm s/rad",

@@ -19,6 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads wo
 
 from benchmarks.diagnosis_study.running import say
 from benchmarks.robotlike_study.cases import DURATION, SHARES, cases, parse_shares
+from benchmarks.robotlike_study.effects import DRAWS
 from benchmarks.robotlike_study.report import report as text
 from benchmarks.robotlike_study.report import scored_cases
 from benchmarks.robotlike_study.running import COMMAND, LONGEST, DiagnosisRunner, made_cases, make_all
@@ -35,7 +36,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def make(options: argparse.Namespace) -> int:
     """Simulate what is not there yet."""
-    chosen = cases(options.seed, options.count, options.shares, options.duration)
+    chosen = cases(options.seed, options.count, options.shares, options.duration, tuple(options.also))
     return make_all(options.work, [c for c in chosen if options.only in c.name], options.jobs)
 
 
@@ -71,6 +72,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--shares", type=parse_shares, default=dict(SHARES), metavar="A:B:C",
                       help=f"parts of {names}; 2:1:1 by default")  # fmt: skip
     made.add_argument("--duration", type=float, default=DURATION, help="of each group [s]")
+    made.add_argument("--also", action="append", default=[], choices=DRAWS, metavar="EFFECT",
+                      help="hide this effect, too, on one joint of each robot")  # fmt: skip
     ran = commands.add_parser("run", help="diagnose the sets")
     ran.set_defaults(act=run)
     ran.add_argument("--timeout", type=float, default=LONGEST, metavar="S", help="for one set [s]")

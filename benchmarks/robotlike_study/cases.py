@@ -22,12 +22,14 @@ class RobotCase:
         robot: "2r", "ur5" or "panda".
         seed: of the study.
         duration: of each group [s].
+        also: effects that it hides beside those drawn, each on one joint.
     """
 
     name: str
     robot: str
     seed: int
     duration: float = DURATION
+    also: tuple[str, ...] = ()
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers of this case alone: other cases may come and go."""
@@ -35,17 +37,22 @@ class RobotCase:
 
 
 def cases(
-    seed: int, count: int, shares: Mapping[str, float] = SHARES, duration: float = DURATION
+    seed: int,
+    count: int,
+    shares: Mapping[str, float] = SHARES,
+    duration: float = DURATION,
+    also: tuple[str, ...] = (),
 ) -> list[RobotCase]:
     """`count` cases with the robots mixed in proportion to `shares`.
 
-    The first cases are the same whatever the count.
+    The first cases are the same whatever the count, and what they hide beside `also`, too.
     """
     out: list[RobotCase] = []
     made = dict.fromkeys((robot for robot, part in shares.items() if part > 0), 0)
     while made and len(out) < count:
         robot = min(made, key=lambda name: (made[name] + 0.5) / shares[name])
-        out.append(RobotCase(f"rl{seed}-{robot}-{made[robot]:03d}", robot, seed, duration))
+        name = f"rl{seed}-{robot}-{made[robot]:03d}"
+        out.append(RobotCase(name, robot, seed, duration, also))
         made[robot] += 1
     return out
 

@@ -112,6 +112,16 @@ def _hardening(at: Place) -> Values:
     return {"cubic_stiffness": at.log_uniform(0.05, 0.6) * stiffness / deflection**2}
 
 
+def _startup(at: Place) -> Values:
+    return {"startup": at.coulomb * float(at.rng.uniform(0.25, 0.9)), "angle": at.log_uniform(0.008, 0.05)}
+
+
+def _directional(at: Place) -> Values:
+    model = at.plan.model
+    viscous = float(model.link_viscous_friction[at.i] + model.motor_viscous_friction[at.i])
+    return {"directional": at.sign() * viscous * float(at.rng.uniform(0.3, 0.8))}
+
+
 DRAWS: dict[str, Callable[[Place], Values]] = {
     "coulomb_friction": _coulomb,
     "link_coulomb_friction": _coulomb,
@@ -125,6 +135,8 @@ DRAWS: dict[str, Callable[[Place], Values]] = {
     "transmission_error": _transmission_error,
     "joint_damping": _damping,
     "stiffness_hardening": _hardening,
+    "startup_friction": _startup,
+    "directional_friction": _directional,
 }
 """Effect of the library → its random parameters."""
 WEIGHTS = {
@@ -133,7 +145,7 @@ WEIGHTS = {
     "stiffness_hardening": 0.4,
 }  # fmt: skip
 """Effects besides the friction that resists a start → how often they are drawn."""
-NEEDS_COULOMB = "stribeck_friction"  # is only sought beside Coulomb friction
+NEEDS_COULOMB = ("stribeck_friction", "startup_friction")  # are only sought beside Coulomb friction
 
 
 def draw_effects(robot: str, plan: Plan, work: Workload, rng: np.random.Generator) -> tuple[EffectValue, ...]:
@@ -151,7 +163,29 @@ def draw_effects(robot: str, plan: Plan, work: Workload, rng: np.random.Generato
     weights = np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values())
     while len(chosen) < number:
         name, i = str(rng.choice(list(WEIGHTS), p=weights)), int(rng.integers(len(joints)))
-        if (name, i) in chosen or (name == NEEDS_COULOMB and not coulomb[i]):
+        if (name, i) in chosen or (name in NEEDS_COULOMB and not coulomb[i]):
             continue
         chosen[name, i] = DRAWS[name](Place(i, plan, work, float(coulomb[i]), rng))
     return tuple(EffectValue(name, joints[i], values) for (name, i), values in chosen.items())
+
+
+def draw_also(
+    names: tuple[str, ...],
+    hidden: tuple[EffectValue, ...],
+    plan: Plan,
+    work: Workload,
+    rng: np.random.Generator,
+) -> tuple[EffectValue, ...]:
+    """Each named effect on one joint of a robot that hides others, where it is possible."""
+    coulomb = {e.joint: e.parameters["coulomb"] for e in hidden if e.effect == "coulomb_friction"}
+    out = []
+    for name in names:
+        taken = {e.joint for e in hidden if e.effect == name}
+        free = [
+            j for j in plan.robot.joints if j not in taken and (j in coulomb or name not in NEEDS_COULOMB)
+        ]
+        if free:
+            joint = str(rng.choice(free))
+            place = Place(plan.robot.joints.index(joint), plan, work, coulomb.get(joint, 0.0), rng)
+            out.append(EffectValue(name, joint, DRAWS[name](place)))
+    return tuple(out)

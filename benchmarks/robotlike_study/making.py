@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.diagnosis_study.making import UNSCORED, case_folder, truth_file
 from benchmarks.diagnosis_study.running import write
 from benchmarks.robotlike_study.cases import RobotCase
-from benchmarks.robotlike_study.effects import draw_effects
+from benchmarks.robotlike_study.effects import draw_also, draw_effects
 from benchmarks.robotlike_study.laws import draw_laws
 from benchmarks.robotlike_study.motions import workload
 from benchmarks.robotlike_study.robots import random_plan
@@ -59,6 +59,7 @@ def plan_of(case: RobotCase) -> tuple[Plan, tuple[str, ...]]:
     plan = random_plan(case, case.rng("robot"))
     work = workload(plan)
     hidden = draw_effects(case.robot, plan, work, case.rng("effects"))
+    hidden += draw_also(case.also, hidden, plan, work, case.rng("also"))
     laws = draw_laws(plan, work, case.rng("laws"))
     plan = replace(
         plan,

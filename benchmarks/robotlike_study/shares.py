@@ -37,18 +37,24 @@ def effect_torque(plan: Plan, group: PlannedGroup, run: Run, effect: EffectValue
     if plant.link_laws:
         link_law = plant.link_laws[0][1]
         return np.array([link_law(*row) for row in zip(time, q, q_speed, strict=True)])
+    if plant.extra:
+        return law_torque(plan, run, effect.joint, plant.extra[0][1])
     if plant.presliding:
         return _dahl(run.theta[:, i], effect.parameters)
     return _through_the_link(plan, payload, run, i, _link_shift(effect, plan, run, i))
 
 
 def law_torque(plan: Plan, run: Run, joint: str, law: ExtraLaw) -> Array:
-    """(N,) torque of a law without own states along a motion [Nm]."""
+    """(N,) torque of a law along a motion, its states by Euler's rule [Nm]."""
     i = plan.robot.joints.index(joint)
     columns = (run.time, *(x[:, i] for x in (run.theta, run.theta_velocity, run.q, run.q_velocity)))
     rows = zip(*(x.tolist() for x in (*columns, run.tau_joint[:, i])), strict=True)
-    pulls = [law.pull(JointState._make((*row, ()))) for row in rows]
-    return np.array([pull.motor + pull.link + pull.joint for pull in pulls])
+    step, states, out = float(run.time[1] - run.time[0]), np.zeros(law.states), []
+    for row in rows:
+        pull = law.pull(JointState._make((*row, states.tolist())))
+        out.append(pull.motor + pull.link + pull.joint)
+        states = states + step * np.array(pull.rates)
+    return np.array(out)
 
 
 def share(torque: Array, spread: float) -> tuple[float, float]:

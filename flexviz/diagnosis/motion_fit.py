@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.motion_samples import in_motion, robust_deviation
+from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import SPREAD, Eliminated, UnknownCurve, Variable, eliminated
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -217,15 +217,14 @@ class MotionContext:
         At rest friction takes any value up to its limit, brakes hold, and controllers drift: no law of the
         motion describes the torque there.
         """
-        moving = self._moving
-        squares = fit.residual**2
-        rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
-        moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
-        loud = np.sqrt(rest) > LIMITS.far_off * self.noise_floor
-        apart = self.apart | (loud & (rest > LIMITS.standstill_ratio**2 * moved))
+        apart = self.apart | self.louder_at_rest(fit)
         more = bool(np.any(apart & ~self.apart))
         self.apart = apart
         return more
+
+    def louder_at_rest(self, fit: MotionFit) -> NDArray[np.bool_]:
+        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,)."""
+        return loud_at_rest(fit.residual, self._moving, self.noise_floor)
 
     @property
     def judged_signals(self) -> Signals:

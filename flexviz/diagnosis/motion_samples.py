@@ -37,3 +37,12 @@ def in_motion(signals: Signals) -> NDArray[np.bool_]:
                 stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
                 moving[start:stop, j] = False
     return moving
+
+
+def loud_at_rest(residual: Array, moving: NDArray[np.bool_], floor: Array) -> NDArray[np.bool_]:
+    """Joints whose residual (N, n) is much larger where they do not move than where they do, shape (n,)."""
+    squares = residual**2
+    rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
+    moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
+    loud = np.sqrt(rest) > LIMITS.far_off * floor
+    return loud & (rest > LIMITS.standstill_ratio**2 * moved)

@@ -87,7 +87,7 @@ class RichSearch(ModelFamily):
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
         idle = 0
-        fit, needed = survey.fit, survey.needed
+        fit, needed = self.with_starts(survey.fit, survey.needed)
         if self.context.set_standstill_apart(fit):
             fit, needed = self.thinned(self.usual_fit())
         fit, needed = self.refined(fit, needed)
@@ -121,6 +121,25 @@ class RichSearch(ModelFamily):
         fit, needed = self.without_superfluous_curves(fit, needed)
         fit, needed = self.with_rest_angles(fit, needed)
         return RichModel(fit, needed, self.curves)
+
+    def with_starts(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with effects that act after a standstill, on joints that err much more there."""
+        loud = self.context.louder_at_rest(fit)
+        wanted = [
+            e
+            for e in candidates(fit.layout, self.context.measurements.fit_groups, many=True)
+            if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]
+        ]
+        found = score(fit.point, fit.chain, wanted, self.weigh(fit), fit.projection)
+        chosen = self.best_of_each_joint(fit, sorted(found, key=lambda s: -s.gain))
+        if not chosen:
+            return fit, needed
+        self.say(f"adding: {EFFECTS[chosen[0].effect.effect].title}")
+        larger, kept = self.thinned(self.usual_fit(beside=self.with_candidates(fit, chosen)))
+        better = larger.objective < fit.objective and not self.worse_joints(fit, larger)
+        return (larger, kept) if better else (fit, needed)
 
     def enlarged(
         self, fit: MotionFit, chosen: list[ScoredCandidate]

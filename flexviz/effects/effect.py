@@ -103,6 +103,7 @@ class Effect(ABC):
         common: always listed, not in a folded section.
         instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
         only_among_many: a search for single effects leaves it out.
+        after_rest: it acts on what follows a standstill only.
         size_at: positions of the parameters that are zero when the effect is absent.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
         constant: u is a constant torque.
@@ -138,6 +139,7 @@ class Effect(ABC):
     common: ClassVar[bool] = False
     instead_of: ClassVar[str | None] = None
     only_among_many: ClassVar[bool] = False
+    after_rest: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
     usual: ClassVar[bool] = False
     constant: ClassVar[bool] = False

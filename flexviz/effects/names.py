@@ -9,6 +9,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "directional_friction",
     "load_dependent_friction",
     "presliding_hysteresis",
+    "startup_friction",
     "friction_drift",
     "torque_ripple",
     "torque_offset",

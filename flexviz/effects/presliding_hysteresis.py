@@ -6,6 +6,7 @@ import numpy as np
 
 from flexviz.effects.effect import JointScale
 from flexviz.effects.law import LawEffect
+from flexviz.effects.recurrence import chained
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts
@@ -98,8 +99,8 @@ def dahl(position: Array, rate: float) -> tuple[Array, Array]:
     target, ends = sign[first], np.append(first, len(position) - 1)
     length = np.abs(np.diff(position[ends]))
     fade = np.exp(-rate * length)
-    h_first = _chained(fade, target * (1.0 - fade))
-    slope_first = _chained(fade, -length * fade * (h_first[:-1] - target))
+    h_first = chained(fade, target * (1.0 - fade))
+    slope_first = chained(fade, -length * fade * (h_first[:-1] - target))
 
     run = np.repeat(np.arange(len(first)), np.diff(ends))
     gone = np.abs(position[first[0] + 1 :] - position[first][run])
@@ -108,13 +109,3 @@ def dahl(position: Array, rate: float) -> tuple[Array, Array]:
     still = np.zeros(first[0] + 1)
     h = np.concatenate((still, target[run] + away * left))
     return h, np.concatenate((still, left * (slope_first[run] - gone * away)))
-
-
-def _chained(factor: Array, offset: Array) -> Array:
-    """x_{k+1} = factor_k x_k + offset_k from x_0 = 0: shape (R,) → (R + 1,); maps composed by doubling."""
-    factor, offset, reach = factor.copy(), offset.copy(), 1
-    while reach < len(factor):
-        offset[reach:] += factor[reach:] * offset[:-reach]
-        factor[reach:] = factor[reach:] * factor[:-reach]
-        reach *= 2
-    return np.concatenate(([0.0], offset))

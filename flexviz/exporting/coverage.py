@@ -213,6 +213,10 @@ COVERAGE = {
         Written("frictionloss of the motor", missing="frictionloss reproduces sliding only, not presliding"),
         FRICTION,
     ),
+    "startup_friction": Coverage(
+        LeftOut("it depends on when the joint last stood still, of which the code keeps no record"),
+        LeftOut("MJCF has no friction that fades along the path"),
+    ),
     "motor_coupling": Coverage(
         PerRow(
             "inertia that couples another motor in B_ij [kg m^2]",

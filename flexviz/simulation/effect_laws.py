@@ -12,7 +12,7 @@ from flexviz.errors import InputError
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import laws
 from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.laws import Dahl, LinkLaw, MotorLaw
+from flexviz.simulation.laws import BreakAway, Dahl, LinkLaw, MotorLaw
 from flexviz.simulation.plant import Array, Plant
 
 STANDARD_GRAVITY = 9.81  # [m/s²]
@@ -105,6 +105,10 @@ def _presliding(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
     made.plant.presliding += [(i, Dahl(**p)) for i in joints]
 
 
+def _startup_friction(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    made.plant.extra += [(i, BreakAway(**p)) for i in joints]
+
+
 def _friction_drift(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
     viscous = made.plant.motor_viscous
     made.plant.motor_laws += [(i, laws.friction_drift(**p, viscous=float(viscous[i]))) for i in joints]
@@ -148,6 +152,7 @@ LAWS: dict[str, EffectLaw] = {
     "directional_friction": motor(laws.directional_friction),
     "load_dependent_friction": motor(laws.load_dependent_friction),
     "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
+    "startup_friction": EffectLaw(_startup_friction, positive=("angle",)),
     "friction_drift": EffectLaw(_friction_drift, positive=("time_constant",)),
     "torque_ripple": motor(laws.torque_ripple),
     "torque_offset": motor(laws.torque_offset),

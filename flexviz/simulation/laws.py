@@ -14,7 +14,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, exp, sin, tanh
 
+from flexviz.effects import JointState
+from flexviz.simulation.extra_laws import ExtraLaw, Pull
+
 SIGN_WIDTH = 0.005  # [rad/s]
+REST_SPEED = 0.005  # [rad/s] below which start-up friction returns ...
+REST_TIME = 0.1  # [s] ... within this time
 
 MotorLaw = Callable[[float, float, float, float], float]
 LinkLaw = Callable[[float, float, float], float]
@@ -99,3 +104,19 @@ class Dahl:
     def rate(self, z: float, velocity: float) -> float:
         """ż [rad/s]"""
         return velocity - abs(velocity) * z * self.presliding_stiffness / self.coulomb
+
+
+@dataclass(frozen=True)
+class BreakAway(ExtraLaw):
+    """f_s (1 − y) sign(θ̇); the worn-off part y grows with the path and returns to zero at rest."""
+
+    startup: float  # f_s [Nm]
+    angle: float  # x_s [rad]
+    states = 1
+
+    def pull(self, at: JointState) -> Pull:
+        """Torque on the motor [Nm], and ẏ = (1 − y) |θ̇|/x_s − y exp(−(θ̇/v)²)/T [1/s]."""
+        speed, worn = at.theta_velocity, at.z[0]
+        healing = exp(-((speed / REST_SPEED) ** 2)) / REST_TIME
+        rate = (1.0 - worn) * abs(speed) / self.angle - worn * healing
+        return Pull(motor=self.startup * (1.0 - worn) * tanh(speed / SIGN_WIDTH), rates=(rate,))

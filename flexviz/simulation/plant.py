@@ -33,7 +33,7 @@ class Plant:
         presliding: (joint index, Dahl).
         elastic: joint index -> law, for joints other than linear springs.
         contacts: (joint index, torque [Nm], start [s], end [s]).
-        extra: (joint index, law) beyond the library's.
+        extra: (joint index, law): with own states, user-defined, or of no library.
     """
 
     model: Any
