@@ -16,7 +16,13 @@ from flexviz.measurements import read_set
 from flexviz.simulation import laws, make_plan, simulate_preset
 from tests.test_effects import MOTION, VALUES, named
 
-ONLY_AMONG_MANY = {"gravity_compensator", "coupled_friction", "directional_friction", "startup_friction"}
+ONLY_AMONG_MANY = {
+    "gravity_compensator",
+    "coupled_friction",
+    "directional_friction",
+    "startup_friction",
+    "thinning_friction",
+}
 JOINTS = ("joint1", "joint2", "joint3")
 
 
@@ -55,6 +61,7 @@ def test_a_search_for_single_effects_leaves_them_out() -> None:
         ("coupled_friction:joint1", {"coulomb": 2.5, "viscous": 1.2}),
         ("gravity_compensator:joint2", {"sine": 4.0, "cosine": -3.0}),
         ("directional_friction:joint1", {"directional": -0.4}),
+        ("thinning_friction:joint2", {"thinning": 1.2, "velocity": 0.2}),
     ],
 )
 def test_identification_recovers_them(hidden: str, truth: dict[str, float], tmp_path: Path) -> None:

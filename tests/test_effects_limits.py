@@ -19,6 +19,7 @@ DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are
     "quadratic_friction": "quadratic",
     "load_dependent_friction": "coefficient",
     "presliding_hysteresis": "coulomb",
+    "thinning_friction": "thinning",
     "startup_friction": "startup",
     "friction_drift": "relative_rise",
     "link_coulomb_friction": "coulomb",

@@ -71,7 +71,7 @@ STARTS: dict[
 @pytest.mark.parametrize("angle", [0.003, 0.02, 0.2])
 @pytest.mark.parametrize("name", STARTS)
 def test_startup_friction_follows_the_simulators_state(name: str, angle: float) -> None:
-    path, law = STARTS[name], BreakAway(2.0, angle)
+    path, law = np.asarray(STARTS[name], np.float64), BreakAway(2.0, angle)
     step, worn, states = float(TIME[1] - TIME[0]), 0.0, [0.0]
     for speed in (np.diff(path) / step).tolist():
         for _ in range(20):  # Euler's midpoint rule on a fine grid

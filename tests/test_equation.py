@@ -93,6 +93,7 @@ def some_values(effect: str) -> np.ndarray:
         "friction_drift": [0.8, 2.0],
         "presliding_hysteresis": [40.0, 2.0],
         "startup_friction": [0.9, 0.05],
+        "thinning_friction": [0.9, 0.15],
         "torque_ripple": [1.2, 3.3, 0.4],
         "transmission_error": [0.004, 2.2, 0.7],
         "torque_delay": [0.002],

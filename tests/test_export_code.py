@@ -43,6 +43,7 @@ EXACT = 1e-9
 # every effect that is a torque on the motor, or that only shifts it; the others have tests of their own
 MOTOR = (
     "coulomb_friction", "stribeck_friction", "quadratic_friction", "directional_friction",
+    "thinning_friction",
     "load_dependent_friction",
     "friction_drift", "torque_ripple", "torque_offset", "torque_gain", "stiffness_hardening",
     "transmission_error", "base_tilt", "motor_coupling", "coupled_friction",

@@ -44,6 +44,11 @@ MOTOR_CASES: list[tuple[str, dict[str, float], Callable[..., Array]]] = [
     ("quadratic_friction", {"quadratic": 2.0}, lambda t, x, v, load, acc: 2.0 * v * np.abs(v)),
     ("directional_friction", {"directional": 0.5}, lambda t, x, v, load, acc: 0.5 * np.abs(v)),
     (
+        "thinning_friction",
+        {"thinning": 1.5, "velocity": 0.1},
+        lambda t, x, v, load, acc: 1.5 * np.arcsinh(v / 0.1),
+    ),
+    (
         "load_dependent_friction",
         {"coefficient": 0.2},
         lambda t, x, v, load, acc: 0.2 * np.abs(load) * sign(v),

@@ -118,6 +118,11 @@ PICTURES: dict[str, Picture] = {
     ),
     "quadratic_friction": Picture(VELOCITY, velocity, (Curve(sweep(2.0), (0.8,)),), SWEEP),
     "directional_friction": Picture(VELOCITY, velocity, (Curve(sweep(2.0), (0.4,)),), SWEEP),
+    "thinning_friction": Picture(
+        VELOCITY, velocity,
+        (Curve(sweep(1.5), (0.5, 0.05), "velocity 0.05 rad/s"), Curve(sweep(1.5), (0.5, 0.3), "0.3 rad/s")),
+        SWEEP,
+    ),
     "load_dependent_friction": Picture(
         LOAD,
         torque,

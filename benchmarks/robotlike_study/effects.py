@@ -122,6 +122,12 @@ def _directional(at: Place) -> Values:
     return {"directional": at.sign() * viscous * float(at.rng.uniform(0.3, 0.8))}
 
 
+def _thinning(at: Place) -> Values:
+    speed = float(at.work.speed[at.i])
+    velocity = at.log_uniform(0.05, 0.3) * speed
+    return {"thinning": at.part(0.05, 0.2) / float(np.arcsinh(speed / velocity)), "velocity": velocity}
+
+
 DRAWS: dict[str, Callable[[Place], Values]] = {
     "coulomb_friction": _coulomb,
     "link_coulomb_friction": _coulomb,
@@ -137,6 +143,7 @@ DRAWS: dict[str, Callable[[Place], Values]] = {
     "stiffness_hardening": _hardening,
     "startup_friction": _startup,
     "directional_friction": _directional,
+    "thinning_friction": _thinning,
 }
 """Effect of the library → its random parameters."""
 WEIGHTS = {

@@ -7,6 +7,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "stribeck_friction",
     "quadratic_friction",
     "directional_friction",
+    "thinning_friction",
     "load_dependent_friction",
     "presliding_hysteresis",
     "startup_friction",

@@ -121,6 +121,7 @@ SINE = {"amplitude": "amplitude", "order": "order", "phase": "phase"}
 BALANCE = {"sine": "sine", "cosine": "cosine"}
 COUPLED = {"coulomb": "coulomb", "viscous": "viscous"}
 STRIBECK = {"stribeck": "stribeck", "velocity": "width"}
+THINNING = {"thinning": "thinning", "velocity": "width"}
 DRIFT = {"relative_rise": "rise", "time_constant": "constant"}
 DAHL = {"presliding_stiffness": "stiffness", "coulomb": "coulomb"}
 SYMMETRIC = LeftOut("friction in MJCF is the same in both directions")
@@ -163,6 +164,10 @@ COVERAGE = {
     "directional_friction": Coverage(
         PerJoint("directional friction f_d [Nm s/rad]", "directional", "directional"),
         SYMMETRIC,
+    ),
+    "thinning_friction": Coverage(
+        PerRow("shear-thinning friction: f_t [Nm], v_t [rad/s]", "thinning", THINNING),
+        LeftOut("MJCF has no friction that levels off with speed"),
     ),
     "load_dependent_friction": Coverage(
         PerJoint("load-dependent friction mu [-]", "load", "coefficient", signed=True),

@@ -332,6 +332,10 @@ static void motors(const jet theta[N], const jet load[N], double time, NAME_memo
         /* [directional */
         tau[i] += DIRECTIONAL[i] * fabs(speed);
         /* directional] */
+        /* [thinning */
+        for (k = 0; k < sizeof THINNING / sizeof THINNING[0]; ++k)
+            if (THINNING[k].joint == i) tau[i] += THINNING[k].thinning * asinh(speed / THINNING[k].width);
+        /* thinning] */
         /* [load */
         tau[i] += LOAD[i] * fabs(load[i].d[0]) * sign;
         /* load] */

@@ -43,6 +43,7 @@ TORQUE_DELAY = np.array([0.002, 0.002])
 SPRING = np.array([5.0, 0.0])
 SPRING_TORQUE = np.array([1.0, 0.0])
 COMPENSATOR = ((0, 2.0, 1.0),)
+THINNING = ((0, 0.4, 0.1),)
 STRIBECK = ((0, 1.0, 0.1),)
 RIPPLE = ((1, 0.5, 9.0, 0.7),)
 ERROR = ((1, 1e-3, 7.0, 0.4),)
@@ -277,6 +278,10 @@ def _motor_torque(theta, load, time, memory):
     # [directional
     tau += DIRECTIONAL[:, None] * np.abs(speed)
     # directional]
+    # [thinning
+    for i, thinning, width in THINNING:
+        tau[i] += thinning * np.arcsinh(speed[i] / width)
+    # thinning]
     # [load
     tau += LOAD[:, None] * np.abs(load) * sign
     # load]

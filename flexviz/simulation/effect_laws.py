@@ -150,6 +150,7 @@ LAWS: dict[str, EffectLaw] = {
     "stribeck_friction": motor(laws.stribeck_friction, positive=("velocity",)),
     "quadratic_friction": motor(laws.quadratic_friction),
     "directional_friction": motor(laws.directional_friction),
+    "thinning_friction": motor(laws.thinning_friction, positive=("velocity",)),
     "load_dependent_friction": motor(laws.load_dependent_friction),
     "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
     "startup_friction": EffectLaw(_startup_friction, positive=("angle",)),

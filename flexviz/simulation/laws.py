@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import cos, exp, sin, tanh
+from math import asinh, cos, exp, sin, tanh
 
 from flexviz.effects import JointState
 from flexviz.simulation.extra_laws import ExtraLaw, Pull
@@ -47,6 +47,12 @@ def quadratic_friction(quadratic: float) -> MotorLaw:
 def directional_friction(directional: float) -> MotorLaw:
     """f_d |θ̇|"""
     return lambda t, theta, velocity, load: directional * abs(velocity)
+
+
+def thinning_friction(thinning: float, velocity: float) -> MotorLaw:
+    """f_t asinh(θ̇/v_t)"""
+    v_t = velocity
+    return lambda t, theta, velocity, load: thinning * asinh(velocity / v_t)
 
 
 def load_dependent_friction(coefficient: float) -> MotorLaw:
