@@ -1,14 +1,21 @@
-"""What a real robot is missing, step by step: `python -m benchmarks.real SET`.
+"""What real robots are missing, step by step: `python -m benchmarks.real DIR ...`.
 
-Diagnoses the set with all steps and prints, after each, the held-out residual divided by the torque's
-standard deviation, of the samples in which a joint moves. Where the set has link encoders, the identified
-deflection is compared with the measured one, which no fit has seen.
+DIR is a measurement set or a folder of sets; what is absent is skipped. Diagnoses each set with all steps and
+prints, after each, the held-out residual divided by the torque's standard deviation, of the samples in which
+a joint moves. Where the set has link encoders, the identified deflection is compared with the measured one,
+which no fit has seen. Ends with one line per set.
 """
 
 from __future__ import annotations
 
+import argparse
+import resource
 import sys
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,6 +31,8 @@ Array = NDArray[np.float64]
 
 MOVING = 0.01  # [rad/s] slower samples say nothing about friction
 HERTZ = 5.0
+HEAD = """| set | joints | error [% of the torque's spread] | worst joint | effects | last verdict | s | MB |
+|---|---|---|---|---|---|---|---|"""
 
 
 def held_out_share(measurements: MeasurementSet, model: FlexibleModel) -> Array:
@@ -83,20 +92,53 @@ def deflection(measurements: MeasurementSet, model: FlexibleModel) -> dict[str, 
     return found
 
 
-def main() -> None:
-    measurements = read_set(sys.argv[1])
+@dataclass(frozen=True)
+class Row:
+    """The diagnosis of one set in one line.
+
+    Attributes:
+        name: of the set.
+        before, after: held-out rms ÷ standard deviation of the torque, first and last step, shape (n,).
+        steps: number of added effects.
+        verdict: of the last step.
+        seconds: of the diagnosis.
+        megabytes: largest memory of its process.
+    """
+
+    name: str
+    before: Array
+    after: Array
+    steps: int
+    verdict: str
+    seconds: float
+    megabytes: float
+
+    def text(self) -> str:
+        """A line of a Markdown table, errors in per cent."""
+        worst = 100 * np.array((self.before.max(), self.after.max()))
+        mean = 100 * np.array((self.before.mean(), self.after.mean()))
+        return (
+            f"| {self.name} | {len(self.before)} | {mean[0]:.1f} → {mean[1]:.1f} "
+            f"| {worst[0]:.0f} → {worst[1]:.0f} | {self.steps} | {self.verdict} "
+            f"| {self.seconds:.0f} | {self.megabytes:.0f} |"
+        )
+
+
+def examine(folder: Path) -> Row:
+    """Diagnose one set, print what was found and return its line."""
+    measurements = read_set(folder)
     result: Any = diagnose(
         measurements, apply=True, guarded=True, progress=lambda p: print(p.text, file=sys.stderr)
     )
-    print(result.summary())
+    print(f"\n{folder.name}\n{result.summary()}")
     print("\nheld-out rms ÷ standard deviation of the torque, motion above 0.01 rad/s: mean, and each joint")
-    for step in result.steps:
-        share = held_out_share(measurements, step.model)
+    shares = [held_out_share(measurements, step.model) for step in result.steps]
+    for step, share in zip(result.steps, shares, strict=True):
         label = "as it is" if step.added is None else f"+ {step.added.text}"
         print(f"{label:34s} {share.mean():.4f}  {np.round(share, 3)}")
     found = deflection(measurements, result.model)
     if found:
-        print("\nidentified against encoded deflection (never fitted), the encoder's delay taken off:")
+        print("\nidentified against encoded deflection (never fitted), the encoder's delay subtracted:")
         for joint, one in found.items():
             print(
                 f"{joint:12s} delay {1e3 * one.delay:.2f} ms, correlation {one.correlation:.3f}, "
@@ -105,9 +147,37 @@ def main() -> None:
     print("\nwhere the final residual lives, largest first")
     for place in result.where[:12]:
         low, high = place.range
-        print(f"{place.joint:12s} {place.variable:14s} {place.explained:6.2f}  {low:.3g} … {high:.3g}")
-    print(f"{result.seconds:.1f} s")
+        print(
+            f"{place.joint:12s} {place.variable:14s} {place.explained:6.2f}  {low:.3g} … {high:.3g}",
+            flush=True,
+        )
+    megabytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    last = result.steps[-1].verdict
+    return Row(folder.name, shares[0], shares[-1], len(shares) - 1, last, result.seconds, megabytes)
+
+
+def sets_in(folder: Path) -> list[Path]:
+    """The folder if it is a set, else the sets in it."""
+    if (folder / "measurements.toml").is_file():
+        return [folder]
+    return sorted(file.parent for file in folder.glob("*/measurements.toml"))
+
+
+def main(arguments: Sequence[str]) -> None:
+    parser = argparse.ArgumentParser(description="Diagnoses recorded robots, each in a process of its own.")
+    parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="a set, or a folder of sets")
+    rows = []
+    for folder in parser.parse_args(arguments).folders:
+        folders = sets_in(folder)
+        if not folders:
+            print(f"{folder}: skipped, no measurement set here; docs/diagnosing.md names the recordings")
+        for one in folders:
+            with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+                rows.append(pool.submit(examine, one).result())
+    if rows:
+        print(f"\n{HEAD}")
+        print("\n".join(row.text() for row in rows))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -2,9 +2,10 @@
 
 import re
 
-from benchmarks import import_faults, speed
+from benchmarks import import_faults, real, speed
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
+from flexviz.simulation import simulate_preset
 
 
 def test_speed_prints_ratios(capsys):
@@ -23,3 +24,12 @@ def test_import_faults_prints_counts(capsys):
     printed = capsys.readouterr().out
     assert "sets as they are: 0 of 1 raised an issue" in printed
     assert len(re.findall(r": named in 1 of 1", printed)) == 7
+
+
+def test_real_skips_what_is_absent_and_prints_a_line_per_set(tmp_path, capfd):
+    simulate_preset("planar-2r", tmp_path / "arm", ["coulomb_friction:joint1"], seed=1)
+    real.main([str(tmp_path / "absent"), str(tmp_path)])
+    printed = capfd.readouterr().out
+    assert f"{tmp_path / 'absent'}: skipped" in printed
+    before, after = map(float, re.findall(r"\| arm \| 2 \| ([\d.]+) → ([\d.]+) \|", printed)[0])
+    assert after < 0.2 * before

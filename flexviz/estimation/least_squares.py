@@ -147,7 +147,9 @@ class _Descent:
         """
         if len(past) < 2 or _length(past[-1][1], hessian) < SHRINKING * _length(past[-2][1], hessian):
             return None
-        moves, changes = (np.diff(np.stack(part, axis=1), axis=1) for part in zip(*past, strict=True))
+        places, steps = (np.stack(part, axis=1) for part in zip(*past, strict=True))
+        moves: Array = places[:, 1:] - places[:, :-1]
+        changes: Array = steps[:, 1:] - steps[:, :-1]
         step = past[-1][1]
         share = scaled_solve(changes.T @ hessian @ changes, changes.T @ hessian @ step)
         return self._search(step - (moves + changes) @ share, 1)

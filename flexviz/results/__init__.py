@@ -1,5 +1,6 @@
 """Results: the results document, verdicts and grades, lookup of parameters by name."""
 
+from flexviz.results.assessment import assessment
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
 from flexviz.results.document import ResultDocument, json_schema, note_entries, read_result
 from flexviz.results.entries import (
@@ -24,6 +25,7 @@ __all__ = [
     "ResultDocument",
     "ValueEntry",
     "Verdict",
+    "assessment",
     "bandwidth_text",
     "find_parameter",
     "interval",

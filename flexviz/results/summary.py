@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
+from flexviz.results.assessment import assessment
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
 from flexviz.results.tables import in_ascii, interval, plain_table
@@ -50,7 +51,7 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
     out.append(combination_table(result.base_parameters))
     if result.residual is not None:
         out.append(residual_table(result.residual))
-    return out + run_lines(result)
+    return [*out, *run_lines(result), *filter(None, [assessment(result)])]
 
 
 def run_lines(result: ResultFields) -> list[str]:
@@ -106,6 +107,7 @@ def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
 def combination_table(combinations: Iterable[CombinationEntry]) -> Table:
     """Identifiable combinations of inertial parameters."""
     table = plain_table("inertial combination", numbers=("value", "± 95 %"), end=("unit", "identifiable"))
+    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"  # numbers stay whole
     for c in combinations:
         style = "" if c.identifiable == "yes" else "dim"
         table.add_row(c.name, *interval(c.value, c.std), c.unit, c.identifiable, style=style)

@@ -1,0 +1,115 @@
+"""An identification in one paragraph: what is good, what is weak, what to do and record next."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from flexviz.results.entries import ParameterEntry, ResidualEntry, ResultFields
+from flexviz.wording import listed, normalised, percent, plural
+
+GOOD_SHARE = 0.1  # error of a joint up to which it is good, relative to the spread of its torque
+FAR_FROM_NOISE = 3.0  # times the noise, from which the model lacks something ...
+LEAST_SHARE = 0.01  # ... if the error is also this share of the torque
+WORSE_HELD_OUT = 1.5  # times the error on the fitted groups
+NO_MOTOR = 0.8  # share of the joints whose motor inertia ends at its lower bound: τ is not the motor's
+
+BEHIND_THE_GEAR = (
+    "The motor inertias end at their lower bound: this torque was probably measured behind the gear (a joint "
+    "torque sensor) or computed by the controller. Import it as tau_joint, and the motor's torque or current "
+    "as tau; without that, stiffness and motor inertia mean nothing here."
+)
+GRADED = {
+    "stiffness": "stiffness",
+    "motor_inertia": "motor inertia",
+    "viscous_friction_sum": "viscous friction",
+}
+
+
+def assessment(result: ResultFields) -> str:
+    """What is good, what is weak, what to do and to record next; empty without residuals."""
+    if result.residual is None:
+        return ""
+    sentences = [*_errors(result.residual), *_grades(result), *_advice(result, result.residual)]
+    return " ".join(sentences)
+
+
+def _errors(residual: ResidualEntry) -> list[str]:
+    error = residual.rms_validation or residual.rms
+    shares = dict(zip(residual.joints, _shares(residual, error), strict=True))
+    good = {joint: share for joint, share in shares.items() if share <= GOOD_SHARE}
+    weak = {joint: share for joint, share in shares.items() if share > GOOD_SHARE}
+    kind = "held-out error" if residual.rms_validation else "error"
+    out = []
+    if good:
+        count = "all joints" if not weak else f"{len(good)} of {plural(len(shares), 'joint')}"
+        out.append(f"Good: {kind} of {count}, at most {percent(max(good.values()))} of the torque.")
+    if weak:
+        worst = sorted(weak.items(), key=lambda item: -item[1])
+        out.append(f"Weak: {kind} of {listed([f'{joint} ({percent(share)})' for joint, share in worst])}.")
+    if residual.rms_validation:
+        pairs = zip(residual.joints, residual.rms, residual.rms_validation, residual.noise_floor, strict=True)
+        worse = [
+            j for j, fit, held, noise in pairs if held > WORSE_HELD_OUT * max(fit, FAR_FROM_NOISE * noise)
+        ]
+        if worse:
+            text = "much larger than on the fitted groups; motion, payload or temperature may differ"
+            out.append(f"{listed(worse)}: {text}.")
+    return out
+
+
+def _shares(residual: ResidualEntry, error: Sequence[float]) -> list[float]:
+    """Errors relative to the torque; NaN where its spread is not known."""
+    return normalised(error, residual.torque_spread or [math.nan] * len(error))
+
+
+def _grades(result: ResultFields) -> list[str]:
+    parts = [
+        f"{title} {_count(p.identifiable == 'yes' for p in _named(result, name))}"
+        for name, title in GRADED.items()
+        if _named(result, name)
+    ]
+    combinations = _count(c.identifiable == "yes" for c in result.base_parameters)
+    return [f"Determined: {listed([*parts, f'inertial combinations {combinations}'])}."]
+
+
+def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
+    if _torque_behind_the_gear(result):
+        return [BEHIND_THE_GEAR]
+    out = []
+    rows = zip(residual.rms, residual.noise_floor, _shares(residual, residual.rms), strict=True)
+    far = [
+        error / noise
+        for error, noise, share in rows
+        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
+    ]
+    if far:
+        out.append(
+            f"The error is up to {max(far):.0f} times the noise: the model lacks effects, and stiffness, "
+            "inertia and friction stand in for them. Next: diagnose with --apply."
+        )
+    record = []
+    if not residual.rms_validation:
+        record.append("another motion as a held-out group (validation = true)")
+    undetermined = [p for name in ("stiffness", "motor_inertia") for p in _named(result, name)]
+    if any(p.identifiable == "no" for p in undetermined):
+        joints = list(dict.fromkeys(p.joint or "" for p in undetermined if p.identifiable == "no"))
+        which = "all joints" if len(joints) == len(residual.joints) else listed(joints)
+        record.append(f"faster reversals of {which}, with and without a payload of known mass")
+    return [*out, f"Record {listed(record)}."] if record else out
+
+
+def _torque_behind_the_gear(result: ResultFields) -> bool:
+    inertias = _named(result, "motor_inertia")
+    low = [p for p in inertias if p.at_bound and p.start is not None and p.value < p.start]
+    return bool(inertias) and len(low) >= NO_MOTOR * len(inertias)
+
+
+def _named(result: ResultFields, name: str) -> Sequence[ParameterEntry]:
+    return [p for p in result.all_parameters if p.name == name]
+
+
+def _count(determined: Iterable[bool]) -> str:
+    """ "2 of 6"."""
+    flags = list(determined)
+    return f"{sum(flags)} of {len(flags)}"
