@@ -131,6 +131,58 @@ def test_gear_that_nobody_named() -> None:
     assert all("degrees" in s.message and "before the gear" in s.message for s in issues)
 
 
+def test_a_wrong_sign_beside_a_wrong_zero_is_that_of_tau() -> None:
+    """A turned round θ of joint 1 would look nearly the same."""
+    issues = found(tables(tau=one, zero=np.array([0.0, np.pi])))
+    fixes = {(f.joint, f.signal, f.key, f.value) for s in issues for f in s.fixes}
+    assert fixes == {("joint1", "tau", "sign", -1), ("joint2", "theta", "offset", 3.141593)}
+    assert "or that of theta instead, which these data do not tell apart" in issues[0].message
+
+
+def with_motor_friction(drive: Any, size: float, *, theta_too: bool = False, tau: bool = True) -> list[Any]:
+    """The arm's motions with friction of the motors that `drive` couples to the joints; τ of the motors."""
+    drive = np.array(drive, dtype=float)
+    groups = []
+    for (_, table), data in zip(tables(), arm()[1], strict=True):
+        v = np.gradient(data.q, data.time, axis=0)
+        motor_v = v @ np.linalg.inv(drive).T
+        torque = (table.tau - v) @ drive + motor_v + size * np.tanh(motor_v / 0.01)
+        theta = table.theta @ np.linalg.inv(drive).T if theta_too else table.theta
+        joint_torque = torque if tau else torque @ np.linalg.inv(drive)
+        groups.append(((), replace(table, theta=theta, tau=joint_torque, q=None)))
+    return groups
+
+
+def shown(matrix: Any, signals: str) -> str:
+    joints = 'joints = ["joint1", "joint2"]'
+    return f'coupling = {{ {joints}, matrix = {matrix} }} and side = "motor" of {signals}'
+
+
+@pytest.mark.parametrize("theta_too", [False, True])
+@pytest.mark.parametrize("drive", [[[1, 0], [1, 1]], [[1, 0], [-1, 1]]])
+def test_a_missing_coupling_is_named(drive: Any, theta_too: bool) -> None:
+    """Although friction and inertia explain nearly all of the torque without it."""
+    (issue,) = found(with_motor_friction(drive, 2.0, theta_too=theta_too))
+    assert issue.kind == "coupling" and issue.severity == "odd" and issue.joints == JOINTS
+    assert shown(drive, "theta and tau" if theta_too else "tau") in issue.message
+    assert found(with_motor_friction(drive, 20.0, tau=False)) == []  # converted: only friction is coupled
+    little = found(with_motor_friction(drive, 5.0, tau=False))
+    assert all("unless tau was converted already" in issue.message for issue in little)
+
+
+@pytest.mark.parametrize("turns", [0.5, -0.5, 1.0])
+def test_another_zero_under_large_friction_is_named(turns: float) -> None:
+    """The friction is most of the torque, so that it seems well explained with any zero."""
+    groups = with_motor_friction(np.eye(2), 20.0)
+    assert found(groups) == []
+    moved = [((), replace(t, theta=t.theta + np.array([0.0, turns * np.pi]))) for _, t in groups]
+    (issue,) = found(moved)
+    assert issue.kind == "zero" and issue.severity == "odd"
+    (fix,) = issue.fixes
+    assert (fix.joint, fix.key) == ("joint2", "offset")
+    assert fix.value == pytest.approx(np.pi if turns == 1.0 else -turns * np.pi, abs=1e-6)
+
+
 def test_q_of_another_joint_or_another_zero_or_swapped() -> None:
     groups = tables()
     crossed = [((), replace(t, q=t.q[:, ::-1])) for _, t in groups]  # type: ignore[index]

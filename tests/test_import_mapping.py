@@ -89,6 +89,37 @@ def test_a_negative_gear_turns_the_other_way(tmp_path: Path) -> None:
     )
 
 
+COUPLED = """[coupling]
+joints = ["joint2", "joint1"]
+matrix = [[1.0, -0.5], [0.0, 1.0]]
+"""
+
+
+def test_a_coupling_conserves_power(tmp_path: Path) -> None:
+    """Joint angles are the matrix times the motors', torques follow from equal power; offsets come last."""
+    gears, drive = np.array([50.0, -80.0]), np.array([[1.0, 0.0], [-0.5, 1.0]])
+    motor_theta = (DATA.theta - [0.2, 0.0]) @ np.linalg.inv(drive).T * gears
+    motor_tau = DATA.tau @ drive / gears
+    speed, motor_speed = (np.gradient(x, DATA.time, axis=0) for x in (DATA.theta, motor_theta))
+    np.testing.assert_allclose(
+        np.sum(motor_tau * motor_speed, axis=1), np.sum(DATA.tau * speed, axis=1), atol=1e-9
+    )
+    mapping = SIMPLE.replace("[joints.joint1]", COUPLED + "[joints.joint1]")
+    for j, gear in enumerate(gears, start=1):
+        offset = ", offset = 0.2" if j == 1 else ""
+        mapping = mapping.replace(f'theta = "p{j}"', f'theta = {{ from = "p{j}", side = "motor"{offset} }}')
+        mapping = mapping.replace(
+            f'tau = "m{j}"', f'tau = {{ from = "m{j}", side = "motor" }}\ngear = {gear}'
+        )
+    columns = {
+        f"{name}{j + 1}": x[:, j] for name, x in (("p", motor_theta), ("m", motor_tau)) for j in (0, 1)
+    }
+    done = import_logs(write(tmp_path, mapping, **columns), None)
+    assert not done.issues
+    table = done.groups[0].table
+    assert np.allclose(table.theta, DATA.theta) and np.allclose(table.tau, DATA.tau)
+
+
 def test_groups_payloads_and_what_the_set_says(tmp_path: Path) -> None:
     top = """torque_hold = 0.002
 [initial]
@@ -191,6 +222,28 @@ BAD = {
     "side without gear": (
         swap('"p1"', '{ from = "p1", side = "motor" }'),
         r"joints\.joint1: theta is before the gear, expected gear \(motor turns per joint turn; 1\.0",
+    ),
+    "coupling of nothing": (
+        swap("[time]", COUPLED + "[time]"),
+        r'mapping\.toml, coupling: no signal of joint2, joint1 has side = "motor"',
+    ),
+    "coupling of one side": (
+        lambda text: swap("[time]", COUPLED + "[time]")(text).replace(
+            'theta = "p1"', 'theta = { from = "p1", side = "motor" }\ngear = 2.0'
+        ),
+        r"joints\.joint2: theta of the coupled joint2, joint1 is before and behind the coupling",
+    ),
+    "coupling of an unknown joint": (
+        swap("[time]", COUPLED.replace("joint2", "joint3") + "[time]"),
+        r'coupling\.joints: "joint3" is no joint; .*joint1',
+    ),
+    "coupling without an inverse": (
+        swap("[time]", COUPLED.replace("[0.0, 1.0]", "[2.0, -1.0]") + "[time]"),
+        r"coupling\.matrix: it has no inverse",
+    ),
+    "coupling that is not square": (
+        swap("[time]", COUPLED.replace("[0.0, 1.0]", "[0.0]") + "[time]"),
+        r"coupling\.matrix: expected 2 rows of 2 numbers",
     ),
     "gear": (
         swap('tau = "m1"', 'tau = "m1"\ngear = 0'),

@@ -23,7 +23,7 @@ class Trace:
     column: str  # where it comes from
     clock: str  # what its clock is called (topic or time column)
     time: Array  # (N,) strictly increasing seconds after the log's first instant
-    values: Array  # (N,) [rad] or [Nm] at the joint side
+    values: Array  # (N,) [rad] or [Nm] behind the gear, before a coupling and without offset
 
     @property
     def step(self) -> float:
@@ -91,8 +91,7 @@ def read_traces(log: Log, mapping: Mapping, file: Path) -> tuple[Traces, float, 
         if not known.all():
             raw, time = raw[known], time[known]
         factor = mapping.joints[joint].scale(signal)
-        values = raw * factor + signal.offset if factor != 1.0 or signal.offset else raw
-        traces[joint, name] = Trace(signal.column, clock.key, time, values)
+        traces[joint, name] = Trace(signal.column, clock.key, time, raw * factor if factor != 1.0 else raw)
     assert origin is not None
     return traces, float(origin.raw[0]) * origin.unit, notes
 
@@ -129,7 +128,7 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
         column = optional(traces[key], time, notes)
         values |= {key: column} if column is not None else {}
     time = time[keep]
-    columns = {name: together(values, mapping.names, name, keep) for name in SIGNALS}
+    columns = {name: at_joints(values, mapping, name, keep) for name in SIGNALS}
     zero = float(time[0])
     names = entry.group, entry.trajectory or entry.group, entry.payload
     table = GroupTable(*names, time - zero, validation=entry.validation, **columns)  # type: ignore[arg-type]
@@ -191,11 +190,18 @@ def no_overlap(trace: Trace, base: Trace, log: Log, file: Path) -> InputError:
     )
 
 
-def together(
-    values: dict[tuple[str, str], Array], joints: tuple[str, ...], name: str, keep: NDArray[np.bool_]
+def at_joints(
+    values: dict[tuple[str, str], Array], mapping: Mapping, name: str, keep: NDArray[np.bool_]
 ) -> Array | None:
     """(N, n) a signal of all joints where `keep`, NaN for those without; None where no joint has it."""
+    joints = mapping.names
     if not any((joint, name) in values for joint in joints):
         return None
     nothing = np.full(len(keep), np.nan)
-    return np.stack([values.get((joint, name), nothing)[keep] for joint in joints], axis=1)
+    columns = np.stack([values.get((joint, name), nothing)[keep] for joint in joints], axis=1)
+    if coupling := mapping.coupled(name):
+        coupled = [joints.index(joint) for joint in coupling.joints]
+        columns[:, coupled] = columns[:, coupled] @ coupling.turned(name)
+    signals = (getattr(mapping.joints[joint], name) for joint in joints)
+    offsets = np.array([signal.offset if signal else 0.0 for signal in signals])
+    return columns + offsets if offsets.any() else columns

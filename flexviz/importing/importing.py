@@ -36,7 +36,13 @@ from flexviz.robot_files import mesh_names, resolve_mesh
 from flexviz.statistics import NORMAL_95
 
 FORMAT = 1  # of the report as JSON
-ABOUT_UNITS = ("unit", "sign", "zero", "unexplained")  # with such an issue the torque's delay proves nothing
+ABOUT_UNITS = (
+    "unit",
+    "sign",
+    "zero",
+    "coupling",
+    "unexplained",
+)  # with such an issue the torque's delay proves nothing
 
 
 @dataclass(frozen=True)

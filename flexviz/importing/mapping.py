@@ -6,22 +6,25 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, TIME, TORQUE, size_of
-from flexviz.measurements import OPTIONAL_SIGNALS, SetHeader
+from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
 FORMAT = 1
 NEEDED = ("theta", "tau")
 SIGNALS = (*NEEDED, *OPTIONAL_SIGNALS)
+LARGEST_CONDITION = 1e6  # of a coupling
 
 
 def _unit(*units: str) -> Any:
@@ -52,7 +55,7 @@ class SignalColumn(StrictTable):
     column: Text = Field(alias="from")
     side: Literal["joint", "motor"] = "joint"
     sign: Literal[1, -1] = 1
-    offset: Number = 0.0  # [rad] or [Nm] at the joint side, added last
+    offset: Number = 0.0  # [rad] or [Nm] at the joint, added last
     time: Text | None = None  # its own time column, where it is not the usual one
 
     @model_validator(mode="before")
@@ -99,6 +102,21 @@ class JointColumns(StrictTable):
         return signal.sign * size_of(signal.unit, TORQUE | CURRENT) * constant * gear
 
 
+class Coupling(StrictTable):
+    """Joints that share motors: joint angles = matrix · motor angles, each behind its own gear.
+
+    Power is conserved: motor torques = matrixᵀ · joint torques.
+    """
+
+    joints: Annotated[list[Text], Field(min_length=2)]
+    matrix: list[list[Number]]
+
+    def turned(self, name: str) -> Array:
+        """(k, k) what makes joint values of motor values (…, k) of the signal `name`, from the right."""
+        matrix = np.array(self.matrix, dtype=float)
+        return np.linalg.inv(matrix) if name in ("tau", "tau_joint") else matrix.T
+
+
 class TimeColumn(StrictTable):
     """The time column, and how it is read."""
 
@@ -129,6 +147,7 @@ class Mapping(SetHeader):
     time: TimeColumn = TimeColumn()
     logs: Annotated[list[LogEntry], Field(min_length=1)]
     joints: Annotated[dict[str, JointColumns], Field(min_length=1)]
+    coupling: Coupling | None = None  # of signals with side = "motor"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -140,6 +159,13 @@ class Mapping(SetHeader):
         joints = self.joints.items()
         found = [(joint, name, getattr(entry, name)) for joint, entry in joints for name in SIGNALS]
         return [item for item in found if item[2] is not None]
+
+    def coupled(self, name: str) -> Coupling | None:
+        """The coupling where the signal `name` is before it."""
+        if self.coupling is None:
+            return None
+        signals = [getattr(self.joints[joint], name) for joint in self.coupling.joints]
+        return self.coupling if all(s is not None and s.side == "motor" for s in signals) else None
 
 
 @dataclass(frozen=True)
@@ -156,7 +182,7 @@ class Fix:
 class Issue:
     """Something in the data that looks wrong or odd."""
 
-    kind: Literal["unit", "sign", "zero", "swapped", "delay", "clock", "unexplained"]
+    kind: Literal["unit", "sign", "zero", "coupling", "swapped", "delay", "clock", "unexplained"]
     # "wrong": the data contradict the mapping, the set is not written unless the user insists;
     # "odd": it may be intended
     severity: Literal["wrong", "odd"]
@@ -200,6 +226,8 @@ def check(mapping: Mapping, file: Path) -> None:
             refuse(f"{place}, payload", f'payload "{log.payload}" is not defined; {meant}')
         if log.stop is not None and log.stop <= log.start:
             refuse(f"{place}, to", f"found {log.stop:g}, expected more than from = {log.start:g}")
+    if mapping.coupling is not None:
+        check_coupling(mapping, mapping.coupling, refuse)
     used: dict[str, str] = {}
     for joint, name, signal in mapping.signals():
         constant = mapping.joints[joint].torque_constant
@@ -215,3 +243,29 @@ def check(mapping: Mapping, file: Path) -> None:
         if name in NEEDED and signal.column in used:
             refuse(place, f'"{signal.column}" is {used[signal.column]} already, expected each column once')
         used[signal.column] = place
+
+
+def check_coupling(mapping: Mapping, coupling: Coupling, refuse: Callable[[str, str], None]) -> None:
+    """Refuse a coupling of other joints, without an inverse, or of signals that are not all before it."""
+    joints, k = coupling.joints, len(coupling.joints)
+    for joint in joints:
+        if joint not in mapping.joints:
+            refuse("coupling.joints", f'"{joint}" is no joint; {choose_from(joint, mapping.names)}')
+    if twice := first_repeated(joints):
+        refuse("coupling.joints", f'"{twice}" is listed twice, expected each joint once')
+    if any(len(row) != k for row in (coupling.matrix, *coupling.matrix)):
+        refuse(
+            "coupling.matrix", f"expected {k} rows of {k} numbers, one row per joint, one column per motor"
+        )
+    if np.linalg.cond(np.array(coupling.matrix)) > LARGEST_CONDITION:
+        refuse("coupling.matrix", "it has no inverse, expected joint angles = matrix · motor angles")
+    for name in SIGNALS:
+        sides = {joint: getattr(mapping.joints[joint], name) for joint in joints}
+        other = [j for j, signal in sides.items() if signal is None or signal.side != "motor"]
+        if other and len(other) < k:
+            message = f"{name} of the coupled {', '.join(joints)} is before and behind the coupling, expected"
+            refuse(f"joints.{other[0]}", f"{message} the same side on all of them")
+    if not any(mapping.coupled(name) for name in SIGNALS):
+        refuse(
+            "coupling", f'no signal of {", ".join(joints)} has side = "motor", expected theta or tau with it'
+        )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from flexviz.importing.closer_look import look_closer
 from flexviz.importing.cross_checks import check_optional_columns
 from flexviz.importing.mapping import Issue, Mapping, parse
 from flexviz.importing.thresholds import LIMITS
@@ -19,16 +20,23 @@ log = logging.getLogger(__name__)
 
 
 def check_groups(
-    mapping: Mapping, robot: Robot, groups: Sequence[LoadedTable], guessed: bool = False
+    mapping: Mapping,
+    robot: Robot,
+    groups: Sequence[LoadedTable],
+    guessed: bool = False,
+    closely: bool = True,
 ) -> list[Issue]:
     """Units, signs, zero positions and mix-ups that the data contradict.
 
-    `guessed`: the payloads are not known yet, so the group that is explained best alone decides.
+    `guessed`: the payloads are not known yet, so the group that is explained best alone decides. `closely`:
+    look for zero positions and couplings, too, that leave the torques mostly explained.
     """
     model = TorqueModel(robot, groups)
     if guessed and len(groups) > 1:
         model = max((TorqueModel(robot, [group]) for group in groups), key=TorqueModel.best_share)
     found = check_torques(mapping, model)
+    if closely and model.usable and not found:
+        found = look_closer(mapping, model)
     known = {(joint, signal) for s in found for joint in s.joints for signal in s.signal.split(" and ")}
     found += [s for s in check_range(mapping, model) if (s.joints[0], "theta") not in known]
     # a wrong θ makes its torque and the columns compared with it inconclusive
@@ -65,13 +73,13 @@ def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
     An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
     """
     file = measurements.path / "measurements.toml"
-    texts = [f"{file}: {issue}" for issue in issues_of_set(measurements) if issue.severity == "wrong"]
+    texts = [f"{file}: {issue}" for issue in issues_of_set(measurements, False) if issue.severity == "wrong"]
     for text in texts:
         log.warning("%s", text)
     return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
 
 
-def issues_of_set(measurements: MeasurementSet, **keys: object) -> list[Issue]:
+def issues_of_set(measurements: MeasurementSet, closely: bool = True, **keys: object) -> list[Issue]:
     """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
     # a mapping that takes the set's columns unchanged
     joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
@@ -79,4 +87,4 @@ def issues_of_set(measurements: MeasurementSet, **keys: object) -> list[Issue]:
     groups = [
         (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
     ]
-    return check_groups(parse(document, Path("mapping")), measurements.robot, groups)
+    return check_groups(parse(document, Path("mapping")), measurements.robot, groups, closely=closely)

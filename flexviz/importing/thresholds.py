@@ -43,6 +43,8 @@ class ImportThresholds:
     explained_well: float = 0.7  # share of every joint's torque above which no fault is searched
     gain: float = 0.4  # sum of shares that a change must add, enough to exclude chance
     free_gain: float = 0.2  # the same where τ may have any scale, which hides much of a wrong sign
+    clear: float = 0.7  # improvement (log of the unexplained part) that is clear: it halves
+    model_error: float = 3e-3  # unexplained share of a torque below which nothing is told
     stated_gear: float = 0.1  # gain granted to a gear that the mapping states and does not use
     smallest_share: float = 0.5  # share that the changed joints must reach
     unexplained: float = 0.2  # share below which a joint is called unexplained

@@ -84,6 +84,8 @@ def search(mapping: Mapping, model: TorqueModel, reading: Reading, any_scale: bo
                 best, best_gain, best_shares = other, gain, tried
         if best is None:
             break
+        if {(fix.signal, fix.key) for fix in best.fixes} == {("theta", "sign")}:
+            best, best_shares = torque_sign_instead(mapping, model, reading, best, best_shares, any_scale)
         found.append(issue_of(best, shares, best_shares, mapping))
         reading, shares = best.reading, best_shares
     return SearchResult(found, reading, shares)
@@ -102,13 +104,56 @@ def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bo
     for j, joint in enumerate(names):
         result += opposite_signs(mapping, now, (joint,))
         result += [rescaled(now, {j: c}, label) for label, c in units[j].items() if not any_scale]
-        for quarter in (1, -1, 2):
-            zero = now.zero.copy()
-            zero[j] += quarter * np.pi / 2
-            offset = round(mapping.joints[joint].theta.offset + quarter * np.pi / 2, 6)
-            fix = Fix(joint, "theta", "offset", offset)
-            result.append(Hypothesis(replace(now, zero=zero), (fix,), f"offset = {offset:g} rad"))
+        result += other_zeros(mapping, now, j)
     return result
+
+
+def other_zeros(mapping: Mapping, now: Reading, j: int) -> list[Hypothesis]:
+    """θ of joint j a quarter or half turn further."""
+    joint, result = mapping.names[j], []
+    for quarter in (1, -1, 2):
+        zero = now.zero.copy()
+        zero[j] += quarter * np.pi / 2
+        offset = round(mapping.joints[joint].theta.offset + float(zero[j]), 6)
+        fix = Fix(joint, "theta", "offset", offset)
+        result.append(Hypothesis(replace(now, zero=zero), (fix,), f"offset = {offset:g} rad"))
+    return result
+
+
+def torque_sign_instead(
+    mapping: Mapping, model: TorqueModel, now: Reading, best: Hypothesis, shares: Array, any_scale: bool
+) -> tuple[Hypothesis, Array]:
+    """The opposite sign of τ for that of θ in `best` where it explains as much, if need be with another zero.
+
+    Logs have θ as the robot's description more often than τ, and a wrong zero beside a wrong sign of τ looks
+    like a wrong sign of θ.
+    """
+    joints = tuple(dict.fromkeys(fix.joint for fix in best.fixes))
+    tau = opposite_signs(mapping, now, joints)[0]
+
+    plain = model.shares(tau.reading, any_scale)
+    if improvement(plain, shares) < LIMITS.clear:
+        reason = f"{tau.reason} (or that of theta instead, which these data do not tell apart)"
+        return replace(tau, reason=reason), plain
+
+    def with_zero(start: Hypothesis) -> tuple[Hypothesis, Array]:
+        """The best other zero beside a sign."""
+        joints = range(len(mapping.names))
+        zeros = [zero for j in joints for zero in other_zeros(mapping, start.reading, j)]
+        tried = [model.shares(zero.reading, any_scale) for zero in zeros]
+        k = int(np.argmax([improvement(shares, one) for one in tried]))
+        reason = f"{start.reason} of {start.fixes[0].signal} and {zeros[k].reason} of theta"
+        return Hypothesis(zeros[k].reading, (*start.fixes, *zeros[k].fixes), reason), tried[k]
+
+    other, others_shares = with_zero(tau)
+    if improvement(shares, others_shares) > max(LIMITS.clear, improvement(shares, with_zero(best)[1])):
+        return other, others_shares
+    return best, shares
+
+
+def improvement(before: Array, after: Array) -> float:
+    """By how much the unexplained parts of the torques shrink: Σ log of their ratios."""
+    return float(np.sum(np.log((1 - before + LIMITS.model_error) / (1 - after + LIMITS.model_error))))
 
 
 def opposite_signs(mapping: Mapping, now: Reading, joints: Sequence[str]) -> list[Hypothesis]:

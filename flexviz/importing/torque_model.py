@@ -42,6 +42,9 @@ class Reading:
     factor: Array
     zero: Array
     sign: Array
+    drive: Array | None = None  # (n, n) joint angles = drive · motor angles, where τ is that of the motors
+    theta_too: bool = False  # whether θ is that of the motors, too
+    converted: bool = False  # whether τ was converted to the joints already: only friction is the motors'
 
     @staticmethod
     def unchanged(n: int) -> Reading:
@@ -77,20 +80,28 @@ class TorqueModel:
         self.usable = seconds >= LIMITS.shortest_motion and has_masses
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
-        """(M, n) torques of the CAD model, velocities and accelerations."""
-        read = [
-            (bodies, m.q * reading.factor + reading.zero, m.v * reading.factor, m.a * reading.factor)
-            for bodies, m in self.samples
-        ]
+        """(M, n) torques of the CAD model, velocities and accelerations, all at the side of τ."""
+        turn = np.diag(reading.factor)
+        if reading.drive is not None and reading.theta_too:
+            turn = turn @ reading.drive.T
+        read = [(bodies, m.q @ turn + reading.zero, m.v @ turn, m.a @ turn) for bodies, m in self.samples]
         torques = [self.robot.cad_torques(*motion) for motion in read]
         _, _, speeds, accelerations = zip(*read, strict=True)
-        return np.concatenate(torques), np.concatenate(speeds), np.concatenate(accelerations)
+        torque, v, a = (np.concatenate(parts) for parts in (torques, speeds, accelerations))
+        if reading.drive is None:
+            return torque, v, a
+        back = np.linalg.inv(reading.drive).T
+        return torque if reading.converted else torque @ reading.drive, v @ back, a @ back
 
     def fit(self, reading: Reading) -> list[TorqueFit]:
         """Fits of all joints, with a slope near 1."""
         rigid, v, a = self.rigid(reading)
         torque = self.torque * reading.sign
-        joints = zip(rigid.T, v.T, a.T, torque.T, self.inertia, strict=True)
+        acting = np.eye(self.robot.n)  # of motors (rows) on joints
+        if reading.converted and reading.drive is not None:
+            acting = np.linalg.inv(reading.drive)
+        speeds = [v[:, row != 0.0] * row[row != 0.0] for row in acting.T]
+        joints = zip(rigid.T, speeds, a.T, torque.T, self.inertia, strict=True)
         return [fit_joint(*joint, LIMITS.slopes) for joint in joints]
 
     def fit_any_scale(self, reading: Reading) -> list[TorqueFit]:
@@ -144,21 +155,25 @@ def largest_inertia(robot: Robot) -> Array:
 def fit_joint(
     rigid: Array, v: Array, a: Array, torque: Array, inertia: float, slopes: tuple[float, float]
 ) -> TorqueFit:
-    """One joint: rigid torques, velocity, acceleration and τ, all (M,), at the same instants."""
-    fastest = float(np.max(np.abs(v)))
+    """One joint: rigid torques, acceleration and τ, all (M,), at the same instants.
+
+    `v`: velocity, or (M, k) those of k motors whose friction acts on the joint.
+    """
+    speeds = v.reshape(len(v), -1)
+    fastest = np.maximum(np.max(np.abs(speeds), axis=0), 1e-12)
     target = torque - np.mean(torque)
     total = float(target @ target)
-    if fastest < LIMITS.resting or total == 0.0:
+    if np.max(fastest) < LIMITS.resting or total == 0.0:
         return TorqueFit(1.0, 1.0)  # a joint at rest is no evidence
-    matrix = np.stack([rigid, a, v, np.tanh(30.0 * v / fastest)], axis=1)
+    matrix = np.column_stack([rigid, a, speeds, np.tanh(30.0 * speeds / fastest)])
     matrix -= np.mean(matrix, axis=0)  # the offset is free
     scale = np.linalg.norm(matrix, axis=0)
     scale[scale == 0.0] = 1.0
     # a square problem with the same solution is cheaper
     q, r = np.linalg.qr(matrix / scale)
     projected = q.T @ target
-    lower = np.array([slopes[0], 0.0, 0.0, 0.0]) * scale
-    upper = np.array([slopes[1], LIMITS.motor_inertia * inertia, np.inf, np.inf]) * scale
+    lower = np.array([slopes[0], *(0.0 for _ in scale[1:])]) * scale
+    upper = np.array([slopes[1], LIMITS.motor_inertia * inertia, *(np.inf for _ in scale[2:])]) * scale
     x = bounded_least_squares(r, projected, lower, upper)
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
