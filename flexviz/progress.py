@@ -7,7 +7,8 @@ or raises `Cancelled` where it has none.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -45,11 +46,22 @@ class Progress:
         text: what is being done.
         share: how much of it is done, 0 … 1; None where the end is not known.
         iteration: the solver's latest step, where a solver runs.
+        rest: expected time to the end [s]; None where it is not known.
     """
 
     text: str = ""
     share: float | None = None
     iteration: Iteration | None = None
+    rest: float | None = None
+
+    @property
+    def rest_text(self) -> str:
+        """ "about 40 s left"; empty if not known."""
+        if self.rest is None:
+            return ""
+        if self.rest >= 90:
+            return f"about {self.rest / 60:.0f} min left"
+        return f"about {max(5 * round(self.rest / 5), 5)} s left" if self.rest > 5 else "a few seconds left"
 
 
 ProgressCallback = Callable[[Progress], None]
@@ -63,6 +75,49 @@ def ignore(progress: Progress) -> None:
 def never() -> bool:
     """The `should_stop` of a caller who waits for the end."""
     return False
+
+
+class Pace:
+    """Progress of a computation whose number of stages is unknown, from the time that it takes.
+
+    The expected duration is a guess until the first stage has ended, then a multiple of that stage. The share
+    never falls.
+
+    Args:
+        guess: expected duration [s].
+        first: duration of the whole relative to the first stage.
+        least: time that is expected to the end at any stage, relative to the first stage.
+        late: text of a late stage -> share that is done when it begins.
+        clock: the time [s].
+    """
+
+    def __init__(
+        self,
+        guess: float,
+        first: float,
+        least: float,
+        late: Mapping[str, float],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._total, self._first, self._least, self._late, self._clock = guess, first, least, late, clock
+        self._began, self._stage, self._stages, self._share = clock(), 0.0, 0, 0.0
+
+    def news(self, text: str) -> Progress:
+        """A stage begins."""
+        elapsed = self._clock() - self._began
+        self._stages += 1
+        if self._stages == 2:
+            self._stage, self._total = elapsed, self._first * elapsed
+        if text in self._late:
+            self._total = elapsed / self._late[text]
+        else:
+            self._total = max(self._total, elapsed + self._least * self._stage)
+        self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0
+        return Progress(text, self._share, rest=max(self._total - elapsed, 0.0))
+
+    def done(self) -> Progress:
+        """The end, with the time it took."""
+        return Progress(f"done in {self._clock() - self._began:.0f} s", 1.0)
 
 
 def part(progress: ProgressCallback, first: float, last: float, text: str = "") -> ProgressCallback:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.view.status import error_text
 from tests.app_running import reopen, running, send, status, use, wait
+from tests.found import COULOMB, DIAGNOSIS, OFFSET
 
 pytestmark = pytest.mark.slow
 EFFECT = "coulomb_friction:joint2"
@@ -87,8 +89,39 @@ def test_add_all_is_a_history_of_steps(app: Application) -> None:
     assert app.store.analysis.effects == (EFFECT,)
     assert [step.label for step in app.store.session.past][-1] == "looked for the missing effect"
     assert "Nothing is missing" in diagnose_step(app)._verdict.content
+    result, (_, last) = app.store.analysis.identification, app.store.analysis.model_steps
+    assert result is not None and last.step.model is not None and app.store.analysis.up_to_date
+    # the diagnosis's own values, not fitted again
+    assert np.allclose(result.model.stiffness, last.step.model.stiffness) and "as given" in result.message
+    assert result.model.effects == last.step.model.effects
     use(app, "Undo")
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
+
+
+def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> None:
+    reopen(app, sessions_dir() / DEMO)
+    start = app.store.analysis
+    both = replace(DIAGNOSIS, findings=(COULOMB, replace(COULOMB, joint="joint1"), OFFSET))
+    app.store.change("looked for the missing effect", start.with_diagnosis(both))
+    step, states = diagnose_step(app), len(app.store.session.past)
+    assert "1. Coulomb friction on joints 1 and 2" in step.findings[0]._text.content
+    assert "2. Torque offset on joint1" in step.findings[1]._text.content
+    use(app, "Add and refit")
+    wait(app)
+    assert app.store.analysis.effects == (EFFECT, "coulomb_friction:joint1") and app.store.analysis.up_to_date
+    assert len(app.store.session.past) == states + 1  # one step of the history
+    assert app.store.session.undoes == "added Coulomb friction on joints 1 and 2"
+    rows = [text.content for text, *_ in step.model._rows if text.visible]
+    assert len(rows) == 1 and "Coulomb friction on joints 1 and 2" in rows[0]
+    assert "1. + Coulomb friction on joints 1 and 2" in app.plots._steps.content
+    assert "joint2: coulomb " in app.plots._steps.content
+    use(app, "Take apart")
+    assert [text.visible for text, *_ in step.model._rows[:3]] == [True, True, False]
+    use(app, "Remove", index=1)
+    wait(app)
+    assert app.store.analysis.effects == (EFFECT,)
+    use(app, "Undo")
+    assert len(app.store.analysis.effects) == 2
 
 
 def test_a_stopped_search_changes_nothing(app: Application) -> None:

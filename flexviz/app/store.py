@@ -279,7 +279,7 @@ class Store(ChangeSignal):
         if self.activity is not None:
             self.activity = replace(self.activity, share=news.share or 0.0)
             self.tell(Changed.PROGRESS)
-        self.say(news.text, "busy")
+        self.say(", ".join(part for part in (news.text, news.rest_text) if part), "busy")
 
     def stop(self) -> None:
         """Stop the activity; identification and sweep keep their results so far."""

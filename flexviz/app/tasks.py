@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from flexviz.app.state import Opened
 from flexviz.diagnosis import Diagnosis, ResidualMap, diagnose, maps_of
 from flexviz.errors import Cancelled, InputError
@@ -18,10 +20,18 @@ from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
-from flexviz.session import SESSION_FILE, Analysis, is_session, open_session, with_roles
+from flexviz.session import (
+    SESSION_FILE,
+    Analysis,
+    diagnosed_models,
+    is_session,
+    open_session,
+    with_roles,
+)
 from flexviz.simulation import Run, replay
 from flexviz.view import truth_values
 
+Bandwidth = float | tuple[float, ...]
 WARM = ("flexviz.app.tasks",)  # with all that its tasks import
 
 
@@ -110,28 +120,30 @@ class DiagnosedSet:
 
     diagnosis: Diagnosis  # of the initial model
     identification: Identification | None  # of the initial model; None if already known
-    added: tuple[Identification, ...] = ()  # of the models after each added effect, as in the diagnosis
+    added: tuple[Identification, ...] = ()  # of the later `diagnosed_models`, with the diagnosis's values
 
 
 @dataclass(frozen=True)
 class Diagnose(SetTask[DiagnosedSet]):
-    """Identify unless `model` is given, then diagnose; `apply` adds all findings.
+    """Identify unless `known` is given, then diagnose; `apply` adds all findings.
 
-    Reports the iterations of the identification and the stages of the diagnosis.
+    `known` is the model with its bandwidth [rad/s]. Reports the iterations of the identification and the
+    stages of the diagnosis.
     """
 
     analysis: Analysis
-    model: FlexibleModel | None
+    known: tuple[FlexibleModel, Bandwidth] | None
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
-        analysis, known = self.analysis, self.model
-        identification = None
+        analysis, identification = self.analysis, None
+        known, bandwidth = self.known or (None, None)
         if known is None:
             identification = _identify(analysis, progress, should_stop)
             if should_stop():
                 raise Cancelled
             known = identification.model if identification.converged else None
+            bandwidth = bandwidth_of(identification)
         if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
             known = None  # values of another observer may be far from the diagnosis's start
         measurements = chosen_set(analysis)
@@ -140,12 +152,30 @@ class Diagnose(SetTask[DiagnosedSet]):
             measurements, apply=self.apply, start=known, progress=progress, should_stop=should_stop
         )
         added: list[Identification] = []
-        for step in diagnosis.steps[1:] if self.apply else ():
-            if step.added is None or should_stop():
+        for found in diagnosed_models(diagnosis, measurements.joints)[1:] if self.apply else ():
+            model = found.diagnosis.steps[0].model
+            if model is None or should_stop():
                 break
-            analysis = analysis.with_effect(step.added.text, True)
-            added.append(_identify(analysis, progress, should_stop))
+            analysis = analysis.with_effects(found.effects)
+            added.append(
+                identify(
+                    chosen_set(analysis),
+                    effects=analysis.effects,
+                    observer=analysis.observer,
+                    bandwidth=bandwidth,
+                    model=model,
+                )
+            )
         return DiagnosedSet(diagnosis, identification, tuple(added))
+
+
+def bandwidth_of(result: Identification) -> Bandwidth:
+    """One number, or one per joint [rad/s]."""
+    return (
+        result.bandwidth
+        if isinstance(result.bandwidth, float)
+        else tuple(np.ravel(result.bandwidth).tolist())
+    )
 
 
 @dataclass(frozen=True)

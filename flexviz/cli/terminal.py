@@ -146,6 +146,8 @@ class Reporter:
         if solver is not None:
             step = f"  step {solver.step:.2g}" if math.isfinite(solver.step) else ""
             detail = f"iteration {solver.number}  cost {solver.cost:.6g}{step}"
+        elif news.rest is not None:
+            detail = news.rest_text
         if self._bar is not None:
             self._bar.update(self._task, description=stage or self._title, detail=detail)
             if news.share is not None:
@@ -155,8 +157,9 @@ class Reporter:
         if stage == self._stage and now - self._last < LINE_INTERVAL:
             return
         self._stage, self._last = stage, now
-        share = "" if news.share is None else f" {100 * news.share:.0f} %"
-        note(" ".join(part for part in (f"{stage or self._title}{share}", detail) if part))
+        share = "" if news.share is None else f"{100 * news.share:3.0f} % "
+        separator = "" if not detail else " " if news.iteration is not None else ", "
+        note(f"{share}{stage or self._title}{separator}{detail}")
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from flexviz.identification.result import Identification, ResidualSeries, Residu
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
 from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 from flexviz.progress import ProgressCallback, StopCallback
@@ -44,6 +45,7 @@ def identify(
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
     max_iterations: int = 60,
+    model: FlexibleModel | None = None,
 ) -> Identification:
     """Estimate stiffness, motor inertia, friction, inertial parameters and effects.
 
@@ -59,6 +61,7 @@ def identify(
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
         max_iterations: of each solver run.
+        model: values to take instead of fitting them; the result has their errors and residuals.
 
     Raises:
         InputError: unknown names, a validation group, or nothing left to fit.
@@ -68,9 +71,11 @@ def identify(
     layout = _layout(measurements, fitted, tuple(effects))
     report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
-        plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations)
+        plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations, model)
         outcome = _plain_outcome(plain)
-        if refine and not report.stopped:
+        if model is not None:
+            outcome = replace(outcome, message="values as given; they were not fitted with this observer")
+        elif refine and not report.stopped:
             outcome = _refined_outcome(measurements, fitted, plain, outcome, report)
         if report.stopped:
             text = "stopped; the values are those of the last step"

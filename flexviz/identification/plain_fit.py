@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from flexviz.estimation import (
 )
 from flexviz.identification.initial_guess import needs_search, searched_start
 from flexviz.measurements import Group, MeasurementSet
+from flexviz.model import FlexibleModel
 from flexviz.observers import ButterworthZeroPhase, Observer, make_observer
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 
@@ -114,19 +115,27 @@ def plain_fit(
     bandwidth: float | Sequence[float] | None,
     report: StepReporter,
     max_iterations: int,
+    model: FlexibleModel | None = None,
 ) -> PlainFit:
-    """Fit with an observer; by default, the bandwidth of the zero-phase Butterworth of least residual."""
+    """Fit with an observer; by default, the bandwidth of the zero-phase Butterworth of least residual.
+
+    With a `model` its values are taken as they are.
+    """
+
+    def attempt(observer: Observer, near: Array | None) -> PlainFit:
+        if model is not None:
+            return _given(measurements, groups, observer, model, report)
+        return _attempt(measurements, groups, observer, near, report, max_iterations)
+
     if observer != ButterworthZeroPhase.name or bandwidth is not None:
-        return _attempt(
-            measurements, groups, make_observer(observer, bandwidth), None, report, max_iterations
-        )
+        return attempt(make_observer(observer, bandwidth), None)
     best: PlainFit | None = None
     for hertz in BAND_HERTZ:
         # the neighbouring band's result is a better start than the rigid fit
         near = best.solution.x if best is not None and best.solution.converged else None
         band = ButterworthZeroPhase(2 * np.pi * hertz)
         try:
-            trial = _attempt(measurements, groups, band, near, report, max_iterations)
+            trial = attempt(band, near)
         except InputError:
             if hertz == BAND_HERTZ[-1] and best is None:
                 raise
@@ -139,6 +148,22 @@ def plain_fit(
             break
     assert best is not None
     return best
+
+
+def _given(
+    measurements: MeasurementSet,
+    groups: tuple[Group, ...],
+    observer: Observer,
+    model: FlexibleModel,
+    report: StepReporter,
+) -> PlainFit:
+    """The model's values as a fit, without a step of the solver."""
+    layout = report.layout
+    equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
+    start = start_values(measurements, equation)
+    x = start.bounds.clip(layout.vector(model))
+    end = gauss_newton(equation, start.prior, start.bounds, x, max_iterations=0)
+    return PlainFit(observer, equation, start, replace(end, converged=True))
 
 
 def _attempt(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
-from flexviz.session import Analysis, ModelStep, Session
-from flexviz.wording import effect_text_name, families, text_runs
+from flexviz.session import Analysis, ModelStep, Session, diagnosed_models
+from flexviz.wording import families, text_runs
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,19 +143,10 @@ def _rounds(session: Session, analysis: Analysis) -> tuple[DiagnosisRound, ...]:
 
 
 def diagnosed_session(measurements: MeasurementSet, diagnosis: Diagnosis) -> Session:
-    """The session that diagnosing a set in the app would give, with one state per step."""
+    """The session that diagnosing a set in the app would give, with one state per family of effects."""
     session = Session.of(measurements)
-    analysis, effects = session.analysis, ()
-    final = {"maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": ()}
-    for index, step in enumerate(diagnosis.steps):
-        label = "looked for the missing effect"
-        if step.added is not None:
-            effects = (*effects, step.added.text)
-            label = f"added {effect_text_name(step.added.text)}"
-        later = diagnosis.steps[index + 1 :]
-        found = diagnosis.findings if index == 0 else tuple(s.added for s in later[:1] if s.added is not None)
-        answer = replace(diagnosis, **final) if later else diagnosis  # they describe the final model
-        answer = replace(answer, verdict=step.verdict, findings=found, steps=(step,))
-        analysis = replace(analysis, effects=effects).with_diagnosis(answer)
-        session = session.then(label, analysis)
+    analysis = session.analysis
+    for model in diagnosed_models(diagnosis, measurements.joints):
+        analysis = analysis.with_effects(model.effects).with_diagnosis(model.diagnosis)
+        session = session.then(model.label or "looked for the missing effect", analysis)
     return session

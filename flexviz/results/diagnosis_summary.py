@@ -9,6 +9,7 @@ from rich.table import Table
 from flexviz.results.entries import CandidateEntry, ResultFields, StepEntry
 from flexviz.results.tables import in_ascii, interval, plain_table
 from flexviz.wording import (
+    SAID_AS_SHARES,
     Family,
     absorbed_list,
     by_share,
@@ -29,7 +30,6 @@ from flexviz.wording import (
 )
 
 SHOWN_ABSORBED = 4  # parameters
-REPLACED_NOTES = ("explained", "unexplained")  # said here with the joints' torque as the yardstick
 
 
 def diagnosis_parts(result: ResultFields) -> list[Table | str]:
@@ -55,7 +55,7 @@ def diagnosis_parts(result: ResultFields) -> list[Table | str]:
     if result.final_verdict == "unknown" and place is not None:
         low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
         out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")
-    skipped = {note.text for note in result.typed_notes if spread and note.kind in REPLACED_NOTES}
+    skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
     out += [f"note: {note}" for note in result.notes if note not in skipped]
     return [*out, "stopped; this is what was found so far"] if result.stopped else out
 

@@ -5,6 +5,7 @@ from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSu
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import save_session, zipped
+from flexviz.session.staircase import DiagnosedModel, diagnosed_models
 from flexviz.session.state import (
     HISTORY,
     ROLES,
@@ -25,6 +26,7 @@ __all__ = [
     "SESSION_FILE",
     "Analysis",
     "Autosave",
+    "DiagnosedModel",
     "ModelStep",
     "OpenedSession",
     "ParameterRow",
@@ -37,6 +39,7 @@ __all__ = [
     "Settings",
     "Unsaved",
     "compare",
+    "diagnosed_models",
     "find_unsaved",
     "is_session",
     "now",

@@ -6,7 +6,7 @@ last identification and last diagnosis. `Session` adds undo and redo.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -124,6 +124,16 @@ class Analysis:
         """A copy with an effect added or removed."""
         others = tuple(name for name in self.effects if name != effect)
         return replace(self, effects=(*others, effect) if on else others)
+
+    def with_effects(self, effects: Iterable[str]) -> Analysis:
+        """A copy with more effects."""
+        new = tuple(name for name in effects if name not in self.effects)
+        return replace(self, effects=(*self.effects, *new))
+
+    def without_effects(self, effects: Iterable[str]) -> Analysis:
+        """A copy with fewer effects."""
+        gone = set(effects)
+        return replace(self, effects=tuple(name for name in self.effects if name not in gone))
 
     def with_identification(self, result: Identification, settings: tuple[Any, ...]) -> Analysis:
         """A copy with a result that was computed for `settings`."""

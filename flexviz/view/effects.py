@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from xml.etree import ElementTree
 
@@ -11,11 +11,19 @@ from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.effects import EFFECTS, Effect
 from flexviz.resources import data_dir
 from flexviz.wording import (
+    LIKELY,
+    SAID_AS_SHARES,
+    Family,
     absorbed_list,
     bounds_text,
+    by_share,
+    confidence_range,
+    effect_title,
     enters_text,
     escape,
-    finding_name,
+    joint_score,
+    left_text,
+    moved,
     parameter_text,
     share_text,
     tie_text,
@@ -26,7 +34,6 @@ from flexviz.wording import (
 COMMON_EFFECTS = tuple(name for name, effect in EFFECTS.items() if effect.common)
 """Always listed; the others are in folded sections."""
 
-LIKELY_CONFIDENCE = 0.5  # a finding with at least this is highlighted
 MAX_PICTURE_BYTES = 60_000
 KINDS = {
     "motor": "Motor side",
@@ -125,17 +132,22 @@ def lower(title: str) -> str:
     return title if title.startswith(names) else title[:1].lower() + title[1:]
 
 
-def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
-    """The verdict in its box, with notes and warnings."""
+def verdict_html(
+    diagnosis: Diagnosis | None,
+    up_to_date: bool = True,
+    joints: Sequence[str] = (),
+    spread: Sequence[float] = (),
+) -> str:
+    """The verdict in its box, with notes and warnings; `spread` is that of the joints' torque [Nm]."""
     if diagnosis is None:
         return (
             '<div class="fv fv-dim">Is the model complete? <b>Find the missing effect</b> identifies it if '
             "necessary, examines the residual, and tries every known effect.</div>"
         )
-    shown = [note for note in diagnosis.notes if diagnosis.free_curve is None or note.kind != "free-curve"]
-    notes = "".join(
-        f'<div class="fv-dim">{escape(note.text[:1].upper() + note.text[1:])}.</div>' for note in shown
-    )
+    left, worst = what_stays(diagnosis, joints, spread)
+    skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
+    texts = [*left, *(note.text for note in diagnosis.notes if note.kind not in skipped)]
+    notes = "".join(f'<div class="fv-dim">{escape(text[:1].upper() + text[1:])}.</div>' for text in texts)
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
     if not up_to_date:
@@ -143,10 +155,21 @@ def verdict_html(diagnosis: Diagnosis | None, up_to_date: bool = True) -> str:
             '<div class="fv-warn">The model or the groups have changed since: press Find the missing effect.'
             "</div>"
         )
-    return (
-        f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict_text(diagnosis))}</div>'
-        + (f'<div class="fv">{notes}</div>' if notes else "")
+    verdict = verdict_text(diagnosis, joints=joints, worst=worst)
+    return f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict)}</div>' + (
+        f'<div class="fv">{notes}</div>' if notes else ""
     )
+
+
+def what_stays(diagnosis: Diagnosis, joints: Sequence[str], spread: Sequence[float]) -> tuple[list[str], str]:
+    """What the model leaves after "Unknown:", as a sentence, and the joint of which it explains least."""
+    if not spread or not diagnosis.steps:
+        return [], ""
+    last = diagnosis.steps[-1]
+    rms = last.rms_validation or last.rms
+    worst = joints[by_share(rms, spread)[0]]
+    text = f"what stays: {left_text(joints, rms, spread, last.noise_floor)}"
+    return ([text] if diagnosis.verdict == "unknown" else []), worst
 
 
 def heading_html(diagnosis: Diagnosis | None) -> str:
@@ -156,20 +179,39 @@ def heading_html(diagnosis: Diagnosis | None) -> str:
     return '<div class="fv fv-dim">Tried, but not credible explanations of the residual:</div>'
 
 
-def finding_html(finding: Finding, rank: int, full: bool) -> str:
-    """A finding: name, values, share, confidence; with `full` also all ties and absorbing parameters."""
-    likely = " fv-likely" if finding.confidence >= LIKELY_CONFIDENCE else ""
-    values = values_text(finding)
-    lines = [f"<div><b>{rank}. {escape(finding_name(finding))}</b></div>"]
+def finding_html(family: Family[Finding], rank: int, full: bool, joints: Sequence[str] = ()) -> str:
+    """A finding: name, values, share, confidence; with `full` also all ties and absorbing parameters.
+
+    Of effects of one kind on several `joints` the values are folded.
+    """
+    members = family.members
+    likely = min(member.confidence for member in members)
+    explain = "explains" if len(members) == 1 else "together they explain"
+    lines = [f"<div><b>{rank}. {escape(family.name(joints))}</b></div>"]
     lines.append(
-        f'<div class="fv-bar"><span style="width:{100 * min(max(finding.confidence, 0.0), 1.0):.0f}%"></span>'
-        f"</div><div>confidence {share_text(finding.confidence)}, explains {share_text(finding.score)}</div>"
+        f'<div class="fv-bar"><span style="width:{100 * min(max(likely, 0.0), 1.0):.0f}%"></span>'
+        f"</div><div>confidence {confidence_range(members)}, {explain} "
+        f"{share_text(joint_score(members))}</div>"
     )
-    if values:
-        lines.append(f"<div>{escape(values)}</div>")
-    ties = finding.inseparable_from if full else finding.inseparable_from[:1]
-    lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
-    if full and finding.absorbed:
-        named = escape(absorbed_list(finding.absorbed))
+    if len(members) == 1:
+        values = values_text(members[0])
+        lines += [f"<div>{escape(values)}</div>"] if values else []
+        ties = members[0].inseparable_from if full else members[0].inseparable_from[:1]
+        lines += [f'<div class="fv-warn">{escape(tie_text(tie))}</div>' for tie in ties]
+    else:
+        lines.append(f"<details><summary>Values per joint</summary>{_member_rows(family, joints)}</details>")
+    absorbed = moved(members)
+    if full and absorbed:
+        named = escape(absorbed_list(absorbed))
         lines.append(f'<div class="fv-dim">Was absorbed by other parameters: {named}.</div>')
-    return f'<div class="fv fv-finding{likely}">{"".join(lines)}</div>'
+    mark = " fv-likely" if likely >= LIKELY else ""
+    return f'<div class="fv fv-finding{mark}">{"".join(lines)}</div>'
+
+
+def _member_rows(family: Family[Finding], joints: Sequence[str]) -> str:
+    rows = []
+    for one in family.by_joint(joints):
+        ties = ", ".join(lower(effect_title(tie.effect)) for tie in one.inseparable_from)
+        hard = f" (hard to tell from {ties})" if ties else ""
+        rows.append(f"<div>{escape(one.joint)}: {escape(values_text(one) + hard)}</div>")
+    return "".join(rows)

@@ -187,10 +187,11 @@ def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate])
     out = []
     for text in texts:
         effect, _, place = text.partition(":")
-        values = [
-            f"{plain_name(p.name)} {' ± '.join(interval(p.value, p.std))} {unit_text(p.unit)}".rstrip()
-            for p in parameters
-            if p.name.partition(".")[0] == effect and "." in p.name and place in (p.joint, p.payload)
-        ]
-        out += [f"{place}: {', '.join(values)}"] if values and place else []
+        values = []
+        for p in parameters:
+            of, dot, name = p.name.partition(".")
+            if dot and of == effect and place and place in (p.joint, p.payload):
+                shown = " ± ".join(interval(p.value, p.std))
+                values.append(f"{plain_name(name)} {shown} {unit_text(p.unit)}".rstrip())
+        out += [f"{place}: {', '.join(values)}"] if values else []
     return out

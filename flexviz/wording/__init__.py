@@ -10,6 +10,7 @@ from flexviz.wording.effects import (
     simulated_text,
 )
 from flexviz.wording.errors import (
+    SAID_AS_SHARES,
     by_share,
     explained,
     left_text,
@@ -65,6 +66,7 @@ __all__ = [
     "INERTIAL",
     "LIKELY",
     "MARKS",
+    "SAID_AS_SHARES",
     "SCOPES",
     "SYMBOLS",
     "Family",

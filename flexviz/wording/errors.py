@@ -12,6 +12,8 @@ from collections.abc import Sequence
 
 from flexviz.wording.numbers import number
 
+SAID_AS_SHARES = ("explained", "unexplained")
+"""Kinds of notes that the joints' shares of the torque replace."""
 MAX_LEFT = 3  # joints named by `left_text`
 LEAST_UNEXPLAINED = 1e-5  # a smaller unexplained share of the torque is not resolved
 

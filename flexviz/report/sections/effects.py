@@ -124,12 +124,12 @@ def _law(effect: Effect) -> str:
 
 
 def _ranking(content: ReportContent) -> ReportTable | None:
-    chosen = {name for name, _ in content.added}
     rows: list[list[str | Cell]] = []
     for index, one in enumerate(content.rounds):
         found = one.diagnosis.findings if one.diagnosis is not None else ()
+        chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
         for rank, finding in enumerate(found[:MAX_CANDIDATES], 1):
-            added = finding.text in chosen and rank == 1
+            added = finding.text in chosen
             rows.append(
                 [
                     f"model {index}",

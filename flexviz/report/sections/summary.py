@@ -9,6 +9,7 @@ from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanati
 from flexviz.report.content import ReportContent
 from flexviz.wording import (
     INERTIAL,
+    SAID_AS_SHARES,
     by_share,
     left_text,
     mean_nrms,
@@ -21,7 +22,6 @@ from flexviz.wording import (
     verdict_text,
 )
 
-REPLACED_NOTES = ("explained", "unexplained")  # said here with the torque as the yardstick
 TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unknown": "unknown"}
 
 
@@ -31,7 +31,7 @@ def summary(content: ReportContent) -> Section:
     verdict = Callout("Not diagnosed yet: the model may be incomplete.", "unknown")
     if diagnosis is not None:
         verdict = Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown"))
-    notes = [note.text for note in diagnosis.notes if note.kind not in REPLACED_NOTES] if diagnosis else []
+    notes = [note.text for note in diagnosis.notes if note.kind not in SAID_AS_SHARES] if diagnosis else []
     if diagnosis is not None and diagnosis.verdict == "unknown" and content.steps:
         last = content.steps[-1]
         left = left_text(content.joints, judged(last), content.spread, last.noise_floor)

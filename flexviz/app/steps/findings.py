@@ -1,0 +1,133 @@
+"""The entries of step Diagnose: findings, and the effects in the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from flexviz.app.page import Page, off
+from flexviz.app.store import Store
+from flexviz.app.uplot import ChartColumn
+from flexviz.diagnosis import Finding
+from flexviz.view import card_html, evidence_chart, finding_html
+from flexviz.wording import Family, escape, text_families, text_names
+
+MAX_ROWS = 12  # in the list of the model's effects
+HEIGHT = 170  # [pixels] of the evidence
+
+
+class FindingEntry:
+    """The text, chart, explanation and buttons of a finding, on one joint or several."""
+
+    def __init__(self, page: Page, index: int, add: Callable[[int], None]) -> None:
+        self._index = index
+        self._finding: Finding | None = None  # whose evidence is shown
+        self._group = ""
+        self.opened = index == 0  # whether its evidence is shown
+        gui = page.gui
+        self._text = gui.add_html("", visible=False)
+        self._toggle = page.button("Show evidence", self._switch, visible=False)
+        self.add = page.button(
+            "Add and refit", partial(add, index), color="blue" if index == 0 else "gray", visible=False
+        )
+        self._folder = gui.add_folder(None, visible=False)
+        self._chart = ChartColumn(page.server, self._folder)
+        self._card = gui.add_html("", visible=False)
+        page.row((self._toggle, self.add))
+
+    def show(self, family: Family[Finding] | None, store: Store) -> None:
+        """Show a finding with its evidence in the selected group; None hides the entry."""
+        for handle in (self._text, self._toggle, self.add, self._card):
+            handle.visible = family is not None
+        self._finding = None
+        if family is None:
+            self._folder.visible = False
+            return
+        joints, members = store.measurements.joints, family.members
+        here = (member for member in members if member.joint == store.joint_name)
+        self._finding, self._group = next(here, members[0]), store.group.name
+        self._text.content = finding_html(family, self._index + 1, self._index == 0, joints)
+        self._card.content = card_html(family.effect)
+        what = "this effect" if len(members) == 1 else f"it on {family.place(joints)}"
+        off(self.add, store.why_not, f"adds {what}, identifies once and diagnoses again")
+        self._show_evidence(self._finding)
+
+    def _show_evidence(self, finding: Finding) -> None:
+        there = finding.evidence is not None
+        why = "" if there else "only screened briefly, so there is no evidence"
+        off(self._toggle, why, "the residual with this effect's signature over it")
+        shown = self.opened and there
+        self._toggle.label = "Hide evidence" if shown else "Show evidence"
+        self._folder.visible = shown
+        if shown:
+            self._chart.show((evidence_chart(finding, self._group, height=HEIGHT),))
+
+    def _switch(self) -> None:
+        self.opened = not self.opened
+        if self._finding is not None:
+            self._show_evidence(self._finding)
+
+
+class ModelList:
+    """The model's effects, one row per family; a family can be taken apart."""
+
+    def __init__(self, page: Page, remove: Callable[[Sequence[str]], None]) -> None:
+        self._effects: tuple[str, ...] = ()
+        self._joints: tuple[str, ...] = ()
+        self._shown: list[tuple[str, ...]] = []  # effects of each row
+        self._apart: set[str] = set()  # kinds of effects that are listed joint by joint
+        self._why = ""
+        self._remove = remove
+        self._heading = page.gui.add_html("")
+        self._rows = []
+        for index in range(MAX_ROWS):
+            text = page.gui.add_html("", visible=False)
+            button = page.button("Remove", partial(self._pressed, index), visible=False)
+            apart = page.button("Take apart", partial(self._take_apart, index), visible=False)
+            page.row((button, apart), share=0.3)
+            self._rows.append((text, button, apart))
+
+    def show(self, own: Sequence[str], added: Sequence[str], joints: tuple[str, ...], why: str) -> None:
+        """Show the set's own and the added effects; `why`: the reason that none can be removed now."""
+        self._effects, self._joints, self._why = tuple(added), joints, why
+        self._apart &= {kind([text]) for text in added}
+        names = ", ".join(text_names(own, joints))
+        text = f"the set's own: {names}" if own else ""
+        if not own and not added:
+            text = "stiffness, inertia and viscous friction only"
+        self._list()
+        left = len(self._shown) - MAX_ROWS
+        more = f" and {left} more" if left > 0 else ""
+        self._heading.content = (
+            f'<div class="fv"><b>In the model</b>{": " if text else ""}{escape(text)}{more}</div>'
+        )
+
+    def _list(self) -> None:
+        self._shown = []
+        for texts in text_families(self._effects, self._joints):
+            split = kind(texts) in self._apart
+            self._shown += [(text,) for text in texts] if split else [texts]
+        for index, (text, button, apart) in enumerate(self._rows):
+            texts = self._shown[index] if index < len(self._shown) else ()
+            text.visible = button.visible = bool(texts)
+            apart.visible = len(texts) > 1
+            if texts:
+                (name,) = text_names(texts, self._joints)
+                text.content = f'<div class="fv fv-added">+ {escape(name)}</div>'
+                what = "it" if len(texts) == 1 else "it from all these joints"
+                off(button, self._why, f"removes {what}, refits and diagnoses again")
+                off(apart, "", "lists it joint by joint, to remove it from one of them")
+
+    def _take_apart(self, index: int) -> None:
+        if index < len(self._shown):
+            self._apart.add(kind(self._shown[index]))
+            self._list()
+
+    def _pressed(self, index: int) -> None:
+        if index < len(self._shown):
+            self._remove(self._shown[index])
+
+
+def kind(texts: Sequence[str]) -> str:
+    """Name of the effect that a family's texts have in common."""
+    return texts[0].partition(":")[0]

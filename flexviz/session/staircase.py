@@ -1,0 +1,47 @@
+"""A diagnosis that added effects as the states of an analysis, one per family of effects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from flexviz.diagnosis import Diagnosis
+from flexviz.wording import text_runs
+
+OF_THE_FINAL_MODEL: dict[str, Any] = {
+    "maps": (), "where": (), "free_curve": None, "guard": None, "parameters": (), "notes": (),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosedModel:
+    """One model on the way.
+
+    Attributes:
+        label: of the action that led to it.
+        effects: texts of the effects that it has more than the one before, one kind on several joints.
+        diagnosis: its own; the next effects are the findings.
+    """
+
+    label: str
+    effects: tuple[str, ...]
+    diagnosis: Diagnosis
+
+
+def diagnosed_models(diagnosis: Diagnosis, joints: Sequence[str]) -> list[DiagnosedModel]:
+    """The set's own model, then one per family of added effects; the last has the whole diagnosis."""
+    steps = diagnosis.steps
+    added = [[] if step.added is None else [step.added.text] for step in steps]
+    runs = text_runs(added, joints)
+    ends = [last for _, _, last in runs]
+    out = []
+    for k, (name, texts, last) in enumerate(runs):
+        following = steps[last + 1 : ends[k + 1] + 1] if k + 1 < len(runs) else ()
+        findings = tuple(step.added for step in following if step.added is not None)
+        if k == 0:
+            findings = diagnosis.findings
+        answer = replace(diagnosis, **OF_THE_FINAL_MODEL) if following else diagnosis
+        answer = replace(answer, verdict=steps[last].verdict, findings=findings, steps=(steps[last],))
+        out.append(DiagnosedModel(f"added {name}" if texts else "", tuple(texts), answer))
+    return out

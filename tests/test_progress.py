@@ -1,0 +1,49 @@
+"""Progress of a computation with an unknown number of stages: honest, monotone, and at its end complete."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from flexviz.cli.terminal import Reporter
+from flexviz.progress import Pace, Progress
+
+LATE = {"last": 0.9}
+
+
+def pace(times: list[float]) -> Pace:
+    return Pace(40.0, 4.0, 1.2, LATE, clock=iter([0.0, *times]).__next__)
+
+
+def test_the_first_stage_tells_how_long_it_will_last() -> None:
+    slow = pace([0.0, 10.0, 20.0])
+    assert slow.news("survey") == Progress("survey", 0.0, rest=40.0)
+    assert slow.news("a") == Progress("a", 0.25, rest=30.0)  # a quarter is done
+    assert slow.news("b") == Progress("b", 0.5, rest=20.0)
+
+
+def test_the_share_never_falls_and_the_end_is_known_only_at_the_end() -> None:
+    times = [0.0, 10.0, 30.0, 60.0, 200.0, 210.0, 220.0]
+    one = pace(times)
+    news = [one.news(text) for text in ("survey", "a", "b", "c", "d", "last")]
+    shares = [n.share or 0.0 for n in news]
+    assert all(a <= b < 1 for a, b in itertools.pairwise(shares))
+    assert news[4].rest == pytest.approx(12.0)  # much longer than expected: something is still to come
+    assert news[5].share == pytest.approx(max(0.9, shares[4])) and news[5].rest == pytest.approx(210 / 9)
+    assert one.done() == Progress("done in 220 s", 1.0)
+
+
+@pytest.mark.parametrize(
+    "rest, text",
+    [(None, ""), (3.0, "a few seconds left"), (41.0, "about 40 s left"), (150.0, "about 2 min left")],
+)
+def test_the_rest_in_words(rest: float | None, text: str) -> None:
+    assert Progress("x", 0.1, rest=rest).rest_text == text
+
+
+def test_without_a_terminal_each_stage_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with Reporter("reading") as report:
+        report(Progress("scoring", 0.25, rest=30.0))
+        report(Progress("done in 40 s", 1.0))
+    assert capsys.readouterr().err.splitlines() == [" 25 % scoring, about 30 s left", "100 % done in 40 s"]
