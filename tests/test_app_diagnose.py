@@ -111,12 +111,12 @@ def test_effects_of_one_kind_are_added_and_removed_at_once(app: Application) -> 
     assert app.store.analysis.effects == (EFFECT, "coulomb_friction:joint1") and app.store.analysis.up_to_date
     assert len(app.store.session.past) == states + 1  # one step of the history
     assert app.store.session.undoes == "added Coulomb friction on joints 1 and 2"
-    rows = [text.content for text, *_ in step.model._rows if text.visible]
+    rows = [text.content for text, _ in step.model._rows if text.visible]
     assert len(rows) == 1 and "Coulomb friction on joints 1 and 2" in rows[0]
     assert "1. + Coulomb friction on joints 1 and 2" in app.plots._steps.content
     assert "joint2: coulomb " in app.plots._steps.content
     use(app, "Take apart")
-    assert [text.visible for text, *_ in step.model._rows[:3]] == [True, True, False]
+    assert [text.visible for text, _ in step.model._rows[:3]] == [True, True, False]
     use(app, "Remove", index=1)
     wait(app)
     assert app.store.analysis.effects == (EFFECT,)

@@ -41,7 +41,7 @@ LIMITS = THRESHOLDS.search
 FIRST_STAGE, LEAST_REST = 4.0, 1.2
 LATE_STAGES = {
     "checking that the effect is needed": 0.75,
-    "fitting the models on the way": 0.8,
+    "fitting the models on the way": 0.65,
     "refining the final parameters": 0.9,
     "locating the residual": 0.93,
     "checking parameters against the observer's bandwidth": 0.95,

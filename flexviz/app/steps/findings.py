@@ -13,6 +13,7 @@ from flexviz.view import card_html, evidence_chart, finding_html
 from flexviz.wording import Family, escape, text_families, text_names
 
 MAX_ROWS = 12  # in the list of the model's effects
+APART, TOGETHER = "Take apart", "Put together"
 HEIGHT = 170  # [pixels] of the evidence
 
 
@@ -69,13 +70,13 @@ class FindingEntry:
 
 
 class ModelList:
-    """The model's effects, one row per family; a family can be taken apart."""
+    """The model's effects, one row per family, or joint by joint."""
 
     def __init__(self, page: Page, remove: Callable[[Sequence[str]], None]) -> None:
         self._effects: tuple[str, ...] = ()
         self._joints: tuple[str, ...] = ()
         self._shown: list[tuple[str, ...]] = []  # effects of each row
-        self._apart: set[str] = set()  # kinds of effects that are listed joint by joint
+        self._apart = False  # whether families are listed joint by joint
         self._why = ""
         self._remove = remove
         self._heading = page.gui.add_html("")
@@ -83,19 +84,17 @@ class ModelList:
         for index in range(MAX_ROWS):
             text = page.gui.add_html("", visible=False)
             button = page.button("Remove", partial(self._pressed, index), visible=False)
-            apart = page.button("Take apart", partial(self._take_apart, index), visible=False)
-            page.row((button, apart), share=0.3)
-            self._rows.append((text, button, apart))
+            page.row((button,), share=0.3)
+            self._rows.append((text, button))
+        self._toggle = page.button(APART, self._switch, visible=False)
 
     def show(self, own: Sequence[str], added: Sequence[str], joints: tuple[str, ...], why: str) -> None:
         """Show the set's own and the added effects; `why`: the reason that none can be removed now."""
         self._effects, self._joints, self._why = tuple(added), joints, why
-        self._apart &= {kind([text]) for text in added}
-        names = ", ".join(text_names(own, joints))
-        text = f"the set's own: {names}" if own else ""
+        self._list()
+        text = f"the set's own: {', '.join(text_names(own, joints))}" if own else ""
         if not own and not added:
             text = "stiffness, inertia and viscous friction only"
-        self._list()
         left = len(self._shown) - MAX_ROWS
         more = f" and {left} more" if left > 0 else ""
         self._heading.content = (
@@ -103,31 +102,25 @@ class ModelList:
         )
 
     def _list(self) -> None:
-        self._shown = []
-        for texts in text_families(self._effects, self._joints):
-            split = kind(texts) in self._apart
-            self._shown += [(text,) for text in texts] if split else [texts]
-        for index, (text, button, apart) in enumerate(self._rows):
+        together = text_families(self._effects, self._joints)
+        self._apart &= len(together) < len(self._effects)
+        self._toggle.visible = len(together) < len(self._effects)
+        self._toggle.label = TOGETHER if self._apart else APART
+        off(self._toggle, "", "effects of one kind on several joints, to remove one or all of them")
+        self._shown = [(text,) for text in self._effects] if self._apart else together
+        for index, (text, button) in enumerate(self._rows):
             texts = self._shown[index] if index < len(self._shown) else ()
             text.visible = button.visible = bool(texts)
-            apart.visible = len(texts) > 1
             if texts:
                 (name,) = text_names(texts, self._joints)
                 text.content = f'<div class="fv fv-added">+ {escape(name)}</div>'
                 what = "it" if len(texts) == 1 else "it from all these joints"
                 off(button, self._why, f"removes {what}, refits and diagnoses again")
-                off(apart, "", "lists it joint by joint, to remove it from one of them")
 
-    def _take_apart(self, index: int) -> None:
-        if index < len(self._shown):
-            self._apart.add(kind(self._shown[index]))
-            self._list()
+    def _switch(self) -> None:
+        self._apart = not self._apart
+        self._list()
 
     def _pressed(self, index: int) -> None:
         if index < len(self._shown):
             self._remove(self._shown[index])
-
-
-def kind(texts: Sequence[str]) -> str:
-    """Name of the effect that a family's texts have in common."""
-    return texts[0].partition(":")[0]
