@@ -94,6 +94,9 @@ def test_add_all_is_a_history_of_steps(app: Application) -> None:
     # the diagnosis's own values, not fitted again
     assert np.allclose(result.model.stiffness, last.step.model.stiffness) and "as given" in result.message
     assert result.model.effects == last.step.model.effects
+    assert last.step.rms_validation is not None
+    shares = np.array(last.step.rms_validation) / app.store.measurements.torque_spread
+    assert f"validation error {100 * shares.mean():.2g} % of the torque" in status(app)
     use(app, "Undo")
     assert app.store.analysis.effects == () and "Missing:" in diagnose_step(app)._verdict.content
 

@@ -76,7 +76,7 @@ class Dock:
 
     def _say(self) -> None:
         store, message = self._store, self._store.message
-        error = error_text(store.analysis.identification)
+        error = error_text(store.analysis.identification, store.analysis.current_diagnosis)
         self._status.content = status_html(store.step, message.text, error, message.tone)
 
     def _show_step(self) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
+from flexviz.diagnosis import Diagnosis
 from flexviz.identification import Identification
 from flexviz.session import Analysis
 from flexviz.wording import escape, number, short_names, torque_error_text
@@ -24,14 +25,17 @@ def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] =
     return f'<div class="fv fv-steps">{" → ".join(parts)}{following}</div>'
 
 
-def error_text(result: Identification | None) -> str:
-    """The total error of the validation groups, else of the fitted ones."""
+def error_text(result: Identification | None, diagnosis: Diagnosis | None = None) -> str:
+    """The total error of the validation groups, else of the fitted ones.
+
+    Of a result with the values of a `diagnosis`, its error: it knows which samples to judge apart.
+    """
     if result is None:
         return "no model yet"
-    for name, values in (
-        ("validation error", result.residual.rms_validation),
-        ("fit error", result.residual.rms),
-    ):
+    judged = result.residual
+    if diagnosis is not None and diagnosis.steps and not result.iterations:
+        judged = diagnosis.steps[-1]
+    for name, values in (("validation error", judged.rms_validation), ("fit error", judged.rms)):
         column = np.asarray([] if values is None else values, dtype=float)
         if column.size and np.isfinite(column).all():
             return f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"

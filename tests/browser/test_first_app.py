@@ -135,7 +135,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     tab(page, "Convergence").click()
     button(page, "Run").click()
     until(lambda: "validation error" in status(page) and "converge" in status(page), what="a result")
-    number = re.search(r"(?:validation|fit) error ([\d.]+) Nm", status(page))
+    number = re.search(r"(?:validation|fit) error [\d.]+ % of the torque \(([\d.]+) Nm\)", status(page))
     assert number and float(number[1]) > 0
     cost = until(lambda: len(chart(page, "Cost")[0]) > 1 and chart(page, "Cost"), what="the cost")
     assert all(value > 0 for value in cost[1])

@@ -62,7 +62,7 @@ def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLi
 
 def error(page: Any) -> float:
     """The error that the status line names [Nm]."""
-    found = re.search(r"validation error ([\d.]+) Nm", status(page))
+    found = re.search(r"validation error [\d.]+ % of the torque \(([\d.]+) Nm\)", status(page))
     return float(found[1]) if found else float("nan")
 
 
@@ -126,8 +126,9 @@ def test_the_missing_effect_is_found_added_saved_and_reopened(
     )
     for text, step in zip(rows, document["steps"], strict=True):
         fit, held_out = (float(x) for x in re.findall(r"\t([\d.]+)", text))
-        assert fit == pytest.approx(total(step["rms"]), rel=0.05)
-        assert held_out == pytest.approx(total(step["rms_validation"]), rel=0.05)
+        spread = np.array(document["torque"]["spread"])
+        assert fit == pytest.approx(100 * np.mean(step["rms"] / spread), rel=0.05)
+        assert held_out == pytest.approx(100 * np.mean(step["rms_validation"] / spread), rel=0.05)
     model_steps = until(lambda: chart(page, "Error after each added effect, all joints"), what="staircase")
     assert all(line[0] > 20 * line[-1] for line in model_steps[1:-1])
     shot(page, "compare")
