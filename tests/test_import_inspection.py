@@ -221,6 +221,32 @@ def test_datasets_and_several_logs(tmp_path: Path) -> None:
     same(tmp_path, written(tmp_path, inspection))
 
 
+@pytest.mark.parametrize("runs", [1, 2])
+def test_position_and_current_in_two_files_are_one_run(tmp_path: Path, runs: int) -> None:
+    """With clocks of their own; kinds of files are told apart by their columns, runs are in order."""
+    logs = []
+    for run in range(1, runs + 1):
+        late = DATA.time[::2] + 0.0007  # the currents' clock
+        torque = np.stack([np.interp(late, DATA.time, x) for x in DATA.tau.T])
+        position = {"t": DATA.time} | {f"q{j + 1}": DATA.theta[:, j] for j in range(2)}
+        current = {"t": late} | {f"torque_{j + 1}": torque[j] for j in range(2)}
+        logs += [csv_of(tmp_path, position, f"pos_run{run}.csv"), csv_of(tmp_path, current, f"cur{run}.csv")]
+    inspection = inspect_logs(logs, str(tmp_path / "robot.urdf"))
+    assert not inspection.draft.missing and len(inspection.draft.groups) == runs
+    text = written(tmp_path, inspection).read_text()
+    assert 'file = ["pos_run1.csv", "cur1.csv"]' in text and 'time = "b/t"' in text
+    done = import_logs(tmp_path / "found.toml", tmp_path / "set")
+    group = done.groups[-1]
+    assert (
+        len(done.groups) == runs
+        and done.folder is not None
+        and done.to_json()["groups"][0]["log"] == "pos_run1.csv, cur1.csv"
+    )
+    rows = np.searchsorted(DATA.time, group.table.time + group.zero)
+    assert np.abs(group.table.theta - DATA.theta[rows]).max() < 1e-9
+    assert np.abs(group.table.tau - DATA.tau[rows]).max() < 0.02  # noise is interpolated
+
+
 class Typing:
     """Answers for questions, in order; keeps what was asked."""
 

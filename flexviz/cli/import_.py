@@ -139,7 +139,7 @@ def summary(done: Imported, out: Path | None) -> list[str]:
         step = float(np.median(np.diff(group.table.time)))
         use = "validation" if group.entry.validation else "fit"
         lines.append(
-            f"{group.entry.group}: {group.entry.file}, {group.kind}, {len(group.table.time)} samples, "
+            f"{group.entry.group}: {group.entry.label}, {group.kind}, {len(group.table.time)} samples, "
             f"{group.table.time[-1]:.6g} s at {1 / step:.5g} Hz, payload {group.entry.payload}, {use}"
         )
         lines += [f"  {note}" for note in group.notes]

@@ -83,7 +83,8 @@ class Draft:
         """The content of the file, with paths relative to its folder."""
         logs = []
         for source, group in zip(self.sources, self.groups, strict=True):
-            entry: dict[str, Any] = {"file": relative(source.path, folder)}
+            files = [relative(path, folder) for path in source.paths]
+            entry: dict[str, Any] = {"file": files if source.beside else files[0]}
             entry |= {"episode": source.episode} if source.episode is not None else {}
             logs.append(entry | {"group": group, "payload": "none", "validation": group in self.validation})
         joints = {name: joint.document() for name, joint in self.joints.items()}

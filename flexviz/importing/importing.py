@@ -15,7 +15,7 @@ from flexviz.errors import InputError
 from flexviz.files import whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
-from flexviz.importing.formats import open_log
+from flexviz.importing.formats import LogSource, open_run
 from flexviz.importing.formats.base import ReadOptions, check_stop
 from flexviz.importing.mapping import Issue, Mapping, read_mapping
 from flexviz.importing.plausibility import check_groups
@@ -68,7 +68,7 @@ class Imported:
         groups = [
             {
                 "name": group.entry.group,
-                "log": group.entry.file,
+                "log": group.entry.label,
                 "episode": group.entry.episode,
                 "kind": group.kind,
                 "payload": group.entry.payload,
@@ -158,12 +158,14 @@ def read_groups(
     for i, entry in enumerate(mapping.logs):
         options = ReadOptions(wanted, entry.episode, part(progress, i / count, (i + 1) / count), should_stop)
         try:
-            log = open_log(folder / entry.file, options)
+            first, *beside = (folder / name for name in entry.files)
+            log = open_run(LogSource(first, entry.episode, tuple(beside)), options)
         except InputError as error:
             if error.message != "file not found":
                 raise
             place = f'log {i + 1} "{entry.group}", file'
-            raise InputError(f'"{entry.file}" does not exist', file=file, place=place) from None
+            missing = next(name for name in entry.files if not (folder / name).exists())
+            raise InputError(f'"{missing}" does not exist', file=file, place=place) from None
         check_stop(should_stop)
         groups.append(assemble(log, entry, mapping, file))
         if mapping.time.column is not None and mapping.time.unit == "s":

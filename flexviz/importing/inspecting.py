@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count, islice
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from flexviz.importing.columns import ColumnFamily, candidates, families_of, rea
 from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import clock_offsets
 from flexviz.importing.draft import Draft, DraftJoint, Questions
-from flexviz.importing.formats import LogSource, find_logs, open_log
+from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_log, open_run
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
@@ -60,10 +60,9 @@ def inspect_logs(
     asked = questions or Questions()
     sources = find_logs(paths)
     whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
-    logs = [
-        open_log(source.path, ReadOptions(None, source.episode, progress, should_stop))
-        for source in sources[:INSPECTED_LOGS]
-    ]
+    options = ReadOptions(None, None, progress, should_stop)
+    sources = paired(sources, whole.joints, options)
+    logs = [open_run(source, replace(options, episode=source.episode)) for source in sources[:INSPECTED_LOGS]]
     draft = Draft(robot, list(sources), group_names(sources))
     draft.seen = describe(logs[0])
     families = families_of(logs[0], whole.joints)
@@ -83,6 +82,35 @@ def inspect_logs(
     if draft.missing:
         return Inspection(draft, ())
     return Inspection(draft, tuple(correct(draft, logs, asked, progress, should_stop)))
+
+
+def paired(sources: Sequence[LogSource], joints: Sequence[str], options: ReadOptions) -> list[LogSource]:
+    """The sources, with files that hold θ and τ of the same runs put together.
+
+    Only where the first lacks one of both, and there are as many files of each kind (with the same columns).
+    """
+
+    def lacks_signal(log: Log) -> bool:
+        families = families_of(log, joints)
+        return not all(candidates(families, name).families for name in NEEDED)
+
+    if len(sources) < 2 or any(source.episode is not None for source in sources):
+        return list(sources)
+    first = open_log(sources[0].path, options)
+    if not lacks_signal(first):
+        return list(sources)
+    kinds: dict[tuple[str, ...], list[LogSource]] = {tuple(first.columns): [sources[0]]}
+    for source in sources[1:]:
+        kinds.setdefault(tuple(open_log(source.path, options).columns), []).append(source)
+    runs = list(zip(*kinds.values(), strict=False))
+    together = [LogSource(run[0].path, beside=tuple(other.path for other in run[1:])) for run in runs]
+    if (
+        len(kinds) > len(LETTERS)
+        or len(runs) * len(kinds) < len(sources)
+        or lacks_signal(open_run(together[0], options))
+    ):
+        return list(sources)
+    return together
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:

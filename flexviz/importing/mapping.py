@@ -130,7 +130,7 @@ class TimeColumn(StrictTable):
 class LogEntry(StrictTable):
     """One log, which becomes one group of the set."""
 
-    file: Text
+    file: Text | Annotated[list[Text], Field(min_length=1, max_length=3)]  # several: all of one run
     episode: Annotated[int, Field(ge=0)] | None = None
     group: Text
     trajectory: Text | None = None  # None: the group's name
@@ -138,6 +138,16 @@ class LogEntry(StrictTable):
     validation: bool = False
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
     stop: Positive | None = Field(default=None, alias="to")  # [s]
+
+    @property
+    def files(self) -> list[str]:
+        """The files of the run."""
+        return [self.file] if isinstance(self.file, str) else self.file
+
+    @property
+    def label(self) -> str:
+        """The files as messages call them."""
+        return ", ".join(self.files)
 
 
 class Mapping(SetHeader):

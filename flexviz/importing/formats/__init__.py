@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from flexviz.errors import InputError
 from flexviz.importing.formats.bags import BAG
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
 from flexviz.importing.formats.delimited import DELIMITED
+from flexviz.importing.formats.joining import LETTERS, joined
 from flexviz.importing.formats.lerobot import LEROBOT
 from flexviz.importing.formats.matlab import MATLAB
 from flexviz.importing.formats.parquet import PARQUET
@@ -21,10 +22,28 @@ KNOWN = ", ".join(known.title for known in FORMATS)
 
 @dataclass(frozen=True)
 class LogSource:
-    """Where one log lies: a file or folder, and the episode in a dataset of episodes."""
+    """Where one log lies: a file or folder, the episode in a dataset of episodes, further files."""
 
     path: Path
     episode: int | None = None
+    beside: tuple[Path, ...] = ()  # further files of the same run
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """All files of the run."""
+        return (self.path, *self.beside)
+
+
+def open_run(source: LogSource, options: ReadOptions) -> Log:
+    """Read the files of one run as one log."""
+    if not source.beside:
+        return open_log(source.path, options)
+    logs = []
+    for letter, path in zip(LETTERS, source.paths, strict=False):
+        start = f"{letter}/"
+        own = {name.removeprefix(start) for name in options.wanted or () if name.startswith(start)}
+        logs.append(open_log(path, replace(options, wanted=None if options.wanted is None else own)))
+    return joined(logs)
 
 
 def open_log(path: Path, options: ReadOptions) -> Log:
