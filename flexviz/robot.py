@@ -113,6 +113,12 @@ class Robot:
         limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, model.upperEffortLimit))
         return Robot(name, str(source), path, chosen, model, order, urdf, *limits)
 
+    @cached_property
+    def prismatic(self) -> np.ndarray:
+        """(n,) whether a joint slides: its position is in m, its torque a force in N."""
+        kinds = [self.model.joints[1 + int(i)].shortname() for i in self.order]
+        return np.array([kind.startswith("JointModelP") for kind in kinds])
+
     @property
     def n(self) -> int:
         """Number of moving joints."""

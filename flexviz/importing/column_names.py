@@ -11,6 +11,8 @@ from typing import Literal
 
 ANGLE = {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "rev": 2 * math.pi}  # -> [rad]
 TORQUE = {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}  # -> [Nm]
+LENGTH = {"m": 1.0, "mm": 1e-3}  # -> [m]; positions of prismatic joints, as angles of others
+FORCE = {"N": 1.0, "kN": 1e3}  # -> [N]
 CURRENT = {"A": 1.0, "mA": 1e-3}  # -> [A]; Nm with the torque constant
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # -> [s]
 
@@ -24,6 +26,10 @@ _SPELLINGS = {
     "mNm": ("mnm", "mn-m", "mn.m"),
     "Ncm": ("ncm",),
     "kNm": ("knm",),
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "mm": ("mm", "millimeter", "millimeters"),
+    "N": ("n", "newton"),
+    "kN": ("kn",),
     "A": ("a", "amp", "amps", "ampere", "amperes", "arms", "apk"),
     "mA": ("ma", "milliamp", "milliamps"),
     "s": ("s", "sec", "secs", "second", "seconds"),
@@ -33,7 +39,7 @@ _SPELLINGS = {
 }
 SPELLING = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
 # endings that are also words ("position_a", "angle_s") are no units without brackets
-_NEED_BRACKETS = frozenset({"a", "s", "rot", "turn", "rev", "grad"})
+_NEED_BRACKETS = frozenset({"a", "s", "m", "n", "rot", "turn", "rev", "grad"})
 
 
 Quantity = Literal["position", "velocity", "acceleration", "torque", "current", "other"]

@@ -19,7 +19,8 @@ from flexviz.robot import Robot
 from flexviz.statistics import NORMAL_95
 
 DEGREE = ANGLE["deg"]  # [rad]
-ANGLE_UNITS = ("rad", "deg", "rev")  # in which angles are recorded in practice
+# in which signals are recorded in practice
+USUAL_UNITS = (("rad", "deg", "rev"), ("m", "mm"), ("Nm", "mNm", "Ncm"), ("N", "kN"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,17 +79,20 @@ def change_of(mapping: Mapping, joint: str, name: str, keys: dict[str, Any]) -> 
     return ColumnChange(tuple(Fix(joint, name, key, value) for key, value in keys.items()), factor)
 
 
-def conversions(mapping: Mapping, joint: str, name: str, units: Sequence[str]) -> list[dict[str, Any]]:
-    """Another of these units, or the other side of the gear, where that changes a signal's values."""
-    other_side = "joint" if getattr(mapping.joints[joint], name).side == "motor" else "motor"
-    keys = [*({"unit": unit} for unit in units), {"side": other_side}]
+def conversions(mapping: Mapping, joint: str, name: str, further: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """Another usual or further unit, or the other side of the gear, where that changes a signal's values."""
+    signal = getattr(mapping.joints[joint], name)
+    default = USUAL_UNITS[2 if name in ("tau", "tau_joint") else 0]
+    units = next((units for units in USUAL_UNITS if signal.unit in units), default)
+    other_side = "joint" if signal.side == "motor" else "motor"
+    keys = [*({"unit": unit} for unit in (*units, *further)), {"side": other_side}]
     factors = (change_of(mapping, joint, name, one).factor for one in keys)
     return [one for one, factor in zip(keys, factors, strict=True) if abs(factor - 1.0) > 1e-5]
 
 
 def angle_changes(mapping: Mapping, joint: str, name: str) -> list[ColumnChange]:
     """An angle in other units or on the other side of the gear."""
-    keys = conversions(mapping, joint, name, ANGLE_UNITS)
+    keys = conversions(mapping, joint, name)
     return [change_of(mapping, joint, name, one) for one in keys]
 
 
@@ -135,7 +139,7 @@ def check_against_theta(mapping: Mapping, joint: str, name: str, parts: list[Joi
 def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
     """The issue of a column that follows θ by a factor other than 1."""
     signs = {}, {"sign": -getattr(mapping.joints[joint], name).sign}
-    keys = {}, *conversions(mapping, joint, name, ANGLE_UNITS)
+    keys = {}, *conversions(mapping, joint, name)
     combined = [change_of(mapping, joint, name, one | sign) for sign, one in product(signs, keys)]
     correct = [x for x in combined if 1 / LIMITS.agrees < slope * x.factor < LIMITS.agrees]
     message = f"it is {slope:.4g} times theta"
@@ -151,13 +155,14 @@ def wrong_scale(mapping: Mapping, joint: str, name: str, slope: float) -> Issue:
 def find_scales(draft: Draft, robot: Robot, tables: Sequence[GroupTable]) -> bool:
     """Find units of q and θ, and the gear between them, of every joint; whether anything was changed."""
     changed = False
-    width = robot.upper_limit - robot.lower_limit
+    width, prismatic = robot.upper_limit - robot.lower_limit, robot.prismatic
     for j, joint in enumerate(draft.joints.values()):
         parts = joint_parts(tables, j, "q")
         if joint.gear != 1.0 or not parts:
             continue
         span = max(part.span for part in parts)
         in_degrees = span > LIMITS.beyond * width[j] > span * DEGREE and 0.5 < width[j] < 20.0
+        in_degrees &= not prismatic[j]
         if "unit" not in joint.signals["q"] and in_degrees:
             joint.signals["q"]["unit"] = "deg"
             joint.comment("q", f"in rad it would span {span:.3g}; the joint's range is {width[j]:.3g}")

@@ -121,6 +121,7 @@ def import_logs(
         check_free(target)
     folder = file.absolute().parent
     robot = read_robot(mapping.robot, mapping.names, folder, file)
+    mapping = mapping.for_joints(robot.prismatic, file)
     payloads = {"none": (), **read_payloads(mapping, robot, file)}  # refuses wrong ones before logs are read
     groups = read_groups(mapping, file, folder, progress, should_stop)
     progress(Progress("comparing with the robot", 0.0))

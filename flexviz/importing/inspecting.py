@@ -12,6 +12,7 @@ import numpy as np
 
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.clocks import guess_clocks, guess_unit, likely_clocks
+from flexviz.importing.column_names import FORCE, LENGTH
 from flexviz.importing.columns import ColumnFamily, candidates, families_of, reason
 from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import clock_offsets
@@ -214,7 +215,9 @@ def fill_joints(
             signal: dict[str, object] = {"from": column}
             signal |= {"time": own_times[column]} if column in own_times else {}
             unit = family.meaning.unit or ("A" if family.meaning.quantity == "current" else None)
-            if unit is not None and unit not in ("rad", "Nm"):
+            linear = robot.prismatic[robot.joints.index(joint)]
+            unit = unit or (("m" if name not in ("tau", "tau_joint") else "N") if linear else None)
+            if unit not in (None, "rad", "Nm") and (linear or unit not in LENGTH | FORCE):
                 signal["unit"] = unit
             entry.signals[name] = signal
             entry.comment(name, f"{range_text(every[column].columns[column])}; {reason(family)}")
@@ -253,7 +256,7 @@ def correct(
     for round_ in range(CORRECTION_ROUNDS):
         progress(Progress("comparing with the robot", round_ / CORRECTION_ROUNDS))
         check_stop(should_stop)
-        mapping = draft.mapping()
+        mapping = draft.mapping().for_joints(robot.prismatic, Path("mapping"))
         entries = zip(logs, mapping.logs, strict=False)
         groups = [assemble(log, entry, mapping, Path("mapping")) for log, entry in entries]
         if round_ == 0:

@@ -6,7 +6,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
-from flexviz.importing.column_names import ANGLE, CURRENT, TIME, TORQUE, size_of
+from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
 from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
@@ -67,13 +67,13 @@ class SignalColumn(StrictTable):
 class AngleColumn(SignalColumn):
     """A position."""
 
-    unit: Annotated[str | float, _unit(*ANGLE)] = "rad"
+    unit: Annotated[str | float, _unit(*ANGLE, *LENGTH)] = "rad"
 
 
 class TorqueColumn(SignalColumn):
     """A torque or a current."""
 
-    unit: Annotated[str | float, _unit(*TORQUE, *CURRENT)] = "Nm"
+    unit: Annotated[str | float, _unit(*TORQUE, *FORCE, *CURRENT)] = "Nm"
 
 
 class JointColumns(StrictTable):
@@ -96,10 +96,10 @@ class JointColumns(StrictTable):
         """One unit of a signal's column at the joint side [rad], [Nm]; negative for the opposite sign."""
         gear = self.ratio if signal.side == "motor" else 1.0
         if isinstance(signal, AngleColumn):
-            return signal.sign * size_of(signal.unit, ANGLE) / gear
+            return signal.sign * size_of(signal.unit, ANGLE | LENGTH) / gear
         assert isinstance(signal, TorqueColumn)
         constant = (self.torque_constant or 1.0) if signal.unit in CURRENT else 1.0
-        return signal.sign * size_of(signal.unit, TORQUE | CURRENT) * constant * gear
+        return signal.sign * size_of(signal.unit, TORQUE | FORCE | CURRENT) * constant * gear
 
 
 class Coupling(StrictTable):
@@ -169,6 +169,25 @@ class Mapping(SetHeader):
         joints = self.joints.items()
         found = [(joint, name, getattr(entry, name)) for joint, entry in joints for name in SIGNALS]
         return [item for item in found if item[2] is not None]
+
+    def for_joints(self, prismatic: Sequence[bool], file: Path) -> Mapping:
+        """The mapping with units of m and N where none is stated for a prismatic joint.
+
+        InputError where a unit is that of the other kind of joint. Before a gear [rad/m] it is rad and Nm.
+        """
+        slides, joints = dict(zip(self.names, prismatic, strict=True)), dict(self.joints)
+        for joint, name, signal in self.signals():
+            linear = slides[joint] and signal.side == "joint"
+            known = (LENGTH, ANGLE) if isinstance(signal, AngleColumn) else (FORCE, TORQUE)
+            wanted, other = known if linear else known[::-1]
+            if "unit" not in signal.model_fields_set and linear:
+                changed = signal.model_copy(update={"unit": next(iter(wanted))})
+                joints[joint] = joints[joint].model_copy(update={name: changed})
+            elif signal.unit in other:
+                kind = "prismatic" if slides[joint] else "revolute"
+                message = f'found "{signal.unit}", but the joint is {kind}: {choose_from("", tuple(wanted))}'
+                raise InputError(message, file=file, place=f"joints.{joint}.{name}.unit")
+        return self.model_copy(update={"joints": joints})
 
     def coupled(self, name: str) -> Coupling | None:
         """The coupling where the signal `name` is before it."""

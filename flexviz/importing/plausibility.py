@@ -57,10 +57,15 @@ def check_range(mapping: Mapping, model: TorqueModel) -> list[Issue]:
         excess = max(model.span[j] / model.width[j], model.speed[j] / model.fastest[j])
         if excess < LIMITS.beyond:
             continue
+        unit, small = (
+            ("m", 'millimetres (unit = "mm")')
+            if model.robot.prismatic[j]
+            else ("rad", 'degrees (unit = "deg")')
+        )
         message = (
-            f"it spans {model.span[j]:.3g} rad at up to {model.speed[j]:.3g} rad/s, the joint's limits are "
-            f'{model.width[j]:.3g} rad and {model.fastest[j]:.3g} rad/s: degrees (unit = "deg"), or the '
-            "motor's angle before the gear (gear and side)?"
+            f"it spans {model.span[j]:.3g} {unit} at up to {model.speed[j]:.3g} {unit}/s, the joint's limits "
+            f"are {model.width[j]:.3g} {unit} and {model.fastest[j]:.3g} {unit}/s: {small}, or the motor's "
+            "angle before the gear (gear and side)?"
         )
         severity = "wrong" if excess > LIMITS.far_beyond else "odd"
         found.append(Issue("unit", severity, (joint,), "theta", message))

@@ -15,7 +15,6 @@ from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueModel
 from flexviz.measurements import Array
 
-LOGGED_UNITS = ("Nm", "mNm", "Ncm")  # in which torques are recorded in practice
 LARGEST_FAULT_COUNT = 6  # changes that are searched one after the other
 
 
@@ -104,14 +103,14 @@ def hypotheses(mapping: Mapping, model: TorqueModel, now: Reading, any_scale: bo
     for j, joint in enumerate(names):
         result += opposite_signs(mapping, now, (joint,))
         result += [rescaled(now, {j: c}, label) for label, c in units[j].items() if not any_scale]
-        result += other_zeros(mapping, now, j)
+        result += other_zeros(mapping, model, now, j)
     return result
 
 
-def other_zeros(mapping: Mapping, now: Reading, j: int) -> list[Hypothesis]:
-    """θ of joint j a quarter or half turn further."""
+def other_zeros(mapping: Mapping, model: TorqueModel, now: Reading, j: int) -> list[Hypothesis]:
+    """θ of joint j a quarter or half turn further; none for a prismatic one."""
     joint, result = mapping.names[j], []
-    for quarter in (1, -1, 2):
+    for quarter in () if model.robot.prismatic[j] else (1, -1, 2):
         zero = now.zero.copy()
         zero[j] += quarter * np.pi / 2
         offset = round(mapping.joints[joint].theta.offset + float(zero[j]), 6)
@@ -139,7 +138,7 @@ def torque_sign_instead(
     def with_zero(start: Hypothesis) -> tuple[Hypothesis, Array]:
         """The best other zero beside a sign."""
         joints = range(len(mapping.names))
-        zeros = [zero for j in joints for zero in other_zeros(mapping, start.reading, j)]
+        zeros = [zero for j in joints for zero in other_zeros(mapping, model, start.reading, j)]
         tried = [model.shares(zero.reading, any_scale) for zero in zeros]
         k = int(np.argmax([improvement(shares, one) for one in tried]))
         reason = f"{start.reason} of {start.fixes[0].signal} and {zeros[k].reason} of theta"
@@ -291,7 +290,7 @@ def scale_hint(mapping: Mapping, slopes: dict[str, float]) -> str:
 def torque_change(mapping: Mapping, joint: str, slope: float) -> ColumnChange | None:
     """The unit or side of τ, or both, with which its slope is near 1; as few changes as possible."""
     currents = CURRENT if mapping.joints[joint].torque_constant else ()
-    single = conversions(mapping, joint, "tau", (*LOGGED_UNITS, *currents))
+    single = conversions(mapping, joint, "tau", tuple(currents))
     units, sides = ([{}, *(one for one in single if key in one)] for key in ("unit", "side"))
     combined = [change_of(mapping, joint, "tau", unit | side) for unit, side in product(units, sides)]
     low, high = LIMITS.slopes

@@ -1,4 +1,4 @@
-"""Several files of one run as one log: columns are called `a/column` in the first, `b/column` in the second."""
+"""Several files of one run as one log: columns are `a/column` in the first, `b/column` in the second."""
 
 from __future__ import annotations
 
