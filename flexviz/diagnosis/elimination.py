@@ -7,7 +7,7 @@ move. One covariance and one Jacobian therefore judge every smaller model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -18,6 +18,7 @@ from flexviz.diagnosis.acceptance import effect_evidence
 from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.estimation import sandwich
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class Necessity:
     Attributes:
         deviations: size of the effect in standard errors.
         held_out_rise: rise of the judged mean square of the effect's joint without it, relative to that with
-            it; of all joints for effects without a joint.
+            it; of all joints for effects at the link or without a joint.
         rise_error: standard error of the rise, from its scatter between short stretches.
         share: root of the absolute rise, relative to the spread of the joint's torque.
         credible: its parameters could be real.
@@ -98,27 +99,36 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         dropped.append(worst)
 
 
-def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[ChosenEffect]:
-    """The effects, the weightiest first: what may be left out with the least harm comes last.
+def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[tuple[ChosenEffect, Array]]:
+    """The effects, the weightiest first, each with the parameters (P,) of the model without it and the next.
 
-    Harm is the judged mean square relative to each joint's torque, summed over the joints.
+    Each is the one that lowers the judged mean square most, relative to each joint's torque and summed over
+    the joints, beside those before it.
     """
-    x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
+    # of independent errors: with it the conditional parameters are those of a fit without the effects
+    covariance = sandwich(fit.information, fit.information, fit.prior_hessian, fit.at_bound).matrix
     judged, jacobian = fit.judged
     left = {effect: where for effect, where in fit.layout.effect_slices() if effect in effects}
-    order: list[ChosenEffect] = []
+
+    def without(absent: Mapping[ChosenEffect, slice]) -> Array:
+        rows = [row for e, where in absent.items() for row in sizes(e, where)]
+        x = fit.x + (_without(fit.x, covariance, rows)[0] if rows else 0.0)
+        for where in absent.values():
+            x[where] = 0.0
+        return x
+
+    def misfit(x: Array) -> float:
+        squares = np.mean((judged + jacobian @ (x - fit.x)) ** 2, axis=0)
+        return float(np.sum(squares / fit.context.spread**2))
+
+    order: list[tuple[ChosenEffect, Array]] = []
     while left:
-        moves = {e: _without(x, covariance, sizes(e, where)) for e, where in left.items()}
-        harm = {
-            e: float(np.sum(np.mean((judged + jacobian @ move) ** 2, axis=0) / fit.context.spread**2))
-            for e, (move, _) in moves.items()
-        }
-        least = min(harm, key=lambda e: harm[e])
-        move, covariance = moves[least]
-        x, judged = x + move, judged + jacobian @ move
-        del left[least]
-        order.append(least)
-    return order[::-1]
+        before = without(left)
+        trials = {e: misfit(without({k: v for k, v in left.items() if k != e})) for e in left}
+        best = min(trials, key=lambda e: trials[e])
+        del left[best]
+        order.append((best, before))
+    return order
 
 
 def sizes(effect: ChosenEffect, where: slice) -> list[int]:
@@ -153,7 +163,9 @@ def _necessity(
         return Necessity(0.0, 0.0, 0.0, 0.0, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
     move, _ = _without(x, covariance, rows)
-    joints = slice(None) if effect.joint is None else slice(effect.joint, effect.joint + 1)
+    # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
+    everywhere = effect.joint is None or EFFECTS[effect.effect].where == "link"
+    joints = slice(None) if everywhere else slice(effect.joint, effect.joint + 1)
     change = jacobian[:, joints] @ move
     sigma = fit.sigma[joints]
     old, new = judged[:, joints] / sigma, (judged[:, joints] + change) / sigma
@@ -164,9 +176,9 @@ def _necessity(
     each = np.array([rise[part].mean() for part in stretches]) / level
     error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else 0.0
     mean = float(each.mean())
-    torque = np.sqrt(np.maximum(squares.mean(axis=0), 0.0))
+    shares = squares.mean(axis=0) * (sigma / fit.context.spread[joints]) ** 2
     # an effect without a joint acts on all of them, not only on one that lacks something else
-    share = float(np.median(torque * sigma / fit.context.spread[joints]))
+    share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
     step = max(b.segment.step for b in fit.context.signals.blocks)
     credible = EFFECTS[effect.effect].credible(x[where], effect_evidence(fit, effect, step))
     return Necessity(deviations, mean, error, share, credible)

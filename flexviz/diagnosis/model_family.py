@@ -93,8 +93,7 @@ class ModelFamily:
             if not result.dropped:
                 return fit, result.kept
             smaller = Layout(fit.layout.joints, tuple(result.kept))
-            start = self.feasible(fit, smaller, result.x)
-            fit = self.fit(smaller, start)
+            fit = self.fit(smaller, fit.towards(result.x, smaller))
         return fit, eliminate(fit, frozenset(fit.layout.effects)).kept
 
     def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
@@ -122,15 +121,6 @@ class ModelFamily:
         fit = self.fit(smaller, x)
         return fit, eliminate(fit, frozenset(smaller.effects)).kept
 
-    def feasible(self, fit: MotionFit, smaller: Layout, x: Array) -> Array:
-        """Start of a smaller model on the way from a fit to x: the linear move may leave what is possible."""
-        prior = self.context.start(smaller).prior
-        for share in (1.0, 0.5, 0.25):
-            start = smaller.vector(fit.layout.model(fit.x + share * (x - fit.x)))
-            if prior.feasible(start):
-                return start
-        return smaller.vector(fit.layout.model(fit.x))
-
     # -- alternatives to effects that it has
 
     def refined(
@@ -140,8 +130,9 @@ class ModelFamily:
 
         All joints at once: the score of one alternative says little, because its law is far from linear.
         """
-        loud = fit.rms > LIMITS.far_off * self.context.noise_floor
+        ratio = fit.rms / self.context.noise_floor
         for name, law in EFFECTS.items():
+            loud = ratio > (LIMITS.far_off if law.hidden_state else LIMITS.quiet)
             swaps = {
                 e: ChosenEffect(name, e.joint)
                 for e in fit.layout.effects
@@ -160,15 +151,20 @@ class ModelFamily:
         needed: dict[ChosenEffect, Necessity],
         swaps: Mapping[ChosenEffect, ChosenEffect],
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with those swaps that lower the residual and the held-out residual of their joint."""
+        """The model with those swaps that lower the residual and the held-out residual of their joint.
+
+        Laws as simple as the ones that they replace have to be likelier only.
+        """
         self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
         trial = self.swapped(fit, fit, swaps)
-        old, new = fit.held_out_rms() ** 2, trial.held_out_rms() ** 2
+        held_out = (trial.held_out_rms() / fit.held_out_rms()) ** 2
+        fitted = (trial.sigma / fit.sigma) ** 2
+        likelier = fitted < np.exp(-LIMITS.likelier / len(fit.weights))
+        clearly = np.maximum(held_out, fitted) < 1 - LIMITS.replaced_share
         better = {
             e: swap
             for e, swap in swaps.items()
-            if max(new[e.joint] / old[e.joint], (trial.sigma[e.joint] / fit.sigma[e.joint]) ** 2)
-            < 1 - LIMITS.replaced_share
+            if (clearly if EFFECTS[swap.effect].hidden_state else likelier)[e.joint]
         }
         if not better:
             return fit, needed

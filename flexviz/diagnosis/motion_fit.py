@@ -79,9 +79,14 @@ class MotionFit:
     converged: bool
 
     @cached_property
+    def prior_derivatives(self) -> tuple[Array, Array]:
+        """Gradient (P,) and Hessian (P, P) of the prior."""
+        return self.context.start(self.layout).prior.gradient_and_hessian(self.x)
+
+    @property
     def prior_hessian(self) -> Array:
         """Shape (P, P)."""
-        return self.context.start(self.layout).prior.gradient_and_hessian(self.x)[1]
+        return self.prior_derivatives[1]
 
     @cached_property
     def whitened(self) -> tuple[Array, Array]:
@@ -104,7 +109,8 @@ class MotionFit:
         """Projection of weighted signatures onto the complement of the model's own parameters."""
         residual, jacobian = self.whitened
         flat = jacobian.reshape(-1, self.layout.size)
-        return Projection(residual.ravel(), flat, self.information + self.prior_hessian)
+        gradient, hessian = self.prior_derivatives
+        return Projection(residual.ravel(), flat, self.information + hessian, gradient)
 
     @cached_property
     def covariance(self) -> Covariance:
@@ -144,6 +150,15 @@ class MotionFit:
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
         return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / self.context.judged_used.sum(axis=0))
+
+    def towards(self, x: Array, smaller: Layout) -> Array:
+        """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
+        prior = self.context.start(smaller).prior
+        for share in (1.0, 0.5, 0.25):
+            start = smaller.vector(self.layout.model(self.x + share * (x - self.x)))
+            if prior.feasible(start):
+                return start
+        return smaller.vector(self.layout.model(self.x))
 
     @property
     def chain(self) -> Chain:

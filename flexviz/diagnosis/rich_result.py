@@ -61,17 +61,17 @@ def staircase(
 ) -> list[Stair]:
     """The set's own model, then one effect more at a time, the weightiest first.
 
-    Every model is fitted a few steps from the values of the final one, which is the last.
+    Every model is fitted a few steps from the values that the final one, which is the last, predicts for it.
     """
-    order = by_weight(rich.fit, rich.added(own))
+    ordered = by_weight(rich.fit, rich.added(own))
+    added = [None, *(effect for effect, _ in ordered)]
     stairs = []
-    for count in range(len(order)):
-        effects = (*own.effects, *order[:count])
-        layout = Layout(own.joints, effects)
-        x = layout.vector(rich.fit.layout.model(rich.fit.x))
-        fit = context.fit(layout, x, iterations=LIMITS.stair_iterations)
-        stairs.append(Stair.of(order[count - 1] if count else None, fit, band))
-    return [*stairs, Stair.of(order[-1] if order else None, rich.fit, band)]
+    for count, (_, x) in enumerate(ordered):
+        layout = Layout(own.joints, (*own.effects, *(e for e, _ in ordered[:count])))
+        start = rich.fit.towards(x, layout)
+        fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
+        stairs.append(Stair.of(added[count], fit, band))
+    return [*stairs, Stair.of(added[-1], rich.fit, band)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:

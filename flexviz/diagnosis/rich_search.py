@@ -86,7 +86,6 @@ class RichSearch(ModelFamily):
 
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
-        idle = 0
         fit, needed = self.with_starts(survey.fit, survey.needed)
         if self.context.set_standstill_apart(fit):
             fit, needed = self.thinned(self.usual_fit())
@@ -94,6 +93,20 @@ class RichSearch(ModelFamily):
         if self.context.set_standstill_apart(fit):
             again = self.fit(fit.layout, fit.x)
             fit, needed = self.refined(*self.thinned(again))
+        fit, needed = self.with_all_found(fit, needed)
+        merged, kept = self.with_rest_angles(fit, needed)
+        if merged.objective > fit.objective + LIMITS.settled_objective:
+            # offsets of the motor torque and of the link differ where friction follows the load
+            self._refused = set()
+            merged, kept = self.with_all_found(*self.refined(merged, kept))
+        fit, needed = self.without_superfluous_curves(merged, kept)
+        return RichModel(fit, needed, self.curves)
+
+    def with_all_found(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with all that is found in what it leaves, thinned out after each round."""
+        idle = 0
         for _ in range(LIMITS.rounds):
             self.say("scoring what is left")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
@@ -110,17 +123,12 @@ class RichSearch(ModelFamily):
                 break
             names = ", ".join(sorted({EFFECTS[s.effect.effect].title for s in chosen}))
             self.say(f"adding: {names}")
-            larger, kept = self.enlarged(fit, chosen)
-            added = {s.effect for s in chosen}
-            self._refused |= added - set(kept)
-            if added & set(kept) and larger.objective < fit.objective:
-                fit, needed, idle = larger, kept, 0
+            if (larger := self.enlarged(fit, chosen)) is not None:
+                fit, needed, idle = *larger, 0
             else:
-                self._refused |= added
+                self._refused |= {s.effect for s in chosen}
                 idle += 1
-        fit, needed = self.without_superfluous_curves(fit, needed)
-        fit, needed = self.with_rest_angles(fit, needed)
-        return RichModel(fit, needed, self.curves)
+        return fit, needed
 
     def with_starts(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
@@ -143,22 +151,49 @@ class RichSearch(ModelFamily):
 
     def enlarged(
         self, fit: MotionFit, chosen: list[ScoredCandidate]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with those candidates that are needed and make no held-out joint clearly worse."""
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
+        """The model with those candidates that are needed and make no held-out joint clearly worse.
+
+        All at once, or else those of the joints that do not become worse, or else one of the leading ones.
+        None if no candidate is of use.
+        """
         larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, chosen), chosen))
         worse = self.worse_joints(fit, larger)
         if not worse:
-            return larger, kept
+            return self.if_better(fit, larger, kept, chosen)
         harmless = [s for s in chosen if s.effect.joint is not None and s.effect.joint not in worse]
-        if harmless and len(harmless) < len(chosen):
-            larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, harmless), harmless))
-            if not self.worse_joints(fit, larger):
-                return larger, kept
-        return fit, {}
+        smaller = [harmless] if harmless and len(harmless) < len(chosen) else []
+        for fewer in (
+            *smaller,
+            *(
+                [s]
+                for s in chosen[: LIMITS.alone]
+                if len(chosen) > 1 and s.gain > LIMITS.clear_share * len(fit.weights)
+            ),
+        ):
+            larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, fewer), fewer))
+            better = None if self.worse_joints(fit, larger) else self.if_better(fit, larger, kept, fewer)
+            if better is not None:
+                return better
+        return None
+
+    def if_better(
+        self,
+        fit: MotionFit,
+        larger: MotionFit,
+        kept: dict[ChosenEffect, Necessity],
+        added: list[ScoredCandidate],
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
+        """A larger model, if it keeps any of the added candidates; the others are not tried again."""
+        effects = {s.effect for s in added}
+        if not effects & set(kept) or larger.objective >= fit.objective:
+            return None
+        self._refused |= effects - set(kept)
+        return larger, kept
 
     def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
         """Joints whose held-out residual is clearly larger than before."""
-        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.far_off * self.context.noise_floor)
+        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
         return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
 
     def without_superfluous_curves(
@@ -223,7 +258,11 @@ class RichSearch(ModelFamily):
         """The best candidate of each joint, and of those without one, that explains a clear share."""
         chosen: dict[int | None, ScoredCandidate] = {}
         quiet = fit.rms < LIMITS.quiet * self.context.noise_floor
-        for s in leading:
+
+        def weighed(s: ScoredCandidate) -> float:
+            return s.gain * (LIMITS.flexible_weight if EFFECTS[s.effect.effect].flexible else 1.0)
+
+        for s in sorted(leading, key=weighed, reverse=True):
             law, joint = EFFECTS[s.effect.effect], s.effect.joint
             least = LIMITS.least_share_episode if law.scope == "episode" else LIMITS.least_share
             if s.gain < least * len(fit.weights):

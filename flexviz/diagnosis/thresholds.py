@@ -109,9 +109,13 @@ class MotionThresholds:
     least_share: float = 0.05  # of a joint's mean square that a candidate has to explain ...
     least_share_episode: float = 0.3  # ... an episode, which no other group confirms, more ...
     episode_noise: float = 3.0  # ... and leave less than this many times the noise on its joint
+    flexible_weight: float = 0.9  # of the gain of an effect that can imitate others, such as a ripple
+    alone: int = 3  # candidates tried one by one where all together make a joint worse, if they explain ...
+    clear_share: float = 0.3  # ... this share of a joint's mean square
     quiet: float = 1.3  # times the noise: a joint below is not searched
     longest_episode: float = 0.6  # share of a stretch
     replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove
+    likelier: float = 20.0  # twice the gain in log likelihood that a law needs to replace one as simple
     far_off: float = 8.0  # times the noise: a joint above may hide a law of no library
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
     curve_lead: float = 1.5  # ... and relative to the best candidate's
@@ -122,7 +126,7 @@ class MotionThresholds:
     surely_many: int = 6  # ... without further question if they are that many, and weighty:
     weighty_share: float = 0.03  # share of a joint's torque spread
     singles: int = 4  # effects that are tried alone before: one that reaches the noise explains all
-    stair_iterations: int = 5  # of the models of the staircase
+    stair_iterations: int = 15  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find
 
 

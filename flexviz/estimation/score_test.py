@@ -38,13 +38,20 @@ class Projection:
         residual: shape (M,), weighted.
         instruments: shape (M, P), weighted Jacobian of the present model.
         hessian: shape (P, P), instrumentsᵀ instruments + Hessian of the prior.
+        prior_gradient: shape (P,). If given, the prior counts like further measurements: an effect also gains
+            what the prior pays for parameters that stand in for it, such as masses far from the CAD model.
     """
 
-    def __init__(self, residual: Array, instruments: Array, hessian: Array) -> None:
+    def __init__(
+        self, residual: Array, instruments: Array, hessian: Array, prior_gradient: Array | None = None
+    ) -> None:
         self.residual, self.instruments = residual, instruments
         self._inverse = scaled_inverse(hessian, rcond=1e-13)
         self._gram = instruments.T @ instruments
         self._along = instruments.T @ residual
+        if prior_gradient is not None:
+            self._gram = hessian
+            self._along = self._along + prior_gradient
 
     def normal(self, columns: Array, rows: slice | None = None) -> tuple[Array, Array]:
         """Gram matrix (C, C) of projected signatures and their products with the residual (C,).
