@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,11 +124,15 @@ class ModelFamily:
     # -- alternatives to effects that it has
 
     def refined(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+        self,
+        fit: MotionFit,
+        needed: dict[ChosenEffect, Necessity],
+        joints: Collection[int | None] | None = None,
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with effects replaced by an alternative on the joints where that helps clearly.
 
-        All joints at once: the score of one alternative says little, because its law is far from linear.
+        All joints, or all of `joints`, at once: the score of one alternative says little, because its law is
+        far from linear.
         """
         ratio = fit.rms / self.context.noise_floor
         for name, law in EFFECTS.items():
@@ -139,6 +143,7 @@ class ModelFamily:
                 if e.effect in (law.replaces, law.instead_of)
                 and e.joint is not None
                 and loud[e.joint]
+                and (joints is None or e.joint in joints)
                 and e not in self.own.effects
             }
             if swaps:

@@ -253,6 +253,7 @@ class MotionContext:
         given = self.measurements
         known = given.initial_stiffness is not None
         logs[layout.compliance] = LIMITS.stiffness_spread if known else LIMITS.guessed_spread
+        softest = np.inf if known else LIMITS.largest_deflection
         known = given.initial_motor_inertia is not None
         logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
         masses = self.measurements.robot.cad_parameters[:, 0]
@@ -261,7 +262,8 @@ class MotionContext:
         spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
         # stiff joints do not show how viscous friction is split between motor and link
         speed = np.sqrt(np.mean(self.signals.theta[1] ** 2, axis=0)) + 1e-9
-        rms_torque = np.sqrt(np.mean(self.signals.tau[0] ** 2, axis=0))
+        rms_torque = np.sqrt(np.mean(self.signals.tau[0] ** 2, axis=0)) + 1e-9
+        upper[layout.compliance] = np.minimum(upper[layout.compliance], softest / rms_torque)
         half = start.x[layout.link_viscous]
         spread[layout.link_viscous] = LIMITS.split_spread * half + LIMITS.split_torque * rms_torque / speed
         offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}

@@ -95,10 +95,11 @@ class RichSearch(ModelFamily):
             fit, needed = self.refined(*self.thinned(again))
         fit, needed = self.with_all_found(fit, needed)
         merged, kept = self.with_rest_angles(fit, needed)
-        if merged.objective > fit.objective + LIMITS.settled_objective:
+        if merged.objective > fit.objective + LIMITS.likelier:
             # offsets of the motor torque and of the link differ where friction follows the load
-            self._refused = set()
-            merged, kept = self.with_all_found(*self.refined(merged, kept))
+            joints = {e.joint for e in set(fit.layout.effects) - set(merged.layout.effects)}
+            self._refused = {e for e in self._refused if e.joint not in joints}
+            merged, kept = self.with_all_found(*self.refined(merged, kept, joints))
         fit, needed = self.without_superfluous_curves(merged, kept)
         return RichModel(fit, needed, self.curves)
 
@@ -112,13 +113,10 @@ class RichSearch(ModelFamily):
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
                 self.say(f"eliminating an unknown law on {self.own.joints[unknown.joint]}")
-                joint, before = unknown.joint, self.curves
-                self.curves += (unknown,)
-                beside, kept = self.thinned(self.usual_fit(beside=fit))
-                if beside.held_out_rms()[joint] < LIMITS.curve_gain * fit.held_out_rms()[joint]:
-                    fit, needed, self._refused = beside, kept, set()
+                if (beside := self.beside_curve(fit, unknown)) is not None:
+                    (fit, needed), self._refused = beside, set()
                     continue
-                self.curves, self._lawful = before, self._lawful | {joint}
+                self._lawful.add(unknown.joint)
             if not chosen or idle > LIMITS.idle_rounds:
                 break
             names = ", ".join(sorted({EFFECTS[s.effect.effect].title for s in chosen}))
@@ -148,6 +146,20 @@ class RichSearch(ModelFamily):
         larger, kept = self.thinned(self.usual_fit(beside=self.with_candidates(fit, chosen)))
         better = larger.objective < fit.objective and not self.worse_joints(fit, larger)
         return (larger, kept) if better else (fit, needed)
+
+    def beside_curve(
+        self, fit: MotionFit, curve: UnknownCurve
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
+        """The usual effects beside an unknown law, if that lowers the held-out residual clearly."""
+        needed = LIMITS.curve_gain * fit.held_out_rms()[curve.joint]
+        before = self.curves
+        self.curves += (curve,)
+        if self.fit(fit.layout, fit.x).held_out_rms()[curve.joint] < LIMITS.curve_promise * needed:
+            beside, kept = self.thinned(self.usual_fit(beside=fit))
+            if beside.held_out_rms()[curve.joint] < needed:
+                return beside, kept
+        self.curves = before
+        return None
 
     def enlarged(
         self, fit: MotionFit, chosen: list[ScoredCandidate]

@@ -86,6 +86,7 @@ class MotionThresholds:
     stiffness_spread: float = 0.5  # prior standard deviation of the log of a rough stiffness ...
     motor_inertia_spread: float = 0.35  # ... and of a rough motor inertia
     guessed_spread: float = 1.5  # the same of values that the set does not give
+    largest_deflection: float = 0.02  # [rad] rms, by which a joint of unknown stiffness deflects at most
     inertial_spread: float = 0.2  # relative prior standard deviation of CAD inertias
     standstill_ratio: float = 1.5  # residual at rest relative to that in motion from which it is judged apart
     standstill_speed: float = 0.01  # of a joint's 95 % speed: it rests below
@@ -120,6 +121,7 @@ class MotionThresholds:
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
     curve_lead: float = 1.5  # ... and relative to the best candidate's
     curve_gain: float = 0.7  # factor by which a free curve has to lower its joint's held-out residual
+    curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...

@@ -246,16 +246,20 @@ class EffectContext:
         torque, rate = motion.torque.copy(), rate.copy()
         laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
         own = [(law, at) for law, at in laws if isinstance(law, LawEffect) and law.entry == "torque"]
-        if own:
-            friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
-            slow = ButterworthZeroPhase(2 * np.pi * hertz).derivatives(friction[:, None], motion.step, 2)
-            torque -= slow[0, :, 0]
-            rate -= slow[1, :, 0]
         time = self._signals.time[block.rows]
         known = CubicSpline(time, s[block.rows, joint])
         inside = (motion.time >= time[0]) & (motion.time <= time[-1])
         first, last = np.flatnonzero(inside)[[0, -1]]
-        found, near = known(motion.time[inside]), max(1, round(OVERLAP / motion.step))
+        near = max(1, round(OVERLAP / motion.step))
+        if own:
+            friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
+            band = ButterworthZeroPhase(2 * np.pi * hertz)
+            reach = round(band.memory() / motion.step)
+            for used, taken in _ends(first + near, last + 1 - near, len(torque), reach):
+                slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
+                torque[taken][used] -= slow[0]
+                rate[taken][used] -= slow[1]
+        found = known(motion.time[inside])
         torque[:first] += np.median((found - torque[inside])[:near])
         torque[last + 1 :] += np.median((found - torque[inside])[-near:])
         torque[inside], rate[inside] = found, known(motion.time[inside], 1)
@@ -266,6 +270,18 @@ class EffectContext:
             link_position=motion.position - compliance * torque,
             link_velocity=motion.velocity - compliance * rate,
         )
+
+
+def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, slice]]:
+    """Samples before `head` and from `tail` on, each within a stretch that is longer by `reach`.
+
+    Returns:
+        where the samples are in the stretch, and the stretch; all samples in one if the two would overlap.
+    """
+    if head + reach >= tail - reach:
+        return [(slice(0, count), slice(0, count))]
+    start = tail - reach
+    return [(slice(0, head), slice(0, head + reach)), (slice(reach, count - start), slice(start, count))]
 
 
 def _scaled(motions: list[JointMotion]) -> list[JointMotion]:

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation.signals import Block, Signals
+from flexviz.equation.signals import FINE_STEP, Block, Signals
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
 
 Array = NDArray[np.float64]
 
-FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
 # band of the velocity that determines the sign of friction: a compromise between sharp reversals and noise
 SIGN_BANDWIDTH_HZ = 70.0  # at an encoder noise of 2e-5 rad per sample at 1 ms
 SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]

@@ -15,6 +15,8 @@ from flexviz.observers import Observer
 Array = NDArray[np.float64]
 
 MIN_SAMPLES = 10  # of a segment without its transients
+FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
+QUICK = 4  # raw samples per such step from which strides are adapted to it
 
 
 @dataclass(frozen=True)
@@ -82,10 +84,15 @@ class Signals:
 def equation_stride(
     segment: Segment, observer: Observer, sample_step: float, exact_step: bool = False
 ) -> int:
-    """Raw samples per equation sample; unless exact, at least eight per cycle of the bandwidth."""
+    """Raw samples per equation sample; unless exact, at least eight per cycle of the bandwidth.
+
+    Of quick records a multiple of the stride to the grid on which effects are evaluated.
+    """
     if observer.zero_phase and not exact_step:
         sample_step = min(sample_step, 2 * np.pi / (8 * float(np.max(observer.bandwidth))))
-    return max(1, int(np.floor(sample_step / segment.step + 1e-6)))
+    stride = max(1, int(np.floor(sample_step / segment.step + 1e-6)))
+    fine = int(np.floor(FINE_STEP / segment.step + 1e-6))
+    return stride // fine * fine if QUICK <= fine <= stride and not exact_step else stride
 
 
 def build_signals(
