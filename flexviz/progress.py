@@ -86,7 +86,7 @@ class Pace:
     Args:
         guess: expected duration [s].
         first: duration of the whole relative to the first stage.
-        least: time that is expected to the end at any stage, relative to the first stage.
+        least: time that is expected to the end at any stage, relative to the longest stage so far.
         late: text of a late stage -> share that is done when it begins.
         clock: the time [s].
     """
@@ -100,18 +100,22 @@ class Pace:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._total, self._first, self._least, self._late, self._clock = guess, first, least, late, clock
-        self._began, self._stage, self._stages, self._share = clock(), 0.0, 0, 0.0
+        self._began, self._share, self._stages = clock(), 0.0, 0
+        self._last, self._longest = 0.0, 0.0  # [s] beginning of the latest stage, and the longest one
 
     def news(self, text: str) -> Progress:
         """A stage begins."""
         elapsed = self._clock() - self._began
         self._stages += 1
+        if self._stages > 1:
+            self._longest = max(self._longest, elapsed - self._last)
         if self._stages == 2:
-            self._stage, self._total = elapsed, self._first * elapsed
+            self._total = self._first * self._longest
+        self._last = elapsed
         if text in self._late:
             self._total = elapsed / self._late[text]
         else:
-            self._total = max(self._total, elapsed + self._least * self._stage)
+            self._total = max(self._total, elapsed + self._least * self._longest)
         self._share = max(self._share, min(elapsed / self._total, 1.0)) if self._total > 0 else 0.0
         return Progress(text, self._share, rest=max(self._total - elapsed, 0.0))
 

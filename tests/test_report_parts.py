@@ -15,10 +15,12 @@ import pytest
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon
 from flexviz.charts.svg import draw_svg, log_ticks, stretches, ticks
 from flexviz.cli import main
-from flexviz.diagnosis import Diagnosis
+from flexviz.diagnosis import Diagnosis, EffectParameter
+from flexviz.measurements import read_set
+from flexviz.report import diagnosed_session, session_report
 from flexviz.report.sections.errors import columns
-from flexviz.session import Session, is_session, open_session, save_session
-from tests.found import DIAGNOSIS, GUARD
+from flexviz.session import Session, diagnosed_models, is_session, open_session, save_session
+from tests.found import AFTER, BEFORE, COULOMB, DIAGNOSIS, GUARD, OFFSET
 from tests.small_session import small_session
 from tests.small_set import write_small_set
 
@@ -254,3 +256,32 @@ def test_a_session_is_shown_annotated_and_finds_its_data_again(
     assert main(["session", "kept", "--set", "moved"]) == 0
     assert main(["session", "kept"]) == 0 and "cold start" in capsys.readouterr().out
     assert main(["session", "moved"]) == 2
+
+
+def test_effects_of_one_kind_are_one_part_with_a_value_per_joint(tmp_path: Path) -> None:
+    measurements = read_set(write_small_set(tmp_path / "small"))
+    first = replace(COULOMB, joint="joint1", parameters={"coulomb": EffectParameter(7.0, 0.02, "Nm")})
+    both = replace(AFTER, added=first, rms_validation=(0.02, 0.3))
+    offset = replace(AFTER, added=OFFSET, rms_validation=(0.011, 0.029))
+    found = replace(DIAGNOSIS, findings=(COULOMB, first, OFFSET), steps=(BEFORE, AFTER, both, offset))
+    models = diagnosed_models(found, measurements.joints)
+    assert [model.effects for model in models] == [
+        (), ("coulomb_friction:joint2", "coulomb_friction:joint1"), ("torque_offset:joint1",),
+    ]  # fmt: skip
+    assert [model.diagnosis.steps for model in models] == [(BEFORE,), (both,), (offset,)]
+    assert [model.diagnosis.findings for model in models] == [found.findings, (OFFSET,), ()]
+    assert models[-1].diagnosis.maps and not models[1].diagnosis.maps
+
+    session = diagnosed_session(measurements, found)
+    assert [step.label for step in session.steps][1:] == [
+        "looked for the missing effect",
+        "added Coulomb friction on joints 1 and 2",
+        "added Torque offset on joint1",
+    ]
+    text = session_report(session, measurements, "md")
+    assert "### Added: Coulomb friction on joints 1 and 2" in text and "### Added: Torque offset on" in text
+    assert "Missing: Coulomb friction on joints 1 and 2 and Torque offset on joint1 (added here)." in text
+    assert "| joint1 | coulomb 7.000 ± 0.039 Nm | 62 % | 98 % |" in text
+    assert text.count("absorbed") == 1  # listed once, briefly
+    assert "What stays: joint2" in text and "1 adds Coulomb friction on joints 1 and 2; 2 adds" in text
+    assert "model 3" not in text and text.count("| added |") == 3
