@@ -119,7 +119,8 @@ def residual_table(residual: ResidualEntry) -> Table:
     table = plain_table("joint", numbers=("rms fit [Nm]", "rms validation [Nm]", "noise floor [Nm]"))
     columns = [residual.rms, residual.rms_validation, residual.noise_floor]
     if residual.torque_spread:
-        table.add_column("% of the torque", justify="right", no_wrap=True)
+        which = "validation" if residual.rms_validation else "fit"
+        table.add_column(f"{which} [% of the torque]", justify="right", no_wrap=True)
         shares = normalised(residual.rms_validation or residual.rms, residual.torque_spread)
         columns.append([100 * share for share in shares])
     for index, joint in enumerate(residual.joints):

@@ -130,7 +130,7 @@ def staircase_chart(
         "all" if joint is None else "joint",
         f"Error after each added effect, {whose.removeprefix('of ')}",
         ChartAxis(
-            "effects added",
+            "step",
             limits=(-0.5, len(steps) - 0.5),
             ticks=tuple(enumerate(ticks or [str(k) for k in range(len(steps))])),
             whole=True,

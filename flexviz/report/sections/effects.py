@@ -28,6 +28,7 @@ from flexviz.wording import (
     confidence_range,
     effect_text_name,
     effect_title,
+    families,
     finding_name,
     joint_score,
     moved,
@@ -40,7 +41,7 @@ from flexviz.wording import (
 
 MIN_DEVIATIONS = 3.0  # [standard errors] a parameter must have changed by to count as absorbing an effect
 MAX_ABSORBED = 4  # parameters named
-MAX_CANDIDATES = 6  # listed per model
+MAX_CANDIDATES = 6  # listed per model, effects of one kind together
 MAX_LOCATIONS = 4  # of unexplained residual
 MIN_EXPLAINED = 0.05  # of a joint's residual: a variable that explains less is not worth an experiment
 FOLLOW = {
@@ -128,7 +129,8 @@ def _ranking(content: ReportContent) -> ReportTable | None:
     for index, one in enumerate(content.rounds):
         found = one.diagnosis.findings if one.diagnosis is not None else ()
         chosen = content.rounds[index + 1].added if index + 1 < len(content.rounds) else ()
-        for rank, finding in enumerate(found[:MAX_CANDIDATES], 1):
+        leading = [one for family in families(found)[:MAX_CANDIDATES] for one in family.members]
+        for rank, finding in enumerate(leading, 1):
             added = finding.text in chosen
             rows.append(
                 [
