@@ -28,7 +28,7 @@ NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise floor: "
     "press Find the missing effect (step 4, Diagnose), then Add and refit."
 )
-COMPARED_IN = "rms residual in the band that the diagnosis compares models in, the same for every model"
+COMPARED_IN = "Rms residual in the band that the diagnosis compares models in, the same for every model"
 HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
 ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis

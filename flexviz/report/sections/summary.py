@@ -84,13 +84,13 @@ def numbers(content: ReportContent) -> list[Tile]:
         held_out = found.residual.rms_validation is not None
         errors = [found.residual.rms_validation or found.residual.rms]
     if errors:
-        shown = " → ".join(percent(mean_nrms(rms, content.spread), 3) for rms in errors)
+        shown = " → ".join(number(100 * mean_nrms(rms, content.spread), 2) for rms in errors) + " %"
         torque = " → ".join(number(total_rms(rms), 3) for rms in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
         tiles.append(Tile("Error", shown, f"of the torque, mean of the joints; {groups}; {torque} Nm"))
     if floor:
         note = f"{number(total_rms(floor), 3)} Nm, expected from measurement noise alone"
-        tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread), 3), note))
+        tiles.append(Tile("Noise floor", percent(mean_nrms(floor, content.spread)), note))
     own = len(content.measurements.effects)
     beside = f"beside {plural(own, 'effect')} of the set" if own else ""
     tiles.append(Tile("Effects added", str(len(content.analysis.effects)), beside))
