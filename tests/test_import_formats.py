@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -28,7 +30,7 @@ from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
 
 from flexviz.errors import InputError
-from flexviz.importing import formats, import_logs
+from flexviz.importing import formats, import_logs, inspect_logs
 from flexviz.importing.formats import find_logs, open_log
 from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions
 from flexviz.measurements import read_set
@@ -197,24 +199,106 @@ def test_parquet_with_lists_and_a_step(tmp_path: Path) -> None:
     check(mapping)
 
 
-@pytest.mark.parametrize("layout", ["columns", "rows", "struct", "simulink"])
+@pytest.mark.parametrize("layout", ["columns", "rows", "struct", "simulink", "3-D"])
 def test_matlab(tmp_path: Path, layout: str) -> None:
     time = DATA.time[:, None]
     variables = {
         "columns": {"t": time, "q": DATA.theta, "tau": DATA.tau, "note": "run 1", "K": 3.0},
         "rows": {"t": time.T, "q": DATA.theta.T, "tau": DATA.tau.T},
         "struct": {"log": {"t": time, "q": DATA.theta, "tau": DATA.tau, "other": {"x": np.arange(7.0)}}},
+        "3-D": {"t": time, "q": DATA.theta.T[None], "tau": DATA.tau.T[None]},
         "simulink": {"out": {"time": time, "signals": [{"values": DATA.theta}, {"values": DATA.tau}]}},
     }[layout]
     theta, tau, when = {
         "columns": ("q(:,#)", "tau(:,#)", "t"),
         "rows": ("q(#,:)", "tau(#,:)", "t"),
+        "3-D": ("q(#,:)", "tau(#,:)", "t"),
         "struct": ("log.q(:,#)", "log.tau(:,#)", "log.t"),
         "simulink": ("out.signals(1).values(:,#)", "out.signals(2).values(:,#)", "out.time"),
     }[layout]
     savemat(tmp_path / "run.mat", variables, do_compression=True)
     write_robot(tmp_path)
     check(write_mapping(tmp_path, ["run.mat"], f'"{theta}"', f'"{tau}"', time=f'column = "{when}"'))
+
+
+def records() -> list[dict[str, Any]]:
+    """One record per instant."""
+    rows = zip(DATA.time, DATA.theta, DATA.tau, strict=True)
+    return [{"t": t, "state": {"q": q.tolist()}, "tau": tau.tolist(), "mode": "run"} for t, q, tau in rows]
+
+
+def npz(file: Path) -> None:
+    objects = np.array([{}, None], dtype=object)
+    np.savez(file, t=DATA.time, state=DATA.theta, tau=DATA.tau.T, note="run 1", objects=objects)
+
+
+def json_columns(file: Path) -> None:
+    content = {"t": DATA.time.tolist(), "state": {"q": DATA.theta.tolist()}, "tau": DATA.tau.T.tolist()}
+    file.write_text(json.dumps(content | {"note": "run 1", "list": ["a", 1, None]}))
+
+
+def json_records(file: Path) -> None:
+    file.write_text(json.dumps(records()))
+
+
+def json_lines(file: Path) -> None:
+    file.write_text("\n".join(map(json.dumps, records())))
+
+
+@pytest.mark.parametrize(
+    "write, name, theta, tau",
+    [
+        (npz, "run.npz", "state[:,#]", "tau[#,:]"),
+        (json_columns, "run.json", "state.q[:,#]", "tau[#,:]"),
+        (json_records, "run.json", "state.q[:,#]", "tau[:,#]"),
+        (json_lines, "run.jsonl", "state.q[:,#]", "tau[:,#]"),
+    ],
+)
+def test_numpy_and_json(
+    tmp_path: Path, write: Callable[[Path], None], name: str, theta: str, tau: str
+) -> None:
+    write(tmp_path / name)
+    write_robot(tmp_path)
+    mapping = write_mapping(tmp_path, [name], f'"{theta}"', f'"{tau}"', time='column = "t"')
+    text = mapping.read_text().replace(",1]", ",0]").replace(",2]", ",1]")
+    mapping.write_text(text.replace("[1,", "[0,").replace("[2,", "[1,"))
+    check(mapping)
+
+
+def test_files_beside_logs_are_no_logs(tmp_path: Path) -> None:
+    npz(tmp_path / "run.npz")
+    json_columns(tmp_path / "about.json")
+    assert [source.path.name for source in find_logs([tmp_path])] == ["run.npz"]
+    assert open_log(tmp_path / "run.npz", ReadOptions()).unusable["objects"] == "it holds Python objects"
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_stacked_values_are_taken_apart(tmp_path: Path, order: Any) -> None:
+    """All values of joint 1, then of joint 2, or alternating, in one column beside a shorter time."""
+    stacked = {"q": DATA.theta.ravel(order), "tau": DATA.tau.ravel(order)}
+    savemat(tmp_path / "run.mat", {"t": DATA.time, **stacked})
+    write_robot(tmp_path)
+    time = 'column = "t"'
+    check(write_mapping(tmp_path, ["run.mat"], '"q part # of 2"', '"tau part # of 2"', time=time))
+    (note,) = open_log(tmp_path / "run.mat", ReadOptions()).notes
+    assert note == '"q", "tau": the values of 2 signals in one column were taken apart'
+    inspection = inspect_logs([tmp_path / "run.mat"], str(tmp_path / "robot.urdf"))
+    signals = [joint.signals["tau"]["from"] for joint in inspection.draft.joints.values()]
+    assert signals == ["tau part 1 of 2", "tau part 2 of 2"] and not inspection.issues
+
+
+def test_a_row_per_joint(tmp_path: Path) -> None:
+    """A table with each instant once per joint; a clock that is only too coarse is none."""
+    lines = ["t,joint,position,torque"]
+    for t, theta, tau in zip(DATA.time, DATA.theta, DATA.tau, strict=True):
+        lines += [f"{t!r},joint{j + 1},{theta[j]!r},{tau[j]!r}" for j in range(2)]
+    (tmp_path / "run.csv").write_text("\n".join(lines).replace("np.float64(", "").replace(")", ""))
+    write_robot(tmp_path)
+    theta, tau = '"position part # of 2"', '"torque part # of 2"'
+    check(write_mapping(tmp_path, ["run.csv"], theta, tau, time='column = "t"'))
+    coarse = {"t": np.repeat(DATA.time[::2], 2), "p": DATA.theta[:, 0]}
+    pacsv.write_csv(pa.table(coarse), tmp_path / "coarse.csv")
+    assert set(open_log(tmp_path / "coarse.csv", ReadOptions()).columns) == {"t", "p"}
 
 
 def test_matlab_7_3_says_what_to_do(tmp_path: Path) -> None:

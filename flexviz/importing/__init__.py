@@ -1,4 +1,4 @@
-"""Import ROS bags, MCAP, CSV, Parquet, MATLAB and LeRobot logs as a measurement set."""
+"""Import ROS bags, MCAP, CSV, Parquet, MATLAB, NumPy, JSON and LeRobot logs as a measurement set."""
 
 from __future__ import annotations
 

@@ -11,12 +11,15 @@ from flexviz.importing.formats.bags import BAG
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
 from flexviz.importing.formats.delimited import DELIMITED
 from flexviz.importing.formats.joining import LETTERS, joined
+from flexviz.importing.formats.json_logs import JSON
 from flexviz.importing.formats.lerobot import LEROBOT
 from flexviz.importing.formats.matlab import MATLAB
+from flexviz.importing.formats.numpy_archives import NUMPY
 from flexviz.importing.formats.parquet import PARQUET
+from flexviz.importing.formats.stacked import unstacked
 from flexviz.progress import Progress
 
-FORMATS: tuple[LogFormat, ...] = (BAG, DELIMITED, PARQUET, MATLAB, LEROBOT)
+FORMATS: tuple[LogFormat, ...] = (BAG, DELIMITED, PARQUET, MATLAB, NUMPY, JSON, LEROBOT)
 KNOWN = ", ".join(known.title for known in FORMATS)
 
 
@@ -51,7 +54,7 @@ def open_log(path: Path, options: ReadOptions) -> Log:
     known = format_of(path)
     episode = "" if options.episode is None else f", episode {options.episode}"
     options.progress(Progress(f"reading {path.name}{episode}", 0.0))
-    return known.read(path, options)
+    return unstacked(known.read(path, options))
 
 
 def format_of(path: Path) -> LogFormat:
@@ -82,7 +85,7 @@ def find_logs(paths: Sequence[Path]) -> list[LogSource]:
         recognised = any(known.recognises(path) for known in FORMATS)
         if path.is_dir() and not recognised and not (path / "measurements.toml").is_file():
             # inside a folder, datasets of episodes are not taken for logs
-            formats = [log_format for log_format in FORMATS if not log_format.episodes]
+            formats = [known for known in FORMATS if not known.episodes and not known.named]
             inside = (p for p in path.iterdir() if not p.name.startswith("."))
             logs = sorted(p for p in inside if any(known.recognises(p) for known in formats))
             if not logs:

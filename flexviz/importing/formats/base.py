@@ -14,6 +14,7 @@ from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 
 STAMP, LOGGED = "header.stamp", "log_time"  # endings of the two time columns of a topic
 EMPTY_FIELD = "the messages hold no"  # begins the reason why a field that a driver leaves empty is no signal
+PART = " part "  # in the names of parts of a column: "tau part 1 of 6"
 SHORTEST = 32  # rows: shorter columns cannot be signals
 
 
@@ -39,7 +40,7 @@ class Log:
     """One recording."""
 
     file: Path  # where it was read from
-    kind: str  # "CSV", "Parquet", "MATLAB", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3"
+    kind: str  # "CSV", "Parquet", "MATLAB", "NumPy", "JSON", "ROS 2 bag", "ROS 1 bag" or "LeRobot episode 3"
     tables: tuple[LogTable, ...]  # its tables; a column's name occurs once in all of them
     # name -> why it is not a signal (text, too short, …)
     unusable: Mapping[str, str] = field(default_factory=dict)
@@ -77,7 +78,7 @@ class ReadOptions:
         """Whether a column, or an entry of it, is needed."""
         if self.wanted is None or column in self.wanted:
             return True
-        return any(name.startswith((f"{column}[", f"{column}/")) for name in self.wanted)
+        return any(name.startswith((f"{column}[", f"{column}/", column + PART)) for name in self.wanted)
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class LogFormat:
     folder: str = ""  # a folder of this format, and the file by which it is recognised
     mark: str = ""
     episodes: Callable[[Path], list[int]] | None = None  # the numbers of the logs in a dataset of many
+    named: bool = False  # read only where it is named: in a folder such files are rarely logs
 
     def recognises(self, path: Path) -> bool:
         """Whether a file or folder is of this format, judged by its name."""

@@ -1,0 +1,45 @@
+"""JSON logs: tables of lists, or a list of records (also one record per line)."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexviz.importing.formats.arrays import as_in_python
+from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, ReadOptions
+from flexviz.measurements import readable
+
+
+def read_json(path: Path, options: ReadOptions) -> Log:
+    """All columns of numbers."""
+    with readable(path, "JSON log"):
+        text = path.read_text(encoding="utf-8-sig")
+        if path.suffix.lower() == ".json":
+            content = json.loads(text)
+        else:
+            content = [json.loads(line) for line in text.splitlines() if line.strip()]
+    content = arrays_of(content)
+    return as_in_python().log(path, "JSON", content if isinstance(content, dict) else {"data": content})
+
+
+def arrays_of(value: Any) -> Any:
+    """Lists of numbers as arrays, long lists of records as a record of arrays; null becomes NaN."""
+    if isinstance(value, dict):
+        return {str(key): arrays_of(inside) for key, inside in value.items()}
+    if not isinstance(value, list):
+        return value
+    if len(value) >= SHORTEST and all(isinstance(record, dict) for record in value):
+        keys = dict.fromkeys(key for record in value for key in record)
+        return {key: arrays_of([record.get(key) for record in value]) for key in keys}
+    try:
+        array = np.array(value)  # whole numbers stay exact
+        array = array if array.dtype != object else np.array(value, dtype=float)
+    except (ValueError, TypeError):
+        return [arrays_of(inside) for inside in value]
+    return array if array.dtype.kind in "biuf" else "text"
+
+
+JSON = LogFormat("JSON", read_json, suffixes=(".json", ".jsonl"), named=True)

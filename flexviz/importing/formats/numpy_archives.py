@@ -1,0 +1,26 @@
+"""NumPy .npz archives of named arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexviz.importing.formats.arrays import as_in_python
+from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
+from flexviz.measurements import readable
+
+
+def read_npz(path: Path, options: ReadOptions) -> Log:
+    """All columns of numbers; arrays of Python objects are not unpickled."""
+    flattening, arrays = as_in_python(), {}
+    with readable(path, ".npz archive"), np.load(path, allow_pickle=False) as content:
+        for name in content.files:
+            try:
+                arrays[name] = content[name]
+            except ValueError:
+                flattening.unusable[name] = "it holds Python objects"
+    return flattening.log(path, "NumPy", arrays)
+
+
+NUMPY = LogFormat(".npz", read_npz, suffixes=(".npz",))
