@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
 from flexviz.equation import Layout
 from flexviz.estimation.instrumental_variables import feasible_step
 from flexviz.estimation.least_squares import Bounds
@@ -40,6 +40,13 @@ def test_wrong_signs_are_out_of_bounds_and_gain_nothing(name: str) -> None:
     assert allowed(ChosenEffect(name, 0), values)
     values[index] = -0.5
     assert not allowed(ChosenEffect(name, 0), values)
+
+
+def test_directional_friction_never_drives_the_motor() -> None:
+    effect = EFFECTS["directional_friction"]
+    evidence = EffectEvidence(np.zeros(3), 1e-3, viscous=2.0)
+    assert all(effect.credible(np.array([f]), evidence) for f in (-1.9, 0.5, 2.0))
+    assert not any(effect.credible(np.array([f]), evidence) for f in (-2.1, 3.0))
 
 
 @pytest.mark.parametrize("name", ["torque_ripple", "transmission_error"])

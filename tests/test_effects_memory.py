@@ -93,7 +93,7 @@ def test_startup_friction_follows_the_simulators_state(name: str, angle: float) 
 def test_only_a_rest_restores_startup_friction() -> None:
     still = np.zeros(500)
     there = 0.5 * np.arange(1, 401) * 2e-3  # 0.5 rad/s
-    path = np.concatenate((still, there, there[-1] + still, there[-1] - there, there))
+    path = np.concatenate((still, there, there[-1] + still, there[-1] - there, there), dtype=np.float64)
     worn = worn_off(path, 2e-3, 0.02)[0]
     starts, reversal = (500, 1400), 1800
     for start in starts:

@@ -45,8 +45,10 @@ def only_an_offset(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
 
 def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> EffectEvidence:
     """The data by which an effect of a fit is judged; `raw_step` is that of the records [s]."""
+    joint, layout = effect.joint or 0, fit.layout
+    viscous = float(fit.x[layout.motor_viscous][joint] + fit.x[layout.link_viscous][joint])
     return EffectEvidence(
-        fit.torque[:, effect.joint or 0], raw_step, frozenset(e.effect for e in fit.layout.effects)
+        fit.torque[:, joint], raw_step, frozenset(e.effect for e in layout.effects), viscous
     )
 
 

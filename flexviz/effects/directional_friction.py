@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
+from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.law import LinearEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
 
@@ -39,6 +39,10 @@ class DirectionalFriction(LinearEffect):
 
     def columns(self, motion: JointMotion) -> Array:
         return np.abs(motion.velocity)[np.newaxis]
+
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
+        """Not more than the viscous friction itself: friction of one direction would drive the motor."""
+        return super().credible(values, evidence) and abs(values[0]) <= evidence.viscous
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.1 * scale.torque / scale.speed,)

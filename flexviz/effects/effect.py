@@ -31,11 +31,13 @@ class EffectEvidence:
         torque: shape (N,), transmission torque of the effect's joint [Nm].
         record_step: sampling interval of the recordings [s].
         effects: names of all effects in the model.
+        viscous: viscous friction of the effect's joint, motor and link side together [Nm s/rad].
     """
 
     torque: Array
     record_step: float
     effects: frozenset[str] = frozenset()
+    viscous: float = np.inf
 
 
 @dataclass(frozen=True)
