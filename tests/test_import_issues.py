@@ -254,6 +254,21 @@ def test_delay_of_the_torque(demo: MeasurementSet) -> None:
     assert "torque and acceleration disagree in time" in issue.message and "(3 samples)" in issue.message
 
 
+def test_the_joint_that_is_explained_least_is_named(demo: MeasurementSet) -> None:
+    """The share of all torques together hides a joint of which an unknown torque is 2 %."""
+
+    def spoiled(segment: Any) -> Any:
+        swing = np.outer(np.sin(9.0 * segment.time), [0.0, 0.2 * np.std(segment.tau[:, 1])])
+        return replace(segment, tau=segment.tau + swing)
+
+    good = delayed(demo, 0)
+    groups = [replace(g, segments=tuple(spoiled(s) for s in g.segments)) for g in good.groups]
+    found = torque_delay(replace(good, groups=tuple(groups)), lambda what: None, lambda: False)
+    assert found is not None and found.share > 0.995
+    joint, share = found.worst
+    assert joint == demo.joints[1] and share == pytest.approx(0.98, abs=0.005)
+
+
 def test_wrong_is_not_written_unless_insisted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexviz.importing.importing.torque_delay", lambda *_: None)
     data = arm()[1][0]

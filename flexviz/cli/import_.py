@@ -149,9 +149,11 @@ def summary(done: Imported, out: Path | None) -> list[str]:
             f'{o.group}: clock of "{o.clock}" {size} {"behind" if o.delay > 0 else "ahead of"} that of theta'
         )
     if done.delay is not None:
+        joint, least = done.delay.worst
         lines.append(
             f"torque acts {1e3 * done.delay.seconds:.3f} ± {1e3 * NORMAL_95 * done.delay.std:.2g} ms after "
-            f"it is stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of it"
+            f"it is stamped; the flexible-joint model explains {100 * done.delay.share:.2f} % of all torques "
+            f"and {100 * max(least, 0.0):.2f} % of that of {joint}"
         )
     elif not done.wrong:
         lines.append("these data do not show whether torque and motion agree in time")

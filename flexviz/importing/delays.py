@@ -174,6 +174,7 @@ class DelayEstimate:
     seconds: float  # the recorded torque acts so much later than it is stamped [s]
     std: float  # standard error [s]
     share: float  # of the torques' variance that the flexible model explains
+    worst: tuple[str, float]  # the joint of whose torque it explains least, and the share of it
 
 
 def torque_delay(
@@ -195,15 +196,18 @@ def torque_delay(
     if result.stopped or not result.converged or not found or found[0].std is None:
         return None
     segments = [segment for group in groups for segment in group.segments]
-    power = float(np.sum(np.mean([np.var(s.tau, axis=0) for s in segments], axis=0)))
-    left = float(np.sum(np.square(result.residual.rms)))
-    share = 1.0 - left / max(power, 1e-300)
+    powers = np.maximum(np.mean([np.var(s.tau, axis=0) for s in segments], axis=0), 1e-300)
+    squares = np.square(result.residual.rms)
+    left = float(np.sum(squares))
+    share = 1.0 - left / float(np.sum(powers))
+    j = int(np.argmax(squares / powers))
     # what the delay itself moves must be more than what stays unexplained, unless nearly nothing does
     rates = [np.gradient(low_pass(s.tau.T, s.step), s.step, axis=1).T for s in segments]
     moved = found[0].value ** 2 * float(np.sum(np.mean([np.var(rate, axis=0) for rate in rates], axis=0)))
     if share < LIMITS.torque_explained_loosely or (share < LIMITS.torque_explained and moved < left):
         return None
-    return DelayEstimate(found[0].value, found[0].std, share)
+    worst = measurements.joints[j], 1.0 - float(squares[j] / powers[j])
+    return DelayEstimate(found[0].value, found[0].std, share, worst)
 
 
 def shortened(group: Group) -> Group:
