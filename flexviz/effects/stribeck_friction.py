@@ -31,6 +31,7 @@ class StribeckFriction(LawEffect):
         ParameterSpec("velocity", "rad/s", 0.01, 3.0, "speed at which 37 % is left", "v_s"),
     )
     beside = "coulomb_friction"
+    twins = ("thinning_friction",)
     grid: ClassVar = {"velocity": (0.03, 0.06, 0.1, 0.17, 0.3, 0.5, 0.9)}
 
     def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:

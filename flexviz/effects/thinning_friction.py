@@ -36,6 +36,7 @@ class ThinningFriction(LawEffect):
         ParameterSpec("velocity", "rad/s", 0.02, 3.0, "speed from which it bends", "v_t"),
     )
     smooth = True
+    twins = ("stribeck_friction",)
     only_among_many = True
     grid: ClassVar = {"velocity": (0.03, 0.08, 0.2, 0.5)}
 
