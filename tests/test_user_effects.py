@@ -116,6 +116,10 @@ def test_diagnosis_finds_it(hidden: Path, tmp_path: Path) -> None:
     first = found["candidates"][0]
     assert (first["effect"], first["joint"]) == ("worm_gear_friction", "joint2")
     assert first["parameters"]["backward"]["value"] == pytest.approx(2.5, rel=2e-3)
+    measurements = read_set(hidden)
+    torque = np.concatenate([group.joined("tau") for group in measurements.groups])
+    assert found["torque"]["joints"] == list(measurements.joints)
+    assert found["torque"]["spread"] == pytest.approx(torque.std(axis=0))
 
 
 @pytest.mark.parametrize("command", ["identify", "diagnose", "serve", "record", "simulate", "effects"])
