@@ -30,10 +30,11 @@ from flexviz.wording import (
 )
 
 SHOWN_ABSORBED = 4  # parameters
+LABEL_WIDTH, COLUMN_WIDTH = 40, 10  # columns of a table with room for the models' names, and for a joint
 
 
-def diagnosis_parts(result: ResultFields) -> list[Table | str]:
-    """Verdict, candidates, table of the steps, what stays, notes."""
+def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
+    """Verdict, candidates, table of the steps, what stays, notes; `width` columns wide."""
     joints = joints_of(result)
     last = result.steps[-1] if result.steps else None
     spread = result.torque.spread if result.torque is not None else []
@@ -43,7 +44,7 @@ def diagnosis_parts(result: ResultFields) -> list[Table | str]:
     for rank, family in enumerate(families(result.candidates), 1):
         out += candidate_lines(rank, family, joints)
     if last is not None:
-        out.append(steps_table(result, joints, spread))
+        out += steps_parts(result, joints, spread, width)
         if absorbed := moved(step.added for step in result.steps if step.added is not None):
             out.append(
                 f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
@@ -115,36 +116,48 @@ def values(candidate: CandidateEntry) -> str:
 # -- steps ---------------------------------------------------------------------------------------------------
 
 
-def steps_table(result: ResultFields, joints: Sequence[str], spread: Sequence[float]) -> Table:
-    """Errors per joint after each added family of effects: in per cent of the torque if known, else in Nm."""
+def steps_parts(
+    result: ResultFields, joints: Sequence[str], spread: Sequence[float], width: int
+) -> list[Table | str]:
+    """Errors per joint after each added family of effects: in per cent of the torque if known, else in Nm.
+
+    Where the table would be too wide, the models are numbered and their names precede it.
+    """
     held_out = all(step.rms_validation for step in result.steps)
 
     def error(step: StepEntry) -> Sequence[float]:
         return step.rms_validation if held_out and step.rms_validation else step.rms
 
     def cells(values: Sequence[float]) -> list[str]:
-        return [number(value, 3) for value in values]
+        return [number(value, 2 if narrow else 3) for value in values]
 
     first, last = result.steps[0], result.steps[-1]
     names = short_names(tuple(joints)) if len(joints) == len(first.rms) else [""] * len(first.rms)
-    groups, unit = "held-out" if held_out else "fitted", "% of the torque" if spread else "Nm"
     mean = ["mean"] if spread and len(names) > 1 else []
-    title = f"error of the {groups} groups [{unit}]"
-    table = plain_table(title, numbers=(*names, *mean), end=("verdict",))
-    table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
-    for name, step in named_steps(result.steps, joints):
+    unit = "% of the torque" if spread else "Nm"
+    title = f"error of the {'held-out' if held_out else 'fitted'} groups [{unit}]"
+    steps = list(named_steps(result.steps, joints))
+    narrow = width < LABEL_WIDTH + COLUMN_WIDTH * (len(names) + len(mean)) + len("nothing-missing")
+    table = plain_table(
+        "model" if narrow else title, numbers=(*names, *mean), end=() if narrow else ("verdict",)
+    )
+    table.columns[0].no_wrap, table.columns[0].overflow = narrow, "fold"
+    for k, (name, step) in enumerate(steps):
         share = [100 * value for value in normalised(error(step), spread)] if spread else error(step)
         average = [100 * mean_nrms(error(step), spread)] if mean else []
-        table.add_row(name, *cells([*share, *average]), step.verdict)
+        table.add_row(
+            str(k) if narrow else name, *cells([*share, *average]), *([] if narrow else [step.verdict])
+        )
     table.add_section()
-    empty = [""] * len(mean)
     if spread:
-        texts = [explained(share).removesuffix(" %") for share in normalised(error(last), spread)]
-        table.add_row("torque explained by the last model [%]", *texts, *empty, "")
-        table.add_row("error of the last model [Nm]", *cells(error(last)), *empty, "")
+        texts = [explained(share).strip("> %") for share in normalised(error(last), spread)]
+        table.add_row("explained" if narrow else "torque explained by the last model [%]", *texts)
+        table.add_row("error Nm" if narrow else "error of the last model [Nm]", *cells(error(last)))
     if last.noise_floor:
-        table.add_row("noise floor [Nm]", *cells(last.noise_floor), *empty, "")
-    return table
+        table.add_row("noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor))
+    if not narrow:
+        return [table]
+    return [f"{title}:", *(f"  {k}: {name} → {step.verdict}" for k, (name, step) in enumerate(steps)), table]
 
 
 def named_steps(steps: Sequence[StepEntry], joints: Sequence[str]) -> Iterator[tuple[str, StepEntry]]:

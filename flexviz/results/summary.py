@@ -44,7 +44,7 @@ def html(result: ResultFields) -> str:
 def parts(result: ResultFields, width: int) -> list[Table | str]:
     """Tables and lines of text in their order; narrow ones list ties below the table."""
     if result.verdict is not None:
-        return diagnosis_parts(result)
+        return diagnosis_parts(result, width)
     wide = width >= WIDE
     out: list[Table | str] = [parameter_table(result.all_parameters, ties=wide)]
     out += [] if wide else tied_lines(result.all_parameters)
