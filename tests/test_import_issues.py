@@ -258,7 +258,7 @@ def test_the_joint_that_is_explained_least_is_named(demo: MeasurementSet) -> Non
     """The share of all torques together hides a joint of which an unknown torque is 2 %."""
 
     def spoiled(segment: Any) -> Any:
-        swing = np.outer(np.sin(9.0 * segment.time), [0.0, 0.2 * np.std(segment.tau[:, 1])])
+        swing = np.outer(np.sin(9.0 * segment.time), np.array([0.0, 0.2]) * np.std(segment.tau[:, 1]))
         return replace(segment, tau=segment.tau + swing)
 
     good = delayed(demo, 0)

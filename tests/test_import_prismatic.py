@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -56,7 +57,7 @@ def motion() -> tuple[np.ndarray, np.ndarray]:
 POSITION, FORCE = motion()
 
 
-def imported(folder: Path, scale: float = 1.0, load: float = 1.0, **keys: str) -> Imported:
+def imported(folder: Path, scale: float = 1.0, load: float = 1.0, **keys: Any) -> Imported:
     """What an import finds where the lift is recorded times `scale`, `load`; `keys` of the mapping."""
     links = {name: LINK.format(name=name) for name in ("link1", "link2")}
     (folder / "lift.urdf").write_text(LIFT.format(**links))
@@ -80,7 +81,7 @@ def imported(folder: Path, scale: float = 1.0, load: float = 1.0, **keys: str) -
         ),
     ],
 )
-def test_units_of_a_prismatic_joint(tmp_path: Path, scale: float, force: float, keys: dict[str, str]) -> None:
+def test_units_of_a_prismatic_joint(tmp_path: Path, scale: float, force: float, keys: dict[str, Any]) -> None:
     """m and N by default; before the gear, in rad of the motor per m, it is rad and Nm."""
     done = imported(tmp_path, scale, force, **keys)
     assert not done.issues
@@ -103,7 +104,7 @@ def test_millimetres_are_named(tmp_path: Path) -> None:
         ({"arm": ', unit = "mm"'}, r'arm\.theta\.unit: found "mm", but the joint is revolute: .*rad'),
     ],
 )
-def test_a_unit_of_the_other_kind_is_refused(tmp_path: Path, keys: dict[str, str], expected: str) -> None:
+def test_a_unit_of_the_other_kind_is_refused(tmp_path: Path, keys: dict[str, Any], expected: str) -> None:
     with pytest.raises(InputError, match=expected):
         imported(tmp_path, **keys)
 

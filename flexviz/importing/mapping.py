@@ -6,7 +6,7 @@ gear. Its payloads, start values and controller are written as in a measurement 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -164,13 +164,13 @@ class Mapping(SetHeader):
         """The joints, in the set's order."""
         return tuple(self.joints)
 
-    def signals(self) -> list[tuple[str, str, SignalColumn]]:
+    def signals(self) -> list[tuple[str, str, AngleColumn | TorqueColumn]]:
         """(joint, signal's name, signal) of all signals."""
         joints = self.joints.items()
         found = [(joint, name, getattr(entry, name)) for joint, entry in joints for name in SIGNALS]
         return [item for item in found if item[2] is not None]
 
-    def for_joints(self, prismatic: Sequence[bool], file: Path) -> Mapping:
+    def for_joints(self, prismatic: Array, file: Path) -> Mapping:
         """The mapping with units of m and N where none is stated for a prismatic joint.
 
         InputError where a unit is that of the other kind of joint. Before a gear [rad/m] it is rad and Nm.
