@@ -157,7 +157,7 @@ def read_groups(
     wanted = {signal.column for signal in signals} | {time for time in times if time is not None}
     groups, count = list[AssembledGroup](), len(mapping.logs)
     for i, entry in enumerate(mapping.logs):
-        options = ReadOptions(wanted, entry.episode, part(progress, i / count, (i + 1) / count), should_stop)
+        options = ReadOptions(wanted, None, part(progress, i / count, (i + 1) / count), should_stop)
         try:
             first, *beside = (folder / name for name in entry.files)
             log = open_run(LogSource(first, entry.episode, tuple(beside)), options)

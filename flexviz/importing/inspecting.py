@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, count, islice
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from flexviz.importing.columns import ColumnFamily, candidates, families_of, rea
 from flexviz.importing.cross_checks import find_scales
 from flexviz.importing.delays import clock_offsets
 from flexviz.importing.draft import Draft, DraftJoint, Questions
-from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_log, open_run
+from flexviz.importing.formats import LETTERS, LogSource, find_logs, open_run
 from flexviz.importing.formats.base import EMPTY_FIELD, Log, ReadOptions, check_stop
 from flexviz.importing.mapping import NEEDED, SIGNALS, Issue
 from flexviz.importing.plausibility import check_groups
@@ -62,8 +62,10 @@ def inspect_logs(
     sources = find_logs(paths)
     whole = read_robot(robot, None, Path.cwd(), Path("--robot"))
     options = ReadOptions(None, None, progress, should_stop)
-    sources = paired(sources, whole.joints, options)
-    logs = [open_run(source, replace(options, episode=source.episode)) for source in sources[:INSPECTED_LOGS]]
+    logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
+    if together := paired(sources, logs[0], whole.joints, options):
+        sources = together
+        logs = [open_run(source, options) for source in sources[:INSPECTED_LOGS]]
     draft = Draft(robot, list(sources), group_names(sources))
     draft.seen = describe(logs[0])
     families = families_of(logs[0], whole.joints)
@@ -85,33 +87,27 @@ def inspect_logs(
     return Inspection(draft, tuple(correct(draft, logs, asked, progress, should_stop)))
 
 
-def paired(sources: Sequence[LogSource], joints: Sequence[str], options: ReadOptions) -> list[LogSource]:
-    """The sources, with files that hold θ and τ of the same runs put together.
+def paired(
+    sources: Sequence[LogSource], first: Log, joints: Sequence[str], options: ReadOptions
+) -> list[LogSource]:
+    """The sources with files that hold θ and τ of the same runs put together; [] where they do not.
 
-    Only where the first lacks one of both, and there are as many files of each kind (with the same columns).
+    Only where the `first` lacks one of both, and there are as many files of each kind (with equal columns).
     """
 
     def lacks_signal(log: Log) -> bool:
         families = families_of(log, joints)
         return not all(candidates(families, name).families for name in NEEDED)
 
-    if len(sources) < 2 or any(source.episode is not None for source in sources):
-        return list(sources)
-    first = open_log(sources[0].path, options)
-    if not lacks_signal(first):
-        return list(sources)
-    kinds: dict[tuple[str, ...], list[LogSource]] = {tuple(first.columns): [sources[0]]}
-    for source in sources[1:]:
-        kinds.setdefault(tuple(open_log(source.path, options).columns), []).append(source)
+    if len(sources) < 2 or sources[0].episode is not None or not lacks_signal(first):
+        return []
+    kinds: dict[tuple[str, ...], list[LogSource]] = {}
+    for source in sources:
+        kinds.setdefault(tuple(open_run(source, options).columns), []).append(source)
     runs = list(zip(*kinds.values(), strict=False))
     together = [LogSource(run[0].path, beside=tuple(other.path for other in run[1:])) for run in runs]
-    if (
-        len(kinds) > len(LETTERS)
-        or len(runs) * len(kinds) < len(sources)
-        or lacks_signal(open_run(together[0], options))
-    ):
-        return list(sources)
-    return together
+    whole = len(runs) * len(kinds) == len(sources) and 1 < len(kinds) <= len(LETTERS)
+    return together if whole and not lacks_signal(open_run(together[0], options)) else []
 
 
 def fill_time(draft: Draft, log: Log, used: Sequence[str]) -> dict[str, str]:

@@ -39,6 +39,7 @@ class LogSource:
 
 def open_run(source: LogSource, options: ReadOptions) -> Log:
     """Read the files of one run as one log."""
+    options = replace(options, episode=source.episode)
     if not source.beside:
         return open_log(source.path, options)
     logs = []
