@@ -9,7 +9,7 @@ import pytest
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.measurements.writing import GroupTable, write_set
-from flexviz.results import assessment
+from flexviz.results import ResultDocument, assessment
 from flexviz.simulation import simulate_preset
 
 
@@ -36,6 +36,27 @@ def test_a_missing_effect_is_weak_and_sends_to_the_diagnosis(demo):
     assert found and abs(float(found[1]) / 100 - held_out[1] / torque[1]) < 0.006
     assert "Next: diagnose with --apply" in text
     assert result.summary().endswith(text)
+
+
+def test_refinement_of_an_incomplete_model_does_not_claim_noise_alone(demo, clean):
+    assert "model error" in identify(demo, refine=True).message
+    assert "measurement noise alone" in identify(clean, refine=True).message
+
+
+def test_joints_to_record_come_in_their_order():
+    joints = ["one", "two", "three"]
+    grades = [("stiffness", "three", "no"), ("stiffness", "two", "no"), ("motor_inertia", "one", "yes")]
+    parameters = [
+        {"name": name, "joint": joint, "value": 1.0, "std": 9.0, "unit": "", "identifiable": grade}
+        for name, joint, grade in grades
+    ]
+    residual = {"joints": joints, "rms": [0.1] * 3, "rms_validation": None, "noise_floor": [0.1] * 3}
+    document = ResultDocument.from_dict(
+        {"format": 1, "set": "s", "parameters": parameters, "residual": residual}
+    )
+    assert "held-out group (validation = true) and faster reversals of two and three, with" in assessment(
+        document
+    )
 
 
 def test_without_held_out_groups_one_is_asked_for(demo):

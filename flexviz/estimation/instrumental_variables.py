@@ -141,6 +141,7 @@ class Refined:
         chi: shape (n,), mean square of the whitened residual of each joint.
         converged: the last step was negligible.
         at_bound: shape (P,).
+        model_error: shape (n,), standard deviation of the model error that was added to the noise [Nm].
     """
 
     x: Array
@@ -148,6 +149,7 @@ class Refined:
     chi: Array
     converged: bool
     at_bound: NDArray[np.bool_]
+    model_error: Array
 
     @property
     def chi_square(self) -> float:
@@ -179,7 +181,8 @@ def refine(
         )  # fmt: skip
         chi = solved.point.chi
         covariance = solved.covariance(from_noise=float(np.mean(chi)) < ESTIMATION.noise_explains)
-        refined = Refined(solved.point.x, covariance, chi, solved.converged, solved.at_bound)
+        added = np.sqrt(data.noise_model.model_error)
+        refined = Refined(solved.point.x, covariance, chi, solved.converged, solved.at_bound, added)
         assert whitening.evaluation is not None
         return refined, whitening.evaluation
 

@@ -142,6 +142,11 @@ def _refined_outcome(
     if found.converged:
         chi = found.chi_square
         message = f"refined; whitened residual {chi:.3g} per sample (1 = measurement noise alone)"
+        if found.model_error.any():
+            added = ", ".join(f"{value:.2g}" for value in found.model_error)
+            message = (
+                f"refined; the model errs more than the sensors, a model error ({added} Nm) was allowed for"
+            )
     evaluation = plain.equation.at(found.x, plain.solution.point).evaluate(found.x)
     converged = outcome.converged and found.converged
     return _Outcome(found.x, evaluation, found.covariance, found.at_bound, converged, message, True)

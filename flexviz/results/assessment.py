@@ -91,9 +91,10 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
     record = []
     if not residual.rms_validation:
         record.append("another motion as a held-out group (validation = true)")
-    undetermined = [p for name in ("stiffness", "motor_inertia") for p in _named(result, name)]
-    if any(p.identifiable == "no" for p in undetermined):
-        joints = list(dict.fromkeys(p.joint or "" for p in undetermined if p.identifiable == "no"))
+    elastic = [*_named(result, "stiffness"), *_named(result, "motor_inertia")]
+    undetermined = {p.joint for p in elastic if p.identifiable == "no"}
+    joints = [joint for joint in residual.joints if joint in undetermined]
+    if joints:
         which = "all joints" if len(joints) == len(residual.joints) else listed(joints)
         record.append(f"faster reversals of {which}, with and without a payload of known mass")
     return [*out, f"Record {listed(record)}."] if record else out
