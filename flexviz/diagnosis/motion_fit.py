@@ -1,9 +1,8 @@
 """Fits in the band of the motion, weighted by what the model leaves.
 
 Where many effects are missing the model errs more than the sensors, and weights from the sensors' noise are
-misleading. Here every joint is weighted by its own residual, large residuals count linearly (Huber), and CAD
-inertias, rough stiffness and motor inertia are believed as firmly as they deserve, so that a quantity that
-the data do not show stays where it was given.
+misleading. Here every joint is weighted by its own residual, large residuals count linearly (Huber), and
+priors are firm (`firm_start`), so that a quantity that the data do not show stays where it was given.
 """
 
 from __future__ import annotations
@@ -16,10 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.firm_start import firm_start
 from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import SPREAD, Eliminated, UnknownCurve, Variable, eliminated
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.diagnosis.unknown_curve import Eliminated, UnknownCurve, Variable, curve_over, eliminated
+from flexviz.effects import ChosenEffect
 from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
     Bounds,
@@ -28,7 +28,6 @@ from flexviz.estimation import (
     Projection,
     Start,
     bounded_minimum,
-    other_effects,
     residual_noise,
     sandwich,
     score_covariance,
@@ -220,22 +219,18 @@ class MotionContext:
 
     def held_out_equation(self, layout: Layout) -> Equation | None:
         """Equation of the validation groups; None without any."""
-        if self._held is None:
-            return None
-        return Equation(self.measurements.robot, self._held, layout, self._held_shared)
+        held = self._held
+        return held and Equation(self.measurements.robot, held, layout, self._held_shared)
 
     def set_standstill_apart(self, fit: MotionFit) -> bool:
         """From now on leave out the standstill of joints where a fit errs much more at rest than in motion.
 
-        Returns whether there are any more than before.
-
-        At rest friction takes any value up to its limit, brakes hold, and controllers drift: no law of the
-        motion describes the torque there.
+        Returns whether there are more than before. At rest friction takes any value up to its limit, brakes
+        hold, and controllers drift: no law of the motion describes the torque there.
         """
-        apart = self.apart | self.louder_at_rest(fit)
-        more = bool(np.any(apart & ~self.apart))
-        self.apart = apart
-        return more
+        before = self.apart
+        self.apart = before | self.louder_at_rest(fit)
+        return bool(np.any(self.apart & ~before))
 
     def louder_at_rest(self, fit: MotionFit) -> NDArray[np.bool_]:
         """Joints where a fit errs much more at rest and just after it than in motion, shape (n,)."""
@@ -248,33 +243,7 @@ class MotionContext:
 
     def start(self, layout: Layout) -> Start:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
-        start = other_effects(self._start, layout, self.signals)
-        prior, logs = start.prior, np.full(layout.size, np.inf)
-        given = self.measurements
-        known = given.initial_stiffness is not None
-        logs[layout.compliance] = LIMITS.stiffness_spread if known else LIMITS.guessed_spread
-        softest = np.inf if known else LIMITS.largest_deflection
-        known = given.initial_motor_inertia is not None
-        logs[layout.motor_inertia] = LIMITS.motor_inertia_spread if known else LIMITS.guessed_spread
-        masses = self.measurements.robot.cad_parameters[:, 0]
-        real = masses > LIMITS.massless * masses.max()
-        weight = np.where(real, LIMITS.inertial_spread**-2, LIMITS.massless_weight)
-        spread, lower, upper = prior.spread.copy(), start.bounds.lower.copy(), start.bounds.upper.copy()
-        # stiff joints do not show how viscous friction is split between motor and link
-        speed = np.sqrt(np.mean(self.signals.theta[1] ** 2, axis=0)) + 1e-9
-        rms_torque = np.sqrt(np.mean(self.signals.tau[0] ** 2, axis=0)) + 1e-9
-        upper[layout.compliance] = np.minimum(upper[layout.compliance], softest / rms_torque)
-        half = start.x[layout.link_viscous]
-        spread[layout.link_viscous] = LIMITS.split_spread * half + LIMITS.split_torque * rms_torque / speed
-        offsets = {e.joint for e in layout.effects if EFFECTS[e.effect].constant}
-        for effect, where in layout.effect_slices():
-            law = EFFECTS[effect.effect]
-            for k, spec in zip(range(where.start, where.stop), law.parameters, strict=True):
-                spread[k] = law.expected.get(spec.name, spread[k])
-                if spec.name == law.offset_parameter and effect.joint in offsets:
-                    lower[k] = upper[k] = float(np.mean(self.signals.theta[0, :, effect.joint]))
-        firm = replace(prior, weight=weight, log_spread=logs, spread=spread)
-        return replace(start, prior=firm, bounds=Bounds(lower, upper))
+        return firm_start(self.measurements, self.signals, self._start, layout)
 
     def fit(
         self,
@@ -371,11 +340,8 @@ class MotionContext:
 
     def unknown_curve(self, joint: int, variable: Variable) -> UnknownCurve:
         """A free curve over the range of all groups."""
-        parts = [self.signals, *([self._held] if self._held else [])]
-        row = 1 if variable == "velocity" else 0
-        values = np.concatenate([signals.theta[row, :, joint] for signals in parts])
-        low, high = float(values.min()), float(values.max())
-        return UnknownCurve(joint, variable, low, high, SPREAD * float(self.spread[joint]))
+        parts = [s for s in (self.signals, self._held) if s]
+        return curve_over(parts, joint, variable, float(self.spread[joint]))
 
 
 def place(layout: Layout, effect: ChosenEffect) -> slice:

@@ -8,6 +8,7 @@ estimated beside it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.effects import JointMotion, smooth_sign
-from flexviz.equation import OperatingPoint
+from flexviz.equation import OperatingPoint, Signals
 
 Array = NDArray[np.float64]
 Variable = Literal["position", "position × direction", "position, each direction", "velocity"]
@@ -93,6 +94,15 @@ class Eliminated:
         out = values.copy()
         out[:, self.curve.joint] -= self.curve.columns(point) @ (self.solve @ fitted[:, self.curve.joint])
         return out
+
+
+def curve_over(
+    parts: Sequence[Signals], joint: int, variable: Variable, torque_spread: float
+) -> UnknownCurve:
+    """A free curve over the range of some signals; `torque_spread` is that of the joint's torque [Nm]."""
+    row = 1 if variable == "velocity" else 0
+    values = np.concatenate([signals.theta[row, :, joint] for signals in parts])
+    return UnknownCurve(joint, variable, float(values.min()), float(values.max()), SPREAD * torque_spread)
 
 
 def eliminated(curve: UnknownCurve, point: OperatingPoint, weights: Array) -> Eliminated:

@@ -142,12 +142,7 @@ def build_signals(
             blocks.append(Block(index, slice(row, row + count), segment, stride))
             row += count
     if not blocks:
-        longest = max((s.time[-1] - s.time[0] for g in groups for s in g.segments), default=0.0)
-        raise InputError(
-            f"no samples are left: the longest segment has {longest:.3g} s, the observer {observer.name} at "
-            f"{np.min(observer.bandwidth):g} rad/s needs {start + end:.3g} s to settle; "
-            "take a higher bandwidth"
-        )
+        raise _nothing_left(groups, observer, start + end)
     payload = [measurements.robot.payload_parameters(g.bodies) for g in groups]
     return Signals(
         groups=tuple(groups),
@@ -158,4 +153,13 @@ def build_signals(
         tau=np.concatenate(taus, axis=1),
         observer=observer,
         torque_hold=measurements.torque_hold,
+    )
+
+
+def _nothing_left(groups: Sequence[Group], observer: Observer, transients: float) -> InputError:
+    """All segments are shorter than the observer's transients [s]."""
+    longest = max((s.time[-1] - s.time[0] for g in groups for s in g.segments), default=0.0)
+    return InputError(
+        f"no samples are left: the longest segment has {longest:.3g} s, the observer {observer.name} at "
+        f"{np.min(observer.bandwidth):g} rad/s needs {transients:.3g} s to settle; take a higher bandwidth"
     )
