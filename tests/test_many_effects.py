@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 from flexviz import diagnose
 from flexviz.diagnosis.elimination import eliminate
-from flexviz.diagnosis.motion_fit import MotionContext, place
+from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.unknown_curve import VARIABLES, eliminated
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -66,12 +66,12 @@ def test_elimination_keeps_what_is_hidden_and_drops_what_is_not(context):
     fit = context.fit(layout, context.start(layout).x)
     result = eliminate(fit)
     assert set(result.kept) == {hidden} and result.kept[hidden].deviations > 50
-    assert absent in result.dropped and result.x[place(layout, absent)] == 0
+    assert absent in result.dropped and result.x[layout.effect_slice(absent)] == 0
     smaller = Layout(joints, (hidden,))
     again = context.fit(smaller, smaller.vector(layout.model(result.x)))
     # the closed form lands where a fit does
-    coulomb = result.x[place(layout, hidden)][0]
-    assert again.x[place(smaller, hidden)][0] == pytest.approx(coulomb, rel=2e-3)
+    coulomb = result.x[layout.effect_slice(hidden)][0]
+    assert again.x[smaller.effect_slice(hidden)][0] == pytest.approx(coulomb, rel=2e-3)
 
 
 @pytest.mark.parametrize("variable", VARIABLES)

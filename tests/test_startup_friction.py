@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.robotlike_study.motions import random_moves
-from flexviz.diagnosis.motion_fit import MotionContext, place
+from flexviz.diagnosis.motion_fit import MotionContext
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -57,6 +57,6 @@ def test_it_is_found_before_standstill_is_left_out(moves: MeasurementSet) -> Non
     assert context.louder_at_rest(bare)[0]
     found, needed = search.with_starts(bare, {})
     assert STARTUP in needed and ChosenEffect("startup_friction", 1) not in needed
-    assert found.x[place(found.layout, STARTUP)] == pytest.approx([3.0, 0.02], rel=0.05)
+    assert found.x[found.layout.effect_slice(STARTUP)] == pytest.approx([3.0, 0.02], rel=0.05)
     assert found.rms[0] < 0.4 * bare.rms[0]
     assert search.with_starts(found, needed)[0] is found

@@ -34,7 +34,7 @@ def held_out_share(before: Fit, after: Fit) -> float:
 
 def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
     """Whether the estimated parameters of an effect are plausible; `raw_step` is that of the records [s]."""
-    values = fit.x[dict(fit.layout.effect_slices())[effect]]
+    values = fit.x[fit.layout.effect_slice(effect)]
     return EFFECTS[effect.effect].credible(values, effect_evidence(fit, effect, raw_step))
 
 

@@ -164,8 +164,10 @@ def _necessity(
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
     move, _ = _without(x, covariance, rows)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
-    everywhere = effect.joint is None or EFFECTS[effect.effect].where == "link"
-    joints = slice(None) if everywhere else slice(effect.joint, effect.joint + 1)
+    joint = effect.joint
+    joints = slice(None)
+    if joint is not None and EFFECTS[effect.effect].where != "link":
+        joints = slice(joint, joint + 1)
     change = jacobian[:, joints] @ move
     sigma = fit.sigma[joints]
     old, new = judged[:, joints] / sigma, (judged[:, joints] + change) / sigma

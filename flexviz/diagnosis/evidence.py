@@ -41,7 +41,7 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
     """
     before, effect, fit = step.before, step.chosen.effect, step.chosen.fit
     std = fit_covariance(context, fit).standard_errors
-    where = dict(fit.layout.effect_slices())[effect]
+    where = fit.layout.effect_slice(effect)
     specs = EFFECTS[effect.effect].parameters
     evidenced = features(before, fit, final)
     return Finding(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.elimination import Necessity, eliminate
-from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit, place
+from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import UnknownCurve
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
@@ -114,7 +114,7 @@ class ModelFamily:
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
         x = smaller.vector(fit.layout.model(fit.x))
         for offset in merged:
-            torque = float(fit.x[place(fit.layout, offset).start])
+            torque = float(fit.x[fit.layout.effect_slice(offset).start])
             for effect, where in smaller.effect_slices():
                 if effect.joint == offset.joint:
                     x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
@@ -188,14 +188,14 @@ class ModelFamily:
         x = layout.vector(values.layout.model(values.x))
         for old, new in swaps.items():
             if new not in values.layout.effects:
-                start = fit.x[place(fit.layout, old)]
+                start = fit.x[fit.layout.effect_slice(old)]
                 if (offset := offsets.get(old.joint)) in gone and offset is not None:
-                    torque = float(fit.x[place(fit.layout, offset).start])
+                    torque = float(fit.x[fit.layout.effect_slice(offset).start])
                     start = EFFECTS[old.effect].with_constant(start, torque)
-                x[place(layout, new)] = EFFECTS[new.effect].refining(start)
+                x[layout.effect_slice(new)] = EFFECTS[new.effect].refining(start)
         for effect, where in layout.effect_slices():
             if effect in fit.layout.effects and effect not in values.layout.effects:
-                x[where] = fit.x[place(fit.layout, effect)]
+                x[where] = fit.x[fit.layout.effect_slice(effect)]
         return self.better_start(layout, x)
 
     def better_start(self, layout: Layout, x: Array) -> MotionFit:
@@ -218,5 +218,5 @@ class ModelFamily:
         layout = Layout(fit.layout.joints, (*kept, *(e for e in new if e not in kept)))
         x = layout.vector(fit.layout.model(fit.x))
         for s in chosen:
-            x[place(layout, s.effect)] = s.values
+            x[layout.effect_slice(s.effect)] = s.values
         return self.fit(layout, x)

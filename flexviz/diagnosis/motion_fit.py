@@ -19,7 +19,6 @@ from flexviz.diagnosis.firm_start import firm_start
 from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import Eliminated, UnknownCurve, Variable, curve_over, eliminated
-from flexviz.effects import ChosenEffect
 from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
     Bounds,
@@ -342,8 +341,3 @@ class MotionContext:
         """A free curve over the range of all groups."""
         parts = [s for s in (self.signals, self._held) if s]
         return curve_over(parts, joint, variable, float(self.spread[joint]))
-
-
-def place(layout: Layout, effect: ChosenEffect) -> slice:
-    """Where the parameters of an effect are."""
-    return dict(layout.effect_slices())[effect]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.elimination import Necessity, by_weight
 from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step
-from flexviz.diagnosis.motion_fit import MotionContext, MotionFit, place
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import EffectParameter, Finding, Step, Tie
 from flexviz.diagnosis.rich_search import RichModel
@@ -86,7 +86,7 @@ def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) ->
     for before, after in pairwise(stairs):
         assert after.added is not None
         effect, need = after.added, rich.needed[after.added]
-        where = place(rich.fit.layout, effect)
+        where = rich.fit.layout.effect_slice(effect)
         specs = EFFECTS[effect.effect].parameters
         shown = features(rich, effect, need)
         yield Finding(
@@ -133,7 +133,7 @@ def ties(rich: RichModel, effect: ChosenEffect) -> Iterator[Tie]:
     if effect.joint is None or not law.twins:
         return
     residual, jacobian = fit.whitened
-    own = place(fit.layout, effect)
+    own = fit.layout.effect_slice(effect)
     others = np.delete(np.arange(fit.layout.size), own)
     flat = jacobian.reshape(-1, fit.layout.size)
     precision = (fit.information + fit.prior_hessian)[np.ix_(others, others)]

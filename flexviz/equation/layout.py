@@ -85,6 +85,10 @@ class Layout:
             at += width
         return out
 
+    def effect_slice(self, effect: ChosenEffect) -> slice:
+        """Where the parameters of an effect are."""
+        return dict(self.effect_slices())[effect]
+
     @property
     def size(self) -> int:
         return self.effect_start + sum(len(EFFECTS[e.effect].parameters) for e in self.effects)
