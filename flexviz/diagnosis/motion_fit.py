@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation
+from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import Eliminated, UnknownCurve, Variable, curve_over, eliminated
 from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 HERTZ = 7.0  # band of the motion
 MAX_ITERATIONS = 25
+MAX_SAMPLES = 4000  # of a long record, before they become sparser than a short one's
 MAX_HALVINGS = 6
 
 
@@ -192,7 +193,17 @@ class MotionContext:
 
     def _signals(self, groups: tuple[Group, ...]) -> Signals:
         observer = ButterworthZeroPhase(2 * np.pi * HERTZ)
-        return build_signals(self.measurements, groups, observer, longest_edge=LIMITS.longest_edge)
+        # as dense as a short record needs, and no less than three samples per cycle of a long one
+        duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
+        step = np.clip(duration / MAX_SAMPLES, 1 / (8 * HERTZ), 1 / (3 * HERTZ))
+        return build_signals(
+            self.measurements,
+            groups,
+            observer,
+            sample_step=step,
+            exact_step=True,
+            longest_edge=LIMITS.longest_edge,
+        )
 
     @cached_property
     def _moving(self) -> NDArray[np.bool_]:
@@ -268,14 +279,8 @@ class MotionContext:
         point, fit, before = None, None, np.inf
         for iteration in range(iterations + 1):
             check()
-            moved = point is None or equation.has_state
-            if moved:
-                renewed = equation.at(x, point)
-                moved = renewed is not point
-                point = renewed
-            assert point is not None
-            evaluation = point.evaluate(x, moving=True) if moved or fit is None else fit.evaluation
-            fit = self._weighted(layout, x, point, evaluation, prior, curves)
+            point = equation.at(x, point)
+            fit = self._weighted(x, point, prior, curves)
             settled = abs(before - fit.objective) < LIMITS.settled_objective
             before = fit.objective
             residual, jacobian = fit.whitened
@@ -291,51 +296,55 @@ class MotionContext:
             if after is None:
                 fit = replace(fit, converged=length < 1.0)
                 break
-            x, fit = after.x, after
+            x = after
         assert fit is not None
         return fit
 
     def _along(
         self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds, curves: Sequence[UnknownCurve]
-    ) -> MotionFit | None:
+    ) -> Array | None:
         """The first of x + step, x + step/2, … that lowers the objective; None if none does."""
         length, compliance = 1.0, fit.layout.compliance
         for _ in range(MAX_HALVINGS):
             trial = bounds.clip(fit.x + length * step)
             trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
             if prior.feasible(trial):
-                now = fit.point.evaluate(trial, moving=True)
-                after = self._weighted(fit.layout, trial, fit.point, now, prior, curves)
-                if after.objective < fit.objective:
-                    return after
+                residual = fit.point.residual(trial)
+                for gone in self._eliminated(residual, fit.point, curves):
+                    residual = gone.remove(residual)
+                if (
+                    robust_weights(residual, self.noise_floor, self.used)[2] + 2 * prior.value(trial)
+                    < fit.objective
+                ):
+                    return trial
             length *= 0.5
         return None
 
     def _weighted(
-        self,
-        layout: Layout,
-        x: Array,
-        point: OperatingPoint,
-        evaluation: Evaluation,
-        prior: Prior,
-        curves: Sequence[UnknownCurve],
+        self, x: Array, point: OperatingPoint, prior: Prior, curves: Sequence[UnknownCurve]
     ) -> MotionFit:
-        """An evaluation with its weights and objective."""
-        residual, jacobian, gone, used = evaluation.residual, evaluation.jacobian, [], self.used
-        for curve in curves:
-            sigma = robust_deviation(residual, self.noise_floor, used)
-            gone.append(eliminated(curve, point, used[:, curve.joint] / sigma[curve.joint]))
-            residual, jacobian = gone[-1].remove(residual), gone[-1].remove(jacobian)
-        sigma = robust_deviation(residual, self.noise_floor, used)
-        ratio = np.abs(residual) / sigma * used
-        weights = used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
-        loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
-        spent = 2 * float(used.sum(axis=0) @ np.log(sigma))
-        objective = spent + float(loss.sum()) + 2 * prior.value(x)
+        """A model with its weights and objective at x, shape (P,)."""
+        evaluation = point.evaluate(x, moving=True)
+        residual, jacobian = evaluation.residual, evaluation.jacobian
+        eliminated = self._eliminated(residual, point, curves)
+        for gone in eliminated:
+            residual, jacobian = gone.remove(residual), gone.remove(jacobian)
+        weights, sigma, misfit = robust_weights(residual, self.noise_floor, self.used)
         return MotionFit(
-            self, layout, x, point, evaluation, weights, sigma, np.zeros(layout.size, bool),
-            residual, jacobian, tuple(gone), objective, False,
+            self, point.layout, x, point, evaluation, weights, sigma, np.zeros(len(x), bool),
+            residual, jacobian, eliminated, misfit + 2 * prior.value(x), False,
         )  # fmt: skip
+
+    def _eliminated(
+        self, residual: Array, point: OperatingPoint, curves: Sequence[UnknownCurve]
+    ) -> tuple[Eliminated, ...]:
+        """The curves, each fitted to what a residual (N, n) leaves after those before it."""
+        out: list[Eliminated] = []
+        for curve in curves:
+            sigma = robust_deviation(residual, self.noise_floor, self.used)
+            out.append(eliminated(curve, point, self.used[:, curve.joint] / sigma[curve.joint]))
+            residual = out[-1].remove(residual)
+        return tuple(out)
 
     def unknown_curve(self, joint: int, variable: Variable) -> UnknownCurve:
         """A free curve over the range of all groups."""

@@ -23,6 +23,24 @@ def robust_deviation(residual: Array, floor: Array, used: NDArray[np.bool_]) -> 
     return np.maximum(sigma, floor)
 
 
+def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tuple[Array, Array, float]:
+    """Huber's weights of residuals of unknown variance.
+
+    Args:
+        residual: shape (N, n) [Nm].
+        floor: shape (n,), smallest σ.
+        used: shape (N, n), samples that count.
+
+    Returns:
+        weights (N, n) [1/Nm], σ (n,) [Nm], and twice the negative log likelihood.
+    """
+    sigma = robust_deviation(residual, floor, used)
+    ratio = np.abs(residual) / sigma * used
+    weights = used * np.sqrt(np.minimum(1.0, LIMITS.outlier / np.maximum(ratio, 1e-12))) / sigma
+    loss = np.where(ratio < LIMITS.outlier, ratio**2, LIMITS.outlier * (2 * ratio - LIMITS.outlier))
+    return weights, sigma, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
+
+
 def in_motion(signals: Signals) -> NDArray[np.bool_]:
     """Samples at which a joint moves, or has moved from rest by more than `LIMITS.start_angle`: (N, n)."""
     position, speed = signals.theta[0], np.abs(signals.theta[1])

@@ -70,7 +70,7 @@ class RichSearch(ModelFamily):
         return RichModel(fit, needed)
 
     def hides_many(self, survey: RichModel) -> bool:
-        """Whether the set needs several effects: no single one brings every joint near its noise."""
+        """Whether the set needs several effects: no single one comes as near the noise of every joint."""
         quiet = np.all(survey.fit.rms < LIMITS.far_off * self.context.noise_floor)
         if quiet and len(survey.added(self.own)) < LIMITS.many:
             return False
@@ -79,7 +79,8 @@ class RichSearch(ModelFamily):
             return True
         self.say("checking whether one effect explains all")
         bare = self.fit(self.own, self.context.start(self.own).x)
-        enough = LIMITS.far_off * self.context.noise_floor
+        floor = self.context.noise_floor
+        enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
         leading = [s for s in self.scores(bare) if EFFECTS[s.effect.effect].scope != "episode"]
         singles = (self.with_candidates(bare, [s]) for s in leading[: LIMITS.singles])
         return not any(np.all(single.rms < enough) for single in singles)

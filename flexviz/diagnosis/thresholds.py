@@ -127,6 +127,7 @@ class MotionThresholds:
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
     surely_many: int = 6  # ... without further question if they are that many, and weighty:
     weighty_share: float = 0.03  # share of a joint's torque spread
+    as_well: float = 1.5  # factor on the survey's residual that one effect alone may leave
     singles: int = 4  # effects that are tried alone before: one that reaches the noise explains all
     stair_iterations: int = 15  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find

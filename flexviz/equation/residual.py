@@ -193,15 +193,18 @@ class OperatingPoint:
         return self.equation.link.evaluate(self._bodies(x), *q)
 
     def residual(self, x: Array) -> Array:
-        """Residual alone at x, shape (N, n) [Nm]; three times faster if no friction has memory."""
-        if any(EFFECTS[e.effect].memory for e in self.layout.effects):
+        """Residual alone at x, shape (N, n) [Nm]; three times faster than with the Jacobian."""
+        if self._initial is None and any(EFFECTS[e.effect].memory for e in self.layout.effects):
             return self.evaluate(x).residual
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
         residual = s[0] - x[self.layout.link_viscous] * q[1]
         for rows, parameters in self._bodies(x):
             residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
-        return _without(terms, residual)
+        residual = _without(terms, residual)
+        for stretch in self._initial or []:
+            stretch.remove_from(residual)
+        return residual
 
     def evaluate(self, x: Array, *, moving: bool = False) -> Evaluation:
         """Residual and Jacobian at x (shape (P,)).

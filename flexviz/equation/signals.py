@@ -92,7 +92,7 @@ def equation_stride(
         sample_step = min(sample_step, 2 * np.pi / (8 * float(np.max(observer.bandwidth))))
     stride = max(1, int(np.floor(sample_step / segment.step + 1e-6)))
     fine = int(np.floor(FINE_STEP / segment.step + 1e-6))
-    return stride // fine * fine if QUICK <= fine <= stride and not exact_step else stride
+    return stride // fine * fine if QUICK <= fine <= stride else stride
 
 
 def build_signals(
