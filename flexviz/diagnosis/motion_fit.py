@@ -196,13 +196,9 @@ class MotionContext:
         # as dense as a short record needs, and no less than three samples per cycle of a long one
         duration = sum(float(np.ptp(s.time)) for g in groups for s in g.segments)
         step = np.clip(duration / MAX_SAMPLES, 1 / (8 * HERTZ), 1 / (3 * HERTZ))
+        edge = LIMITS.longest_edge
         return build_signals(
-            self.measurements,
-            groups,
-            observer,
-            sample_step=step,
-            exact_step=True,
-            longest_edge=LIMITS.longest_edge,
+            self.measurements, groups, observer, sample_step=step, exact_step=True, longest_edge=edge
         )
 
     @cached_property
@@ -312,10 +308,8 @@ class MotionContext:
                 residual = fit.point.residual(trial)
                 for gone in self._eliminated(residual, fit.point, curves):
                     residual = gone.remove(residual)
-                if (
-                    robust_weights(residual, self.noise_floor, self.used)[2] + 2 * prior.value(trial)
-                    < fit.objective
-                ):
+                misfit = robust_weights(residual, self.noise_floor, self.used)[2]
+                if misfit + 2 * prior.value(trial) < fit.objective:
                     return trial
             length *= 0.5
         return None
