@@ -61,7 +61,7 @@ def main(paths: list[str]) -> None:
         alarms += bool(issues_of_set(measurements))
         joint = measurements.joints[int(rng.integers(measurements.n))]
         for name, change, keys, wanted in faults(measurements.joints, joint):
-            found = issues_of_set(multiplied(measurements, **change), **keys)
+            found = issues_of_set(multiplied(measurements, **change), keys)
             fixes = {(fix.joint, fix.signal, fix.key) for s in found for fix in s.fixes}
             tried[name] += 1
             named[name] += fixes == wanted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,16 +78,24 @@ def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
     An identification alone would silently fit a torque of the wrong sign or an angle in degrees.
     """
     file = measurements.path / "measurements.toml"
-    texts = [f"{file}: {issue}" for issue in issues_of_set(measurements, False) if issue.severity == "wrong"]
+    texts = [
+        f"{file}: {issue}"
+        for issue in issues_of_set(measurements, closely=False)
+        if issue.severity == "wrong"
+    ]
     for text in texts:
         log.warning("%s", text)
     return replace(measurements, warnings=(*texts, *measurements.warnings)) if texts else measurements
 
 
-def issues_of_set(measurements: MeasurementSet, closely: bool = True, **keys: object) -> list[Issue]:
+def issues_of_set(
+    measurements: MeasurementSet, keys: Mapping[str, object] | None = None, *, closely: bool = True
+) -> list[Issue]:
     """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
     # a mapping that takes the set's columns unchanged
-    joints = {joint: {"theta": f"t{joint}", "tau": f"u{joint}", **keys} for joint in measurements.joints}
+    joints = {
+        joint: {"theta": f"t{joint}", "tau": f"u{joint}", **(keys or {})} for joint in measurements.joints
+    }
     document = {"robot": "x", "logs": [{"file": "a", "group": "a"}], "joints": joints}
     groups = [
         (group.bodies, replace(GroupTable.of(group), q=None, theta_ref=None)) for group in measurements.groups
