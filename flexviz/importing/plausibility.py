@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -89,7 +89,7 @@ def with_plausibility_warnings(measurements: MeasurementSet) -> MeasurementSet:
 
 
 def issues_of_set(
-    measurements: MeasurementSet, keys: Mapping[str, object] | None = None, *, closely: bool = True
+    measurements: MeasurementSet, keys: dict[str, float] | None = None, *, closely: bool = True
 ) -> list[Issue]:
     """Issues that an import would find in θ and τ of a set, with these keys of a mapping on every joint."""
     # a mapping that takes the set's columns unchanged
