@@ -120,6 +120,13 @@ class ManyEffects:
                 "value up to its limit, and the model errs much more there than in motion"
             )
             out.append(Note("standstill", text))
+        ratio = final.rms / self.context.noise_floor
+        if not final.eliminated and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
+            text = (
+                f"what is left on {joints[int(ratio.argmax())]} is {ratio.max():.2g} times its noise: no "
+                "candidate explains it, but small effects may be left"
+            )
+            out.append(Note("other", text))
         for curve in final.eliminated:
             joint, variable = joints[curve.curve.joint], curve.curve.variable
             text = (

@@ -77,7 +77,7 @@ def staircase(
 def verdict_on(rich: RichModel) -> Verdict:
     """Whether the final model is complete: no unknown law, and every joint near its noise."""
     ratio = rich.fit.rms / rich.fit.context.noise_floor
-    return "unknown" if rich.curves or np.any(ratio > LIMITS.far_off) else "nothing-missing"
+    return "unknown" if rich.curves or np.any(ratio > LIMITS.unexplained) else "nothing-missing"
 
 
 def findings(stairs: list[Stair], rich: RichModel, band: PredictionErrorBand) -> Iterator[Finding]:

@@ -118,6 +118,10 @@ class MotionThresholds:
     replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove
     likelier: float = 20.0  # twice the gain in log likelihood that a law needs to replace one as simple
     far_off: float = 8.0  # times the noise: a joint above may hide a law of no library
+    # times the noise: a last model that leaves more is incomplete; robot-like sets end below 9 without a law
+    # of no library and above 20 with one (`python -m benchmarks.robotlike_study`)
+    unexplained: float = 13.0
+    small_left: float = 2.0  # times the noise, from which a note says that small effects may be left
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
     curve_lead: float = 1.5  # ... and relative to the best candidate's
     curve_gain: float = 0.7  # factor by which a free curve has to lower its joint's held-out residual
