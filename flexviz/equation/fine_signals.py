@@ -20,6 +20,7 @@ SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 TORQUE_NOISE = 5e-3  # maximum noise of the transmission torque relative to its rms
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s] maximum noise of the link velocity
 BAND_STEP = 1.05  # bands within this factor share their signals
+KEPT = 4  # bands whose signals are kept
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ def fine_signals(
     bands = (tuple(np.round(np.log(w) / np.log(BAND_STEP))) for w in (*wide, *narrow))
     key = ("fine", tuple(fine_stride(b) for b in blocks), *bands)
     if key not in shared:
+        for old in [k for k in shared if isinstance(k, tuple) and k[0] == "fine"][: 1 - KEPT]:
+            del shared[old]  # of models left behind: a search meets hundreds of bands
         parts = zip(blocks, wide, narrow, strict=True)
         shared[key] = [_filtered(block, a, b, signals.torque_hold / 2) for block, a, b in parts]
     return shared[key]
