@@ -158,13 +158,13 @@ class ModelFamily:
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with those swaps that lower the residual and the held-out residual of their joint.
 
-        Laws as simple as the ones that they replace have to be likelier only.
+        Laws as simple as the ones that they replace have to be much likelier only.
         """
         self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
         trial = self.swapped(fit, fit, swaps)
         held_out = (trial.held_out_rms() / fit.held_out_rms()) ** 2
         fitted = (trial.sigma / fit.sigma) ** 2
-        likelier = fitted < np.exp(-LIMITS.likelier / len(fit.weights))
+        likelier = fitted < 1 - LIMITS.swapped_share
         clearly = np.maximum(held_out, fitted) < 1 - LIMITS.replaced_share
         better = {
             e: swap

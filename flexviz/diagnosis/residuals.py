@@ -117,14 +117,25 @@ def settled_reversals(
     if pulses is None:
         return residual, white
     seen = whitener.apply(pulses[:, None, :])[:, 0] * used[:, None]
-    squares, turn = np.linalg.eigh(seen.T @ seen)
-    along = turn.T @ (seen.T @ white)
-    kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
-    shrink = (1 - 1 / np.sqrt(1 + squares[kept])) / squares[kept]
-    white -= seen @ (turn[:, kept] @ (shrink * along[kept]))
+    # of the smaller Gram matrix: friction at rest may give thousands of pulses
+    if seen.shape[1] > len(seen):
+        squares, left = _spectrum(seen @ seen.T)
+        right = seen.T @ left / np.sqrt(squares)
+    else:
+        squares, right = _spectrum(seen.T @ seen)
+        left = seen @ right / np.sqrt(squares)
+    along = left.T @ white
+    white -= left @ ((1 - 1 / np.sqrt(1 + squares)) * along)
     # a residual above the noise must not be absorbed by the pulses
     chi = max(1.0, float(np.sum(white**2)) / max(int(used.sum()), 1))
-    return residual - pulses @ (turn @ (along / (chi + squares))), white
+    return residual - pulses @ (right @ (np.sqrt(squares) * along / (chi + squares))), white
+
+
+def _spectrum(gram: Array) -> tuple[Array, Array]:
+    """Eigenvalues (R,) and vectors (M, R) of a Gram matrix, without the negligible ones."""
+    squares, vectors = np.linalg.eigh(gram)
+    kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
+    return squares[kept], vectors[:, kept]
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ class MotionThresholds:
     quiet: float = 1.3  # times the noise: a joint below is not searched
     longest_episode: float = 0.6  # share of a stretch
     replaced_share: float = 0.05  # of a joint's mean square that a refinement of another effect has to remove
-    likelier: float = 20.0  # twice the gain in log likelihood that a law needs to replace one as simple
+    swapped_share: float = 0.1  # of a joint's mean square that a law has to remove to replace one as simple
+    likelier: float = 20.0  # twice the loss in log likelihood from which a model is searched again
     far_off: float = 8.0  # times the noise: a joint above may hide a law of no library
     # times the noise: a last model that leaves more is incomplete; robot-like sets end below 9 without a law
     # of no library and above 20 with one (`python -m benchmarks.robotlike_study`)
