@@ -337,7 +337,7 @@ def test_sparse_lines_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> 
             report(Progress(f"reading {count // 50}", count / 100))
         report(Progress("solving", iteration=Iteration(3, "", 1.5, 0.1, np.zeros(1), ("a",))))
     assert lines(capsys.readouterr().err) == [
-        "reading 0 0 %",
-        "reading 1 50 %",
+        "  0 % reading 0",
+        " 50 % reading 1",
         "solving iteration 3  cost 1.5  step 0.1",
     ]

@@ -83,7 +83,9 @@ def test_json_is_the_contract(demo_fit):
         "joint1",
     ) not in names
     assert all(p["identifiable"] in ("yes", "weak", "no") for p in document["parameters"])
-    assert set(document["residual"]) == {"joints", "rms", "rms_validation", "noise_floor"}
+    residual = document["residual"]
+    assert set(residual) == {"joints", "rms", "rms_validation", "noise_floor", "torque_spread"}
+    assert all(rms < spread for rms, spread in zip(residual["rms"], residual["torque_spread"], strict=True))
 
 
 def test_masses_of_a_planar_arm_are_not_identifiable(demo_fit):
