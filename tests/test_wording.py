@@ -107,8 +107,7 @@ def test_what_was_absorbed_is_listed_once() -> None:
 
 
 def lines(diagnosis: Any, spread: tuple[float, ...] = ()) -> str:
-    document = diagnosis.document()
-    return (document.with_torque(JOINTS, spread) if spread else document).summary(width=160)
+    return replace(diagnosis, torque_spread=spread).summary(width=160)
 
 
 def test_the_summary_has_one_line_per_family_with_the_share_of_the_torque() -> None:
@@ -124,7 +123,7 @@ def test_the_summary_has_one_line_per_family_with_the_share_of_the_torque() -> N
     assert "what stays: joint2 3.0 % of its torque (0.300 Nm, 15 times the noise); joint1 0.18 %" in text
     assert text.count("absorbed") == 1 and "unexplained" not in text
     assert "error of the held-out groups [Nm]" in lines(diagnosis)  # without the torque
-    narrow = diagnosis.document().with_torque(JOINTS, (11.0, 10.0)).summary(width=60)
+    narrow = replace(diagnosis, torque_spread=(11.0, 10.0)).summary(width=60)
     assert "  1: + Coulomb friction on joints 1 and 2 → unknown" in narrow
     assert ["1", "0.18", "3.0", "1.6"] in [line.split() for line in narrow.splitlines()]
 

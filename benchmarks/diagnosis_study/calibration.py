@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize
 
 from benchmarks.diagnosis_study.judging import Judged, Stated
+from benchmarks.logistic import half, logistic
 from flexviz.diagnosis.confidence import probability
 
 SHRINK = 0.02  # of the squared weights: a few hundred findings must not lead to certainty
@@ -22,7 +21,7 @@ def halves(cases: Sequence[Judged]) -> tuple[list[Stated], list[Stated]]:
     """The findings of each half; a case's name decides where it belongs."""
     out: tuple[list[Stated], list[Stated]] = ([], [])
     for case in cases:
-        out[zlib.crc32(case.case.encode()) % 2].extend(case.stated)
+        out[half(case.case)].extend(case.stated)
     return out
 
 
@@ -32,16 +31,9 @@ def weights(stated: Sequence[Stated]) -> tuple[float, ...]:
     right = np.array([s.right for s in stated])
     columns = np.column_stack((np.ones(len(features)), features))
 
-    def cost(w: np.ndarray) -> tuple[float, np.ndarray]:
-        odds = columns @ w
-        loss = np.logaddexp(0.0, np.where(right, -odds, odds)).sum() + 0.5 * SHRINK * float(w[1:] @ w[1:])
-        slope = columns.T @ (1 / (1 + np.exp(-odds)) - right)
-        slope[1:] += SHRINK * w[1:]
-        return float(loss), slope
-
-    bounds = [(None, None), *((0.0, None) if sign > 0 else (None, 0.0) for sign in SIGNS)]
-    found = minimize(cost, np.zeros(columns.shape[1]), jac=True, bounds=bounds, method="L-BFGS-B")
-    return tuple(round(float(w), 3) for w in found.x)
+    shrink = 0.5 * SHRINK * np.array([0.0, *np.ones(len(SIGNS))])
+    found = logistic(columns, right, np.zeros(columns.shape[1]), shrink, signs=(0, *SIGNS))
+    return tuple(round(float(w), 3) for w in found)
 
 
 def crosswise(cases: Sequence[Judged]) -> list[Stated]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
+from benchmarks.logistic import half, logistic
 from benchmarks.robotlike_study.judging import Addition, Scored
 
 Array = NDArray[np.float64]
@@ -23,13 +22,8 @@ def scale(stated: Array, right: NDArray[np.bool_]) -> tuple[float, float]:
         stated: shape (M,), confidences.
         right: shape (M,), whether each was right.
     """
-    odds = _logit(stated)
-
-    def cost(w: Array) -> float:
-        z = w[0] + w[1] * odds
-        return float(np.logaddexp(0.0, np.where(right, -z, z)).sum() + PRIOR * (w[0] ** 2 + (w[1] - 1) ** 2))
-
-    offset, factor = minimize(cost, np.array([0.0, 1.0]), bounds=[(None, None), (0.0, None)]).x
+    columns = np.column_stack((np.ones(len(stated)), _logit(stated)))
+    offset, factor = logistic(columns, right, np.array([0.0, 1.0]), np.full(2, PRIOR), signs=(0, 1))
     return float(offset), float(factor)
 
 
@@ -37,11 +31,9 @@ def crosswise(cases: Sequence[Scored]) -> tuple[Array, NDArray[np.bool_]]:
     """Every stated confidence (M,), scaled as the other half of the cases says, and whether it was right."""
     halves: tuple[list[Addition], list[Addition]] = ([], [])
     for case in cases:
-        halves[zlib.crc32(case.case.encode()) % 2].extend(
-            a for a in case.additions if a.confidence is not None
-        )
-    stated, right = zip(*(_arrays(half) for half in halves), strict=True)
-    scales = [scale(*half) for half in zip(stated, right, strict=True)]
+        halves[half(case.case)].extend(a for a in case.additions if a.confidence is not None)
+    stated, right = zip(*(_arrays(each) for each in halves), strict=True)
+    scales = [scale(*each) for each in zip(stated, right, strict=True)]
     scaled = [
         1 / (1 + np.exp(-(offset + factor * _logit(given))))
         for given, (offset, factor) in zip(stated, reversed(scales), strict=True)

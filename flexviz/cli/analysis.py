@@ -58,12 +58,8 @@ def diagnose(
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         measurements = with_plausibility_warnings(read_set(measurement_set))
         result = search(measurements, apply=apply, guarded=guard, progress=report, should_stop=should_stop)
-    document = result.document().with_torque(measurements.joints, measurements.torque_spread)
-    data = document.to_dict()
-    if not apply:
-        del data["steps"]
-    terminal.write_json(json_file, data)
-    terminal.show(document)
+    terminal.write_json(json_file, result.to_dict(steps=apply))
+    terminal.show(result.document())
     return 130 if result.stopped else 0
 
 

@@ -112,7 +112,7 @@ def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[tuple[Cho
 
     def without(absent: Mapping[ChosenEffect, slice]) -> Array:
         rows = [row for e, where in absent.items() for row in sizes(e, where)]
-        x = fit.x + (_without(fit.x, covariance, rows)[0] if rows else 0.0)
+        x = fit.x + _without(fit.x, covariance, rows)[0]
         for where in absent.values():
             x[where] = 0.0
         return x
@@ -137,14 +137,15 @@ def sizes(effect: ChosenEffect, where: slice) -> list[int]:
 
 
 def _without(x: Array, covariance: Array, rows: list[int]) -> tuple[Array, Array]:
-    """Move (P,) of the parameters when those at `rows` become zero, and the covariance given that."""
-    inside = covariance[np.ix_(rows, rows)]
-    if np.any(np.diag(inside) <= 0):  # held at a bound
-        move = np.zeros(len(x))
-        move[rows] = -x[rows]
-        return move, covariance
-    gain = np.linalg.solve(inside, covariance[rows]).T
-    return -gain @ x[rows], covariance - gain @ covariance[rows]
+    """Move (P,) of the parameters when those at `rows` become zero, and the covariance given that.
+
+    Parameters held at a bound, without variance, say nothing about the others.
+    """
+    free = [row for row in rows if covariance[row, row] > 0]
+    gain = np.linalg.solve(covariance[np.ix_(free, free)], covariance[free]).T
+    move = -gain @ x[free]
+    move[rows] = -x[rows]
+    return move, covariance - gain @ covariance[free]
 
 
 def _necessity(

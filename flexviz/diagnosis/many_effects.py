@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
 from flexviz.diagnosis.fit_context import FitContext
@@ -66,7 +67,7 @@ class ManyEffects:
             guarded: whether to check it against the observer's bandwidth.
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
-        tell("fitting the models on the way")
+        tell(stages.STAIRS)
         stairs = staircase(self.context, self.layout, rich, self.band)
         found = list(findings(stairs, rich, self.band))
         last = verdict_on(rich)
@@ -76,12 +77,12 @@ class ManyEffects:
         final = rich.fit if apply else self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
         context = FitContext(self.measurements, final.layout)
         at_noise = context.fit(final.layout, final.x, iterations=0)
-        tell("locating the residual")
+        tell(stages.LOCATION)
         where, maps = locate_residual(context, at_noise)
         curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
         bandwidths = None
         if guarded:
-            tell("checking parameters against the observer's bandwidth")
+            tell(stages.BANDWIDTH)
             bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
         unexplained = final.sigma**2 if last == "unknown" else None
         prior, covariance = self.context.start(final.layout).prior, final.covariance
@@ -104,6 +105,7 @@ class ManyEffects:
             maps=maps,
             free_curve=curve,
             guard=bandwidths,
+            torque_spread=self.measurements.torque_spread,
         )
 
     def remarks(self, final: MotionFit) -> list[Note]:

@@ -37,11 +37,16 @@ class ModelFamily:
         self.context, self.own, self.say = context, own, say
         self.curves: tuple[UnknownCurve, ...] = ()
 
-    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
-        """A model fitted from x, shape (P,)."""
-        return self.context.fit(
-            layout, x, curves=self.curves, iterations=iterations, check=lambda: self.say("")
-        )
+    def fit(
+        self,
+        layout: Layout,
+        x: Array,
+        iterations: int = MAX_ITERATIONS,
+        curves: tuple[UnknownCurve, ...] | None = None,
+    ) -> MotionFit:
+        """A model fitted from x, shape (P,); `curves`: eliminated instead of those of the family."""
+        curves = self.curves if curves is None else curves
+        return self.context.fit(layout, x, curves=curves, iterations=iterations, check=lambda: self.say(""))
 
     # -- the rich model
 
@@ -156,20 +161,20 @@ class ModelFamily:
         needed: dict[ChosenEffect, Necessity],
         swaps: Mapping[ChosenEffect, ChosenEffect],
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with those swaps that lower the residual and the held-out residual of their joint.
+        """The model with those swaps that clearly lower the residual of their joint.
 
-        Laws as simple as the ones that they replace have to be much likelier only.
+        A law with a hidden state, which can fit more, has to lower the held-out residual, too.
         """
         self.say(f"trying: {', '.join(sorted({EFFECTS[e.effect].title for e in swaps.values()}))}")
         trial = self.swapped(fit, fit, swaps)
         held_out = (trial.held_out_rms() / fit.held_out_rms()) ** 2
         fitted = (trial.sigma / fit.sigma) ** 2
-        likelier = fitted < 1 - LIMITS.swapped_share
-        clearly = np.maximum(held_out, fitted) < 1 - LIMITS.replaced_share
+        simple = fitted < 1 - LIMITS.swapped_share
+        hidden = np.maximum(held_out, fitted) < 1 - LIMITS.replaced_share
         better = {
             e: swap
             for e, swap in swaps.items()
-            if (clearly if EFFECTS[swap.effect].hidden_state else likelier)[e.joint]
+            if (hidden if EFFECTS[swap.effect].hidden_state else simple)[e.joint]
         }
         if not better:
             return fit, needed
@@ -179,18 +184,17 @@ class ModelFamily:
         self, fit: MotionFit, values: MotionFit, swaps: Mapping[ChosenEffect, ChosenEffect]
     ) -> MotionFit:
         """The model with effects swapped, from the values of a model that may have the new ones."""
-        offsets = {e.joint: e for e in self.offsets_of_springs(fit.layout) if e not in self.own.effects}
         springs = {e.joint for e in swaps if EFFECTS[e.effect].offset_parameter}
-        gone = {offset for joint, offset in offsets.items() if joint in springs}
-        layout = Layout(
-            fit.layout.joints, tuple(swaps.get(e, e) for e in fit.layout.effects if e not in gone)
-        )
+        offsets = self.offsets_of_springs(fit.layout) - set(self.own.effects)
+        gone = {offset.joint: offset for offset in offsets if offset.joint in springs}
+        kept = (e for e in fit.layout.effects if e not in gone.values())
+        layout = Layout(fit.layout.joints, tuple(swaps.get(e, e) for e in kept))
         x = layout.vector(values.layout.model(values.x))
         for old, new in swaps.items():
             if new not in values.layout.effects:
                 start = fit.x[fit.layout.effect_slice(old)]
-                if (offset := offsets.get(old.joint)) in gone and offset is not None:
-                    torque = float(fit.x[fit.layout.effect_slice(offset).start])
+                if old.joint in gone:
+                    torque = float(fit.x[fit.layout.effect_slice(gone[old.joint]).start])
                     start = EFFECTS[old.effect].with_constant(start, torque)
                 x[layout.effect_slice(new)] = EFFECTS[new.effect].refining(start)
         for effect, where in layout.effect_slices():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance, made_step
@@ -37,15 +38,8 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-# Progress, by runs on sets of 2 to 7 joints: the first stage takes about a quarter of the time ...
+# progress, by runs on sets of 2 to 7 joints: the first stage takes about a quarter of the time
 FIRST_STAGE, LEAST_REST = 4.0, 1.2
-LATE_STAGES = {
-    "checking that the effect is needed": 0.75,
-    "fitting the models on the way": 0.65,
-    "refining the final parameters": 0.9,
-    "locating the residual": 0.93,
-    "checking parameters against the observer's bandwidth": 0.95,
-}  # ... and these begin late
 SECONDS_PER_SIZE = 3.0  # first guess: times joints^1.6, the samples hardly matter
 
 
@@ -112,7 +106,7 @@ class _Pipeline:
     ) -> None:
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
         self.began, self.stopped = time.perf_counter(), False
-        self.pace = Pace(SECONDS_PER_SIZE * measurements.n**1.6, FIRST_STAGE, LEAST_REST, LATE_STAGES)
+        self.pace = Pace(SECONDS_PER_SIZE * measurements.n**1.6, FIRST_STAGE, LEAST_REST, stages.LATE_STAGES)
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
         self.start = start
@@ -272,7 +266,7 @@ class _Pipeline:
         if not self.stopped:
             curve = None if reached else fit_free_curve(self.context, final, where[0])
             if guarded or (guarded is None and not reached):
-                self.tell("checking parameters against the observer's bandwidth")
+                self.tell(stages.BANDWIDTH)
                 bandwidths = check_bandwidth(self.measurements, layout, final.x)
         return Diagnosis(
             set_name=self.measurements.name,
@@ -291,6 +285,7 @@ class _Pipeline:
             maps=maps,
             free_curve=curve,
             guard=bandwidths,
+            torque_spread=self.measurements.torque_spread,
         )  # fmt: skip
 
     def conclude(self, final: Fit, apply: bool) -> Conclusion:
@@ -300,7 +295,7 @@ class _Pipeline:
         last = verdict(final, self.reference)
         if last == "nothing-missing":
             try:
-                self.say("refining the final parameters")
+                self.say(stages.FINAL_REFIT)
                 closer = final_refit(self.measurements, final, self.search.check)
             except Interrupted:
                 closer = None

@@ -171,6 +171,8 @@ class Diagnosis:
         maps: residual of the final model against each variable, joint by joint.
         free_curve: curve of an unexplained residual, as a stopgap; None if nothing is unexplained.
         guard: result of the bandwidth check; None if not run.
+        torque_spread: per joint, standard deviation of the recorded torque over all groups [Nm]; empty if
+            unknown.
     """
 
     set_name: str
@@ -187,6 +189,7 @@ class Diagnosis:
     maps: tuple[ResidualMap, ...] = ()
     free_curve: FreeCurve | None = None
     guard: BandwidthCheck | None = None
+    torque_spread: tuple[float, ...] = ()
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter of the final model by name and joint: `diagnosis["stiffness", "joint1"]`.
@@ -216,6 +219,9 @@ class Diagnosis:
 
     def document(self) -> ResultDocument:
         """The result as a document for files."""
+        torque = {}
+        if self.model is not None and self.torque_spread:
+            torque = {"torque": {"joints": self.model.joints, "spread": self.torque_spread}}
         return ResultDocument.model_validate(
             {
                 "format": 1,
@@ -229,6 +235,7 @@ class Diagnosis:
                 "maps": self.maps,
                 "free_curve": self.free_curve,
                 "guard": self.guard,
+                **torque,
                 "stopped": self.stopped,
                 "seconds": self.seconds,
             }

@@ -44,9 +44,8 @@ class RichModel:
     curves: tuple[UnknownCurve, ...] = ()
 
     def added(self, own: Layout) -> list[ChosenEffect]:
-        """Effects beyond the set's own model, the largest share of the torque first."""
-        new = [e for e in self.needed if e not in own.effects]
-        return sorted(new, key=lambda e: -self.needed[e].share)
+        """Effects beyond the set's own model."""
+        return [e for e in self.needed if e not in own.effects]
 
 
 class RichSearch(ModelFamily):
@@ -175,15 +174,9 @@ class RichSearch(ModelFamily):
         if not worse:
             return self.if_better(fit, larger, kept, chosen)
         harmless = [s for s in chosen if s.effect.joint is not None and s.effect.joint not in worse]
-        smaller = [harmless] if harmless and len(harmless) < len(chosen) else []
-        for fewer in (
-            *smaller,
-            *(
-                [s]
-                for s in chosen[: LIMITS.alone]
-                if len(chosen) > 1 and s.gain > LIMITS.clear_share * len(fit.weights)
-            ),
-        ):
+        clear = [s for s in chosen[: LIMITS.alone] if s.gain > LIMITS.clear_share * len(fit.weights)]
+        subsets = [harmless, *([s] for s in clear if [s] != harmless)]
+        for fewer in (subset for subset in subsets if 0 < len(subset) < len(chosen)):
             larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, fewer), fewer))
             better = None if self.worse_joints(fit, larger) else self.if_better(fit, larger, kept, fewer)
             if better is not None:
@@ -215,7 +208,7 @@ class RichSearch(ModelFamily):
         """The model without curves that the effects found later made superfluous."""
         for curve in self.curves:
             others = tuple(c for c in self.curves if c != curve)
-            without = self.context.fit(fit.layout, fit.x, curves=others, check=lambda: self.say(""))
+            without = self.fit(fit.layout, fit.x, curves=others)
             if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
                 self.curves = others
                 fit, needed = self.thinned(without)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import (
     credible,
     excess,
@@ -303,7 +304,7 @@ class Search:
         """
         if excess(fit) < LIMITS.far_off:
             return None
-        self.say("checking that the effect is needed")
+        self.say(stages.NEED)
         start = ModelStart(fit.layout, _common_values(best.fit, fit))
         again = self.fit_from(start, LIMITS.full_refit, near=best.fit)
         return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None

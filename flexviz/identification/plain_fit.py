@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,12 +122,9 @@ def plain_fit(
 
     With a `model` its values are taken as they are.
     """
-
-    def attempt(observer: Observer, near: Array | None) -> PlainFit:
-        if model is not None:
-            return _given(measurements, groups, observer, model, report)
-        return _attempt(measurements, groups, observer, near, report, max_iterations)
-
+    attempt = partial(
+        _attempt, measurements, groups, model=model, report=report, max_iterations=max_iterations
+    )
     if observer != ButterworthZeroPhase.name or bandwidth is not None:
         return attempt(make_observer(observer, bandwidth), None)
     best: PlainFit | None = None
@@ -150,35 +148,27 @@ def plain_fit(
     return best
 
 
-def _given(
-    measurements: MeasurementSet,
-    groups: tuple[Group, ...],
-    observer: Observer,
-    model: FlexibleModel,
-    report: StepReporter,
-) -> PlainFit:
-    """The model's values as a fit, without a step of the solver."""
-    layout = report.layout
-    equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
-    start = start_values(measurements, equation)
-    x = start.bounds.clip(layout.vector(model))
-    end = gauss_newton(equation, start.prior, start.bounds, x, max_iterations=0)
-    return PlainFit(observer, equation, start, replace(end, converged=True))
-
-
 def _attempt(
     measurements: MeasurementSet,
     groups: tuple[Group, ...],
     observer: Observer,
     near: Array | None,
+    *,
+    model: FlexibleModel | None,
     report: StepReporter,
     max_iterations: int,
 ) -> PlainFit:
-    """Fit from the start values or from `near`; if that fails, from other stiffnesses."""
+    """Fit from the start values or from `near`; if that fails, from other stiffnesses.
+
+    The values of a `model` are taken without a step of the solver.
+    """
     layout = report.layout
     equation = Equation(measurements.robot, build_signals(measurements, groups, observer), layout)
     start = start_values(measurements, equation)
     prior, bounds = start.prior, start.bounds
+    if model is not None:
+        end = gauss_newton(equation, prior, bounds, bounds.clip(layout.vector(model)), max_iterations=0)
+        return PlainFit(observer, equation, start, replace(end, converged=True))
     report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
     if near is None and needs_search(layout):
         near = bounds.clip(searched_start(measurements, equation))

@@ -38,8 +38,8 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     joints = joints_of(result)
     last = result.steps[-1] if result.steps else None
     spread = result.torque.spread if result.torque is not None else []
-    ranking = by_share(last.rms_validation or last.rms, spread) if last is not None and spread else []
-    worst = joints[ranking[0]] if ranking else ""
+    error = [] if last is None else last.rms_validation or last.rms
+    worst = joints[by_share(error, spread)[0]] if error and spread else ""
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
     for rank, family in enumerate(families(result.candidates), 1):
         out += candidate_lines(rank, family, joints)
@@ -50,7 +50,6 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
                 f"before, this had been absorbed by {in_ascii(absorbed_list(absorbed, SHOWN_ABSORBED))}"
             )
         if result.final_verdict == "unknown" and spread:
-            error = last.rms_validation or last.rms
             out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
     place = location(result.where, worst)
     if result.final_verdict == "unknown" and place is not None:

@@ -8,7 +8,7 @@ is docs/results-schema.json.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from flexviz.errors import InputError
 from flexviz.results.base import Note
-from flexviz.results.entries import ParameterEntry, ResultFields, TorqueEntry
+from flexviz.results.entries import ParameterEntry, ResultFields
 from flexviz.results.lookup import find_parameter
 from flexviz.results.summary import html, text
 from flexviz.schemas import input_error
@@ -35,10 +35,6 @@ class ResultDocument(ResultFields):
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEntry:
         """A parameter by name and place: `document["stiffness", "joint1"]`."""
         return find_parameter(self.all_parameters, key)
-
-    def with_torque(self, joints: Sequence[str], spread: Sequence[float]) -> ResultDocument:
-        """A copy with the torque's standard deviation [Nm]: its summary gives errors in per cent of it."""
-        return self.model_copy(update={"torque": TorqueEntry(joints=list(joints), spread=list(spread))})
 
     def summary(self, width: int = 140) -> str:
         """The result as text: tables and sentences, `width` columns wide."""

@@ -170,14 +170,14 @@ def moved(findings: Iterable[AbsorbingLike]) -> list[Moved]:
     return sorted(out.values(), key=lambda m: -m.deviations)
 
 
-def absorbed_list(absorbed: Sequence[AbsorbedLike | Moved], most: int = 3) -> str:
+def absorbed_list(absorbed: Sequence[AbsorbedLike], most: int = 3) -> str:
     """The first parameters that had absorbed the effect, and the number of others."""
     more = len(absorbed) - most
     others = [f"and {plural(more, 'other')}"] if more > 0 else []
     return "; ".join([absorbed_text(entry) for entry in absorbed[:most]] + others)
 
 
-def absorbed_text(absorbed: AbsorbedLike | Moved) -> str:
+def absorbed_text(absorbed: AbsorbedLike) -> str:
     """A parameter that had absorbed the effect: its value before and after."""
     place = f" of {absorbed.joint}" if absorbed.joint else ""
     name, unit = INERTIA.get(absorbed.name, plain_name(absorbed.name)), unit_text(absorbed.unit)
