@@ -227,7 +227,7 @@ def test_run_stop_table_and_the_models_own_motion(app: Application) -> None:
     wait(app)
     result = app.store.analysis.identification
     assert result is not None and app.store.analysis.up_to_date
-    assert "validation error" in status(app) and "Nm" in status(app)
+    until(app, lambda: "validation error" in status(app))
     assert "Nm/rad" in step(app, IdentifyStep)._table.content
     assert len(chart(app, "convergence", "cost")[0]) >= 2
     assert "residual" in app.plots._signals._charts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -13,10 +14,13 @@ from flexviz.app.application import Application
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.diagnosis import diagnose
-from flexviz.identification import identify
 from flexviz.measurements import read_set
+from flexviz.report.content import gather
+from flexviz.report.sections.summary import numbers
 from flexviz.resources import sessions_dir
-from flexviz.view.status import error_text
+from flexviz.session import identified_errors
+from flexviz.view import staircase_charts
+from flexviz.wording import total_rms
 from tests.app_running import reopen, running, send, status, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET
 
@@ -32,6 +36,26 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Application]:
 
 def diagnose_step(app: Application) -> DiagnoseStep:
     return next(step for step in app.dock.steps if isinstance(step, DiagnoseStep))
+
+
+def one_error_everywhere(app: Application) -> None:
+    """Status line, table, staircase and report state one error of the model that is shown."""
+    said = re.search(r"validation error ([\d.]+) % of the torque \(([\d.]+) Nm\)", status(app))
+    assert said, status(app)
+    percent = float(said[1])
+    rows = re.findall(r"<tr><td>.*?</tr>", app.plots._steps.content)
+    held_out = re.findall(r">([\d.]+)</td>", rows[len(app.store.analysis.model_steps) - 1])[-1]
+    assert float(held_out) == pytest.approx(percent, rel=0.05)
+    *_, validation = (line for line in staircase_charts(app.store.analysis.model_steps, 0, ("a", "b"),
+        app.store.measurements.torque_spread)[0].series if "validation" in line.label)  # fmt: skip
+    assert validation.y[-1] == pytest.approx(percent, rel=0.05)
+    content = gather(app.store.session, app.store.measurements)
+    tile = next(tile for tile in numbers(content) if tile.label == "Error")
+    assert tile.value.removesuffix(" %").split(" → ")[-1] == said[1]
+    # and what identification alone gives: no other band, whatever the observer
+    errors = identified_errors(app.store.measurements, app.store.analysis)
+    assert errors is not None and errors.rms_validation is not None
+    assert total_rms(errors.rms_validation) == pytest.approx(float(said[2]), rel=0.02)
 
 
 def test_find_add_undo_remove(app: Application) -> None:
@@ -50,7 +74,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     first = app.store.analysis
     assert first.identification is not None and first.diagnosis_up_to_date
     assert diagnose_step(app)._verdict.content.find("Missing: Coulomb friction on joint2") > 0
-    assert error_text(identify(measurements)) in status(app)
+    one_error_everywhere(app)
     best = diagnose_step(app).findings[0]
     assert best.add.visible and "coulomb 3.0" in best._text.content and "Automatica" in best._card.content
     assert "Add and refit" in app.dock._line.content
@@ -59,7 +83,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     wait(app)
     added = app.store.analysis
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
-    assert error_text(identify(measurements, effects=(EFFECT,))) in status(app)
+    one_error_everywhere(app)
     assert "Nothing is missing" in diagnose_step(app)._verdict.content and not best.add.visible
     answer = diagnose(measurements, apply=True)
     for stair, step in zip(added.model_steps, answer.steps, strict=True):

@@ -142,15 +142,19 @@ def test_set_summary(tmp_path: Path) -> None:
 
 
 def test_status_names_step_and_error() -> None:
-    assert status.error_text(None) == "no model yet"
-    validated: Any = Result((), Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012]))
-    assert status.error_text(validated) == "validation error 0.0120 Nm"
-    validated.residual.torque_spread = (0.1, 0.4)
-    assert status.error_text(validated) == "validation error 7.5 % of the torque (0.0120 Nm)"
-    fitted: Any = Result((), Residual(("a", "b"), [0.3, 0.4], None))
-    assert status.error_text(fitted).startswith("fit error 0.354 Nm")
-    unknown: Any = Result((), Residual(("a",), [0.3], [float("nan")]))
-    assert status.error_text(unknown).startswith("fit error")
+    assert status.error_text(None, None) == "no model yet"
+    result: Any = Result((), Residual(("a", "b"), [9.0, 9.0], [9.0, 9.0]))
+    validated: Any = Residual(("a", "b"), [0.3, 0.4], [0.012, 0.012])
+    assert status.error_text(result, validated) == "validation error 0.0120 Nm"
+    result.residual.torque_spread = (0.1, 0.4)
+    assert status.error_text(result, validated) == "validation error 7.5 % of the torque (0.0120 Nm)"
+    result.residual.torque_spread = ()
+    fitted: Any = Residual(("a", "b"), [0.3, 0.4], None)
+    assert status.error_text(result, fitted).startswith("fit error 0.354 Nm")
+    unknown: Any = Residual(("a", "b"), [0.3, 0.4], [float("nan"), 1.0])
+    assert status.error_text(result, unknown).startswith("fit error")
+    assert status.error_text(result, None) == "computing the error"
+    assert "cannot" in status.error_text(result, None, failed=True)
     line = status.status_html("Identify", "<script>", "validation error 0.012 Nm", "busy")
     assert "Step Identify" in line and "<script>" not in line and "busy" in line
 

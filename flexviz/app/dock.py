@@ -50,7 +50,7 @@ class Dock:
         store.subscribe(Changed.STEP, self._show_step, Turn.STATUS)
         store.subscribe(shown | Changed.JOINT | Changed.GROUP, self._refresh, Turn.STATUS)
         store.subscribe(Changed.ACTIVITY | Changed.PROGRESS, self._progress, Turn.STATUS)
-        store.subscribe(shown | Changed.STEP | Changed.MESSAGE, self._say, Turn.STATUS)
+        store.subscribe(shown | Changed.STEP | Changed.MESSAGE | Changed.DERIVED, self._say, Turn.STATUS)
         store.subscribe(shown | Changed.STEP | Changed.TICK, self._draw_line, Turn.STATUS)
 
     def _opened(self) -> None:
@@ -76,7 +76,7 @@ class Dock:
 
     def _say(self) -> None:
         store, message = self._store, self._store.message
-        error = error_text(store.analysis.identification, store.analysis.current_diagnosis)
+        error = error_text(store.analysis.identification, store.errors, "errors" in store.derived.failed)
         self._status.content = status_html(store.step, message.text, error, message.tone)
 
     def _show_step(self) -> None:

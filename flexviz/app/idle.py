@@ -1,4 +1,4 @@
-"""Idle work: simulated motion and residual maps of the identified model."""
+"""Idle work: errors, simulated motion and residual maps of the identified model."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 
 from flexviz.app.state import Changed, Derived, Turn
 from flexviz.app.store import Store
-from flexviz.app.tasks import IdleTask, MapResiduals, Replay
-from flexviz.diagnosis import ResidualMap
+from flexviz.app.tasks import IdleTask, JudgeErrors, MapResiduals, Replay
+from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.jobs import Result
 from flexviz.simulation import Run
 
@@ -19,7 +19,7 @@ class IdleWork:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._under_way: dict[type[IdleTask[Any]], tuple[Derived, str]] = {}  # result; group, or "maps"
+        self._under_way: dict[type[IdleTask[Any]], tuple[Derived, str]] = {}  # result; entry
         missing = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.ACTIVITY
         store.subscribe(missing, self._fill, Turn.WORK)
 
@@ -35,6 +35,12 @@ class IdleWork:
         def mapped(maps: tuple[ResidualMap, ...]) -> None:
             derived.maps = maps
 
+        def judged(errors: PredictionErrors) -> None:
+            derived.errors = errors
+
+        if derived.errors is None and "errors" not in derived.failed and fitted is not None:
+            settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
+            self._start(JudgeErrors(settings, result.model), derived, "errors", judged)
         if group not in derived.replays and group not in derived.failed:
             self._start(Replay(analysis.path, result.model, group), derived, group, replayed)
         if not store.maps and "maps" not in derived.failed and fitted is not None:
@@ -62,7 +68,7 @@ class IdleWork:
             end()
             derived.failed.add(entry)
             if store.derived_of(derived.result) is derived:
-                what = "mapped" if entry == "maps" else "simulated"
+                what = {"maps": "mapped", "errors": "judged"}.get(entry, "simulated")
                 store.fail(f"the identified model could not be {what}: {reason}")
                 store.tell(Changed.DERIVED)
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flexviz.diagnosis import ResidualMap
+from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.identification import Identification
 from flexviz.jobs import Task
 from flexviz.measurements import MeasurementSet
@@ -84,7 +84,8 @@ class Derived:
     result: Identification | None
     replays: dict[str, Run] = field(default_factory=dict)  # group -> simulated model
     maps: tuple[ResidualMap, ...] = ()
-    failed: set[str] = field(default_factory=set)  # groups, or "maps", that could not be computed
+    errors: PredictionErrors | None = None
+    failed: set[str] = field(default_factory=set)  # groups, "maps" or "errors" that could not be computed
 
 
 class Changed(Flag):
@@ -97,7 +98,7 @@ class Changed(Flag):
     DIAGNOSIS = auto()  # the diagnosis, or the earlier models
     NEW_STATE = auto()  # a new state of the session
     HISTORY = auto()  # undo or redo
-    DERIVED = auto()  # the simulated motion, or the residual maps, of a result
+    DERIVED = auto()  # simulated motion, residual maps or errors of a result
     FIT = auto()  # iterations of a running fit
     CHECK = auto()  # the sentence of the last check
     JOINT = auto()  # the selected joint

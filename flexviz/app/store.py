@@ -26,14 +26,15 @@ from flexviz.app.state import (
     ViewSettings,
 )
 from flexviz.app.tasks import IdleTask, SetTask, open_set
-from flexviz.diagnosis import FreeCurve, ResidualMap
+from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
-from flexviz.view import progress_text
+from flexviz.view import progress_text, shown_errors
 
 KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
@@ -171,6 +172,11 @@ class Store(ChangeSignal):
         """Residual maps of the current model, from the diagnosis or from idle work."""
         diagnosis = self.analysis.current_diagnosis
         return diagnosis.maps if diagnosis and diagnosis.maps else self.derived.maps
+
+    @property
+    def errors(self) -> PredictionErrors | DiagnosisStep | None:
+        """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
+        return shown_errors(self.analysis, self.derived.errors)
 
     @property
     def free_curve(self) -> FreeCurve | None:

@@ -10,7 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from flexviz.app.state import Opened
-from flexviz.diagnosis import Diagnosis, ResidualMap, diagnose, maps_of
+from flexviz.diagnosis import (
+    Diagnosis,
+    PredictionErrors,
+    ResidualMap,
+    diagnose,
+    maps_of,
+    prediction_errors,
+)
 from flexviz.errors import Cancelled, InputError
 from flexviz.identification import Identification, SweepResult, identify, sweep
 from flexviz.importing import with_plausibility_warnings
@@ -191,6 +198,18 @@ class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
                 raise Cancelled
 
         return maps_of(chosen_set(self.analysis), self.model, self.analysis.effects, check)
+
+
+@dataclass(frozen=True)
+class JudgeErrors(IdleTask["PredictionErrors"]):
+    """Errors of a model in the band that models are compared in."""
+
+    analysis: Analysis
+    model: FlexibleModel
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> PredictionErrors:
+        errors = prediction_errors(chosen_set(self.analysis), self.model, self.analysis.effects)
+        return replace(errors, residual=errors.residual[:0])
 
 
 @dataclass(frozen=True)

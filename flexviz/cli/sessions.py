@@ -51,12 +51,14 @@ def check_session(path: Path) -> None:
 
 def lines(opened: OpenedSession) -> list[str]:
     """Set, steps, notes, recordings."""
-    from flexviz.view import error_text
+    from flexviz.session import identified_errors
+    from flexviz.view import error_text, shown_errors
 
     kept, analysis = opened.session, opened.session.analysis
     identified = "not identified" if analysis.diagnosis is None else "parameters from the diagnosis"
     if analysis.identification is not None:
-        identified = error_text(analysis.identification)
+        errors = shown_errors(analysis, identified_errors(opened.measurements, analysis))
+        identified = error_text(analysis.identification, errors)
     out = [
         f"session {opened.folder}" + (f", saved {opened.saved}" if opened.saved else ""),
         f"measurement set {opened.measurements.path}: "

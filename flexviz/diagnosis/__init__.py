@@ -4,6 +4,7 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.pipeline import diagnose
+from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, prediction_errors
 from flexviz.diagnosis.records import (
     DIRECTED,
     DIRECTION_GAIN,
@@ -25,6 +26,7 @@ from flexviz.diagnosis.result import (
 )
 
 __all__ = [
+    "BAND_HERTZ",
     "DIRECTED",
     "DIRECTION_GAIN",
     "Absorbed",
@@ -37,6 +39,7 @@ __all__ = [
     "FitContext",
     "FreeCurve",
     "ParameterCurve",
+    "PredictionErrors",
     "ResidualLocation",
     "ResidualMap",
     "Step",
@@ -45,5 +48,6 @@ __all__ = [
     "diagnose",
     "fit_free_curve",
     "maps_of",
+    "prediction_errors",
     "residual_locations",
 ]

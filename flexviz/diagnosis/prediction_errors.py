@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import in_motion
-from flexviz.equation import Equation, build_signals
+from flexviz.equation import Equation, Layout, build_signals, layout_of
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
+from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
 
@@ -86,6 +88,20 @@ class PredictionErrorBand:
             tuple(map(float, floor)),
             residual,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    layout: Layout
+    x: Array
+
+
+def prediction_errors(
+    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str] = ()
+) -> PredictionErrors:
+    """Errors of a model with the set's effects and additional `effects`, as the diagnosis states them."""
+    layout = layout_of(measurements, effects)
+    return PredictionErrorBand(measurements).errors(_Known(layout, layout.vector(model)))
 
 
 def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:

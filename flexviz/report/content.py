@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from flexviz.diagnosis import Diagnosis, Finding
+from flexviz.diagnosis import Diagnosis, Finding, PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import Fingerprint, MeasurementSet, fingerprint
-from flexviz.session import Analysis, ModelStep, Session, diagnosed_models
+from flexviz.session import Analysis, ModelStep, Session, diagnosed_models, identified_errors
 from flexviz.wording import families, text_runs
 
 
@@ -32,6 +32,7 @@ class ReportContent:
         rounds: the diagnoses that led to the present model, in order.
         diagnosis, identification: of the present model; None if missing or out of date.
         changed: files of the set that have changed since the results were computed.
+        identified: errors of the identification; empty with a diagnosis or without an identification.
     """
 
     measurements: MeasurementSet
@@ -42,6 +43,7 @@ class ReportContent:
     diagnosis: Diagnosis | None
     identification: Identification | None
     changed: tuple[str, ...] = ()
+    identified: tuple[PredictionErrors, ...] = ()
 
     @property
     def analysis(self) -> Analysis:
@@ -117,6 +119,7 @@ def gather(
     analysis = session.analysis
     current = analysis.diagnosis_up_to_date or (bool(changed) and analysis.diagnosis is not None)
     fitted = analysis.up_to_date or bool(changed)
+    errors = None if current or not fitted else identified_errors(measurements, analysis)
     return ReportContent(
         measurements,
         session,
@@ -126,6 +129,7 @@ def gather(
         analysis.diagnosis if current else None,
         analysis.identification if fitted else None,
         changed,
+        () if errors is None else (errors,),
     )
 
 

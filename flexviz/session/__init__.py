@@ -16,6 +16,7 @@ from flexviz.session.state import (
     SessionNote,
     SessionStep,
     Settings,
+    identified_errors,
     now,
     with_roles,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "compare",
     "diagnosed_models",
     "find_unsaved",
+    "identified_errors",
     "is_session",
     "now",
     "open_session",

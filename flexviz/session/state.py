@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 from flexviz import __version__
-from flexviz.diagnosis import Diagnosis
+from flexviz.diagnosis import Diagnosis, PredictionErrors, prediction_errors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError, choose_from
 from flexviz.identification import Identification
@@ -264,3 +264,11 @@ def with_roles(measurements: MeasurementSet, roles: Mapping[str, Role]) -> Measu
         if roles.get(group.name, "ignore") != "ignore"
     )
     return replace(measurements, groups=groups)
+
+
+def identified_errors(measurements: MeasurementSet, analysis: Analysis) -> PredictionErrors | None:
+    """Errors of the identified model in the band that models are compared in; None without a result."""
+    result, fitted = analysis.identification, analysis.fitted_settings
+    if result is None or fitted is None:
+        return None
+    return prediction_errors(with_roles(measurements, dict(fitted.roles)), result.model, fitted.effects)

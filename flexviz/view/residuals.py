@@ -21,7 +21,7 @@ from flexviz.charts import (
     no_chart,
     thin,
 )
-from flexviz.diagnosis import DIRECTED, DIRECTION_GAIN, FreeCurve, ResidualMap
+from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, FreeCurve, ResidualMap
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import escape, number, short_names
@@ -341,4 +341,8 @@ def groups_html(found: ResidualSamples | None, name: str) -> str:
         rms = number(float(np.sqrt(np.mean(part**2))), 3)
         cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')
     floor = f" Noise floor {number(found.floor, 2)}." if np.isfinite(found.floor) else ""
-    return f'<div class="fv">Rms residual of {escape(name)} [Nm]: {"".join(cells)}{floor}</div>'
+    return (
+        f'<div class="fv">Rms residual of {escape(name)} [Nm]: {"".join(cells)}{floor}'
+        '<div class="fv-dim">In the band of the observer; the error of the status line and of Compare '
+        f"is the one below {BAND_HERTZ:g} Hz.</div></div>"
+    )

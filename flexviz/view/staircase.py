@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
-from flexviz.diagnosis import Step
+from flexviz.diagnosis import BAND_HERTZ, Step
 from flexviz.identification import ParameterEstimate
 from flexviz.session import ModelStep
 from flexviz.wording import (
@@ -28,7 +28,10 @@ NO_STEPS = (
     "The error of every group after each added effect appears here, with the noise floor: "
     "press Find the missing effect (step 4, Diagnose), then Add and refit."
 )
-COMPARED_IN = "Rms residual in the band that the diagnosis compares models in, the same for every model"
+COMPARED_IN = (
+    f"Rms residual below {BAND_HERTZ:g} Hz, as in the status line and the report; the same for every "
+    "model and observer"
+)
 HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
 ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis

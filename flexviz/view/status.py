@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexviz.charts import COLOURS, cividis, css, gradient, shares
-from flexviz.diagnosis import Diagnosis
+from flexviz.diagnosis import PredictionErrors
+from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis
 from flexviz.wording import escape, number, short_names, torque_error_text
@@ -25,17 +26,33 @@ def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] =
     return f'<div class="fv fv-steps">{" → ".join(parts)}{following}</div>'
 
 
-def error_text(result: Identification | None, diagnosis: Diagnosis | None = None) -> str:
-    """The total error of the validation groups, else of the fitted ones.
+def shown_errors(
+    analysis: Analysis, judged: PredictionErrors | None
+) -> PredictionErrors | DiagnosisStep | None:
+    """The error of the present model that every page states.
 
-    Of a result with the values of a `diagnosis`, its error: it knows which samples to judge apart.
+    That of the diagnosis if there is one of these values; it knows which samples to judge apart. Else that
+    of the identification, `judged` in the same band.
     """
+    result, diagnosis = analysis.identification, analysis.current_diagnosis
+    if diagnosis is None or not diagnosis.steps:
+        return judged
+    fitted, start = analysis.fitted_settings, Analysis(analysis.path)
+    identified = result is not None and bool(result.iterations) and fitted is not None
+    if identified and (fitted.observer, fitted.bandwidth, fitted.refine) != (start.observer, None, False):
+        return judged
+    return diagnosis.steps[-1]
+
+
+def error_text(
+    result: Identification | None, errors: PredictionErrors | DiagnosisStep | None, failed: bool = False
+) -> str:
+    """The total error of the validation groups, else of the fitted ones; `failed`: it cannot be known."""
     if result is None:
         return "no model yet"
-    judged = result.residual
-    if diagnosis is not None and diagnosis.steps and not result.iterations:
-        judged = diagnosis.steps[-1]
-    for name, values in (("validation error", judged.rms_validation), ("fit error", judged.rms)):
+    if errors is None:
+        return "the error of the model cannot be computed" if failed else "computing the error"
+    for name, values in (("validation error", errors.rms_validation), ("fit error", errors.rms)):
         column = np.asarray([] if values is None else values, dtype=float)
         if column.size and np.isfinite(column).all():
             return f"{name} {torque_error_text(column.tolist(), result.residual.torque_spread)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from flexviz.diagnosis import Step
+from flexviz.diagnosis import PredictionErrors, Step
 from flexviz.report.blocks import Callout, Section, Tile, Tiles, Tone, explanation, section
 from flexviz.report.content import ReportContent
 from flexviz.wording import (
@@ -67,7 +67,7 @@ def fall(steps: Sequence[Step], spread: Sequence[float]) -> str:
     return f"The {what} went from {before} to {after}."
 
 
-def judged(step: Step) -> Sequence[float]:
+def judged(step: Step | PredictionErrors) -> Sequence[float]:
     """Rms error per joint of the held-out groups, else of the fitted ones [Nm]."""
     return step.rms_validation or step.rms
 
@@ -75,15 +75,11 @@ def judged(step: Step) -> Sequence[float]:
 def numbers(content: ReportContent) -> list[Tile]:
     """Error, noise floor, effects, parameters."""
     tiles: list[Tile] = []
-    steps, found = content.steps, content.identification
-    errors: list[Sequence[float]] = (
-        [judged(step) for step in (steps[0], steps[-1])[-len(steps) :]] if steps else []
-    )
-    held_out, floor = bool(steps and steps[-1].rms_validation), steps[-1].noise_floor if steps else ()
-    if not steps and found is not None:
-        held_out = found.residual.rms_validation is not None
-        errors = [found.residual.rms_validation or found.residual.rms]
+    found = content.steps or content.identified
+    errors = [judged(one) for one in (found[0], found[-1])[-len(found) :]] if found else []
+    floor = found[-1].noise_floor if found else ()
     if errors:
+        held_out = bool(found[-1].rms_validation)
         shown = " → ".join(number(100 * mean_nrms(rms, content.spread), 2) for rms in errors) + " %"
         torque = " → ".join(number(total_rms(rms), 3) for rms in errors)
         groups = "groups that were not fitted" if held_out else "fitted groups"
