@@ -85,6 +85,12 @@ class InThread(Task[Result]):
         return self._function
 
 
+class InChild(InThread[Result]):
+    """The call of a function of a module in the child process, which may fail or crash there."""
+
+    in_process = True
+
+
 @dataclass(frozen=True)
 class LoadModules(Task[None]):
     """Import modules, so that the first real task starts at once."""

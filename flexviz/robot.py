@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError, choose_from
 from flexviz.robot_files import SETTINGS, RobotSettings, find_urdf, is_library_robot, load_settings, read_urdf
+from flexviz.urdf_checks import MAX_JOINTS, check_body
 
 __all__ = ["SETTINGS", "PayloadBody", "Robot", "RobotSettings", "is_library_robot", "load_settings"]
 
@@ -105,9 +106,15 @@ class Robot:
                 raise InputError(f'joint "{joint}" is given twice, expected once', file=path)
         if not chosen:
             raise InputError("the robot has no moving joint", file=path)
+        if len(chosen) > MAX_JOINTS:
+            message = f"{len(chosen)} moving joints, expected at most {MAX_JOINTS}"
+            raise InputError(message, file=path, place="joints")
         locked = [i for i in range(1, full.njoints) if full.names[i] not in chosen]
         model = pin.buildReducedModel(full, locked, pin.neutral(full)) if locked else full
         model.gravity.linear = np.array(GRAVITY)
+        for joint in chosen:
+            body = model.inertias[model.getJointId(joint)]
+            check_body(joint, body.mass, body.inertia, path)
         order = np.array([model.idx_vs[model.getJointId(joint)] for joint in chosen], dtype=int)
         positions = model.lowerPositionLimit, model.upperPositionLimit
         limits = (_frozen(x[order]) for x in (*positions, model.velocityLimit, model.upperEffortLimit))

@@ -21,6 +21,7 @@ import numpy as np
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.resources import robots_dir
+from flexviz.urdf_checks import LARGEST_URDF, check_urdf
 
 EXAMPLE_ROBOT_DATA = "example-robot-data"
 SHIPPED = "robots"
@@ -83,6 +84,8 @@ def read_urdf(path: Path) -> tuple[str, str]:
     Continuous joints become revolute ones with wide limits (so nq == nv), mimic joints become free ones.
     """
     try:
+        if path.stat().st_size > LARGEST_URDF:
+            raise InputError(f"larger than {LARGEST_URDF:,} bytes, expected a robot description", file=path)
         root = ElementTree.fromstring(path.read_text(encoding="utf-8-sig"))
     except ElementTree.ParseError as error:
         line, column = error.position
@@ -92,6 +95,7 @@ def read_urdf(path: Path) -> tuple[str, str]:
         raise InputError(f"cannot be read ({error})", file=path) from None
     if root.tag != "robot":
         raise InputError(f"the outermost element is <{root.tag}>, expected <robot>", file=path)
+    check_urdf(root, path)
     for joint in root.findall("joint"):
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
@@ -102,7 +106,10 @@ def read_urdf(path: Path) -> tuple[str, str]:
             limit.set("upper", "1000")
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
-    return root.get("name") or path.stem, ElementTree.tostring(root, encoding="unicode")
+    try:
+        return root.get("name") or path.stem, ElementTree.tostring(root, encoding="unicode")
+    except RecursionError:
+        raise InputError("its elements are nested too deeply", file=path) from None
 
 
 def mesh_names(urdf: str) -> Iterator[str]:

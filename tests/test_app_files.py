@@ -24,6 +24,7 @@ from flexviz.progress import ignore, never
 from tests.app_running import BROWSER, control, running, status, until, upload, use, wait
 from tests.small_set import URDF, write_small_set
 from tests.test_app_uploads import set_files, zip_of
+from tests.test_bad_robots import chain
 
 
 @pytest.fixture(scope="module")
@@ -102,11 +103,15 @@ def test_upload_file_by_file_and_a_broken_zip(app: Application, tmp_path: Path) 
 
 def test_a_urdf_alone_is_offered_for_simulation_or_completes_a_set(app: Application, tmp_path: Path) -> None:
     files = set_files(write_small_set(tmp_path / "set"))
-    another(app)._uploads._begin()
-    upload(app, "broken.urdf", b"<robot")
-    assert "bad" in status(app) and "broken.urdf" in status(app) and "/tmp" not in status(app)
+    another(app)._uploads.begin()
+    for content, why in ((b"<robot", "not valid XML"), (chain(5000).encode(), "5001 links")):
+        upload(app, "broken.urdf", content)
+        until(app, lambda: "bad" in status(app))
+        assert why in status(app) and "broken.urdf" in status(app) and "/tmp" not in status(app)
+        app.store.say("")
     upload(app, "robot.urdf", files.pop("robot.urdf"))
     robot = another(app)._robot
+    until(app, lambda: "robot.urdf uploaded" in status(app))
     assert robot.value == "robot.urdf" and "2 joints" in another(app)._waiting.content
     before = app.store.measurements.path
     upload(app, "rest.zip", zip_of(files))  # a new upload: its own robot is missing

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from flexviz.app import uploads
-from flexviz.app.uploads import UploadFolder, new_folder, safe_name, unpack
+from flexviz.app.uploads import UploadFolder, new_folder, safe_name, take, unpack
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from tests.small_set import write_small_set
@@ -109,7 +109,8 @@ def test_files_one_by_one_in_any_order(tmp_path: Path, incoming: UploadFolder) -
     assert (incoming.folder / "sub" / "c.csv").is_file() and incoming.missing() == ["robot.urdf"]
     incoming.put("robot.urdf", (folder / "robot.urdf").read_bytes())
     assert not incoming.missing() and incoming.count == 5
-    there = incoming.take(tmp_path / "in")
+    there = take(incoming.folder, tmp_path / "in")
+    incoming.begin()
     assert len(read_set(there).groups) == 3 and incoming.count == 0
     assert [entry.name for entry in (tmp_path / "in").iterdir()] == [there.name]
     incoming.put("measurements.toml", b"[[")
@@ -123,14 +124,14 @@ def test_a_zip_without_its_robot_waits_for_it(tmp_path: Path, incoming: UploadFo
     incoming.unpack("mine.zip", zip_of(files))
     assert incoming.missing() == ["robot.urdf"] and not incoming.no_set
     incoming.put("robot.urdf", urdf)
-    assert not incoming.missing() and incoming.take(tmp_path / "in").name == "mine"
+    assert not incoming.missing() and take(incoming.folder, tmp_path / "in").name == "mine"
 
 
 def test_what_cannot_be_read_is_not_taken(tmp_path: Path, incoming: UploadFolder) -> None:
     files = set_files(write_small_set(tmp_path / "small")) | {"a.csv": b"time\n0\n"}
     incoming.unpack("mine.zip", zip_of(files))
     with pytest.raises(InputError, match=r"^a\.csv"):
-        incoming.take(tmp_path / "in")
+        take(incoming.folder, tmp_path / "in")
     assert not (tmp_path / "in").exists()
 
 

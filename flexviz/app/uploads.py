@@ -14,7 +14,9 @@ from pathlib import Path, PurePosixPath
 
 from flexviz.errors import InputError
 from flexviz.files import whole_folder
+from flexviz.robot import Robot
 from flexviz.session import SESSION_FILE, open_session
+from flexviz.wording import plural
 
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
 LARGEST_SET = 2 * 2**30  # bytes of all files of a set, unpacked
@@ -106,14 +108,35 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None
             sink.write(chunk)
 
 
+def take(uploaded: Path, parent: Path) -> Path:
+    """Copy an uploaded set into a new folder in `parent`, if it can be read; returns the folder."""
+    try:
+        open_session(uploaded)
+    except InputError as error:
+        raise InputError(str(error).replace(f"{uploaded}/", "")) from None
+    folder = new_folder(parent, uploaded.name)
+    with whole_folder(folder) as new:
+        shutil.copytree(uploaded, new, dirs_exist_ok=True)
+    return folder
+
+
+def describe_robot(urdf: Path) -> str:
+    """Name and number of joints of an uploaded robot; InputError if it cannot be used."""
+    try:
+        robot = Robot.load(urdf)
+    except InputError as error:
+        raise InputError(str(error).replace(f"{urdf.parent}/", "")) from None
+    return f"{robot.name}, {plural(robot.n, 'joint')}"
+
+
 class UploadFolder:
     """Uploaded files in a temporary folder, until the set is complete."""
 
     def __init__(self) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="flexviz-upload-")
-        self._begin()
+        self.begin()
 
-    def _begin(self) -> None:
+    def begin(self) -> None:
         """Start a new folder; the old one is kept, because it may hold the chosen robot."""
         self.folder = new_folder(Path(self._temporary.name), "uploaded")
         self.folder.mkdir()
@@ -172,18 +195,6 @@ class UploadFolder:
     def urdf(self) -> Path | None:
         found = [file for file in self._files() if file.suffix.lower() == ".urdf"]
         return found[0] if len(found) == 1 else None
-
-    def take(self, parent: Path) -> Path:
-        """Move the set into a new folder in `parent`, once it can be read; returns the folder."""
-        try:
-            open_session(self.folder)
-        except InputError as error:
-            raise InputError(str(error).replace(f"{self.folder}/", "")) from None
-        folder = new_folder(parent, self.folder.name)
-        with whole_folder(folder) as new:
-            shutil.copytree(self.folder, new, dirs_exist_ok=True)
-        self._begin()
-        return folder
 
     def close(self) -> None:
         """Remove the files that were not taken."""

@@ -110,7 +110,8 @@ def read_robot(source: str, joints: Sequence[str] | None, folder: Path, file: Pa
     except InputError as error:
         if any(f'joint "{joint}"' in error.message for joint in joints or ()):
             raise InputError(error.message, file=file, place="joints") from None
-        raise InputError(f"{source}: {error.message}", file=file, place="robot") from None
+        where = ", ".join(part for part in (source, error.place) if part)
+        raise InputError(f"{where}: {error.message}", file=file, place="robot") from None
     except FlexvizError:
         raise
     except Exception as error:  # whatever a broken robot description makes the libraries raise

@@ -10,12 +10,11 @@ from typing import Any
 from flexviz.app.page import Page, dim, warning
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
-from flexviz.app.uploads import UploadFolder
+from flexviz.app.uploads import UploadFolder, describe_robot, take
 from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hideable, output_dir
-from flexviz.errors import FlexvizError, InputError
-from flexviz.jobs import InThread
+from flexviz.errors import FlexvizError
+from flexviz.jobs import InChild, InThread, Task
 from flexviz.progress import Progress
-from flexviz.robot import Robot
 from flexviz.wording import escape, plural
 
 WAITING = "A zip, or measurements.toml and its files; or a robot's URDF, to simulate it."
@@ -53,15 +52,21 @@ class AnotherSet:
             stopped=lambda: self._store.say("stopped simulating"),
         )
 
-    def _read(self, done: Callable[[Any], None], read: Callable[..., Any], *arguments: Any) -> None:
+    def _read(
+        self, task: Task[Any], done: Callable[[Any], None], failed: Callable[[], object] = object
+    ) -> None:
+        def fail(reason: str) -> None:
+            failed()
+            self._store.fail(f"upload: {reason}")
+
         stopped = partial(self._store.say, "stopped reading the upload")
-        self._store.tasks.start(InThread(read, *arguments), done, stopped=stopped)
+        self._store.tasks.start(task, done, stopped=stopped, failed=fail)
 
     def _uploaded(self, file: Any) -> None:
         """Handle an uploaded file (`name`, `content`)."""
         if file.name.lower().endswith(".zip"):
             self._store.say("unpacking", "busy")
-            self._read(self._unpacked, self._uploads.unpack, file.name, file.content)
+            self._read(InThread(self._uploads.unpack, file.name, file.content), self._unpacked)
             return
         try:
             place = self._uploads.put(file.name, file.content)
@@ -87,30 +92,26 @@ class AnotherSet:
                 store.say(text)
             else:
                 store.say("reading the upload", "busy")
-                self._read(self._open, self._accept)
+                self._read(InChild(take, uploads.folder, output_dir()), self._taken)
         except FlexvizError as error:
             store.fail(f"upload: {error}")
 
     def _offer_robot(self, urdf: Path) -> None:
-        """Offer a URDF without a set for simulation."""
-        try:
-            robot = Robot.load(urdf)
-        except FlexvizError as error:
-            urdf.unlink()
-            raise InputError(str(error).replace(f"{urdf.parent}/", "")) from None
-        self._robots[urdf.name] = urdf
-        self._robot.options = tuple(self._robots)
-        self._robot.value = urdf.name
-        text = (
-            f"{urdf.name}: {robot.name}, {plural(robot.n, 'joint')}. Quiz me simulates a set with it; "
-            "or upload a measurements.toml that refers to it."
-        )
-        self._waiting.content = dim(escape(text))
-        self._store.say(f"{urdf.name} uploaded")
+        """Offer a URDF without a set for simulation, if the worker can read it."""
 
-    def _accept(self) -> Path:
-        """Read a complete upload and move it into the output folder."""
-        return self._uploads.take(output_dir())
+        def described(found: str) -> None:
+            self._robots[urdf.name] = urdf
+            self._robot.options = tuple(self._robots)
+            self._robot.value = urdf.name
+            text = f"{urdf.name}: {found}. Quiz me simulates a set with it; "
+            self._waiting.content = dim(escape(text + "or upload a measurements.toml that refers to it."))
+            self._store.say(f"{urdf.name} uploaded")
+
+        self._read(InChild(describe_robot, urdf), described, partial(urdf.unlink, missing_ok=True))
+
+    def _taken(self, folder: Path) -> None:
+        self._uploads.begin()
+        self._open(folder)
 
     def _open(self, folder: Path) -> None:
         self._waiting.content = dim(WAITING)
