@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shutil
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +22,8 @@ from flexviz.app.workspace import PRESETS, SimulateQuiz, hideable, output_dir
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from flexviz.progress import ignore, never
-from tests.app_running import BROWSER, control, running, status, until, upload, use, wait
+from flexviz.session import SESSION_FILE
+from tests.app_running import BROWSER, command, control, reopen, running, status, until, upload, use, wait
 from tests.small_set import URDF, write_small_set
 from tests.test_app_uploads import set_files, zip_of
 from tests.test_bad_robots import chain
@@ -67,6 +69,42 @@ def test_save_and_reopen_with_history(app: Application) -> None:
     until(app, lambda: f"saved in ./sessions/{name}" in status(app))
     assert [folder.name for folder in output_dir().iterdir()] == [name]  # nothing is unsaved either
     use(app, "Redo")
+
+
+def test_a_save_by_another_program_is_kept(app: Application) -> None:
+    use(app, "Save session")
+    until(app, lambda: "session saved in" in status(app))
+    folder = app.store.folder
+    assert folder is not None
+    theirs = (folder / SESSION_FILE).read_text() + "\n"
+    (folder / SESSION_FILE).write_text(theirs)
+    app.store.say("")
+    use(app, "Save session")
+    until(app, lambda: f"{folder.name} is left as it is" in status(app))
+    assert app.store.folder != folder and (folder / SESSION_FILE).read_text() == theirs
+
+
+def test_data_that_change_are_not_fitted_for_the_old_ones(app: Application, tmp_path: Path) -> None:
+    folder = write_small_set(tmp_path / "changing")
+    reopen(app, folder)
+    use(app, "Run")
+    wait(app)
+    before = app.store.analysis.identification
+    table = folder / "a.csv"
+    table.write_text(table.read_text().replace("\n0,", "\n0.0,", 1))
+    use(app, "Run")
+    wait(app)
+    assert "a.csv changed since the set was read" in status(app)
+    assert app.store.analysis.identification is before is not None
+    command(app, "Read the data again")
+    until(app, lambda: app.store.analysis.identification is None)
+    use(app, "Run")
+    wait(app)
+    assert app.store.analysis.identification is not None
+    shutil.move(folder, tmp_path / "away")
+    use(app, "Save session")
+    until(app, lambda: "session saved in" in status(app))
+    shutil.move(tmp_path / "away", folder)
 
 
 def test_download_is_a_zip_of_the_session(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,11 +16,12 @@ import pytest
 
 from flexviz import files
 from flexviz.errors import InputError
-from flexviz.measurements import MeasurementSet, fingerprint, read_set
+from flexviz.measurements import MeasurementSet, fingerprint, read_set, require_unchanged
 from flexviz.session import (
     SESSION_FILE,
     Autosave,
     Session,
+    SessionChanged,
     find_unsaved,
     open_session,
     relocate,
@@ -171,6 +172,36 @@ def test_changed_data_are_named_and_no_result_counts_as_theirs(kept: Kept) -> No
     urdf = measurements.path / "robot.urdf"
     urdf.write_text(urdf.read_text().replace('mass value="4"', 'mass value="4.5"'))
     assert open_session(folder).changed == ("robot.urdf", "a.csv")
+
+
+def test_data_that_change_after_reading_are_not_taken_for_those_of_the_results(kept: Kept) -> None:
+    measurements, session, folder = kept
+    table = measurements.path / "a.csv"
+    table.write_text(table.read_text().replace("\n0,", "\n0.0,", 1))
+    save_session(session, measurements, folder)
+    assert open_session(folder).changed == ("a.csv",)
+    with pytest.raises(InputError, match=r"a\.csv changed since the set was read"):
+        require_unchanged(measurements)
+    require_unchanged(read_set(measurements.path))
+
+
+def test_a_session_can_be_saved_after_its_set_has_been_removed(kept: Kept, tmp_path: Path) -> None:
+    measurements, session, _ = kept
+    shutil.move(measurements.path, tmp_path / "away")
+    folder = save_session(session, measurements, tmp_path / "later")
+    assert relocate(folder, tmp_path / "away").session.past
+
+
+def test_what_another_program_has_saved_is_not_overwritten(kept: Kept) -> None:
+    measurements, session, folder = kept
+    save = "from flexviz.session import open_session; o = open_session({!r}); o.save()"
+    subprocess.run([sys.executable, "-c", save.format(str(folder))], cwd=ROOT, check=True)
+    theirs = (folder / SESSION_FILE).read_bytes()
+    with pytest.raises(SessionChanged, match="saved by another program meanwhile"):
+        save_session(session.with_note("mine"), measurements, folder)
+    assert (folder / SESSION_FILE).read_bytes() == theirs
+    open_session(folder).save()  # once theirs is read, it may be continued
+    open_session(folder).save()
 
 
 def test_the_fingerprint_is_that_of_the_files(kept: Kept) -> None:

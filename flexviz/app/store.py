@@ -30,7 +30,7 @@ from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.jobs import InThread, Result, Task
-from flexviz.measurements import MeasurementSet
+from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
@@ -250,8 +250,10 @@ class Store(ChangeSignal):
         """Start a task that the user waits for, one at a time; see `TaskRunner.start`.
 
         `begin` and `stopped` are the status line at the start, and when stopped without a result; `share` is
-        the initial progress. `fit` collects the iterations of a fit, which stops idle work.
+        the initial progress. `fit` collects the iterations of a fit, which stops idle work. InputError if the
+        set's files have changed: the worker reads them, and its result would not belong to the open set.
         """
+        require_unchanged(self.measurements)
 
         def end(act: Callable[[], None]) -> None:
             self.activity = None
@@ -259,6 +261,10 @@ class Store(ChangeSignal):
                 act()
             finally:
                 self.tell(Changed.ACTIVITY)
+
+        def finish(result: Result) -> None:
+            require_unchanged(self.measurements)
+            done(result)
 
         if fit is not None:
             self.tasks.stop(IdleTask)
@@ -268,7 +274,7 @@ class Store(ChangeSignal):
         self.say(begin, "busy")
         self.tasks.start(
             task,
-            done=lambda result: end(lambda: done(result)),
+            done=lambda result: end(lambda: finish(result)),
             progress=progress or self.report,
             failed=lambda reason: end(lambda: self.fail(reason)),
             stopped=lambda: end(lambda: self.say(stopped)),

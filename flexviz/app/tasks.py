@@ -22,7 +22,7 @@ from flexviz.errors import Cancelled, InputError
 from flexviz.identification import Identification, SweepResult, identify, sweep
 from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
@@ -240,12 +240,16 @@ def chosen_set(analysis: Analysis) -> MeasurementSet:
 
 
 def cached_set(path: Path) -> MeasurementSet:
-    """The set, cached until its file changes."""
-    return _read(path, (path / "measurements.toml").stat().st_mtime_ns)
+    """The set, cached until one of its files changes."""
+    try:
+        require_unchanged(_read(path))
+    except InputError:
+        _read.cache_clear()
+    return _read(path)
 
 
 @lru_cache(maxsize=1)
-def _read(path: Path, stamp: int) -> MeasurementSet:
+def _read(path: Path) -> MeasurementSet:
     return with_plausibility_warnings(read_set(path))
 
 

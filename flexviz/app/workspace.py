@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from flexviz.jobs import Task
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import ProgressCallback, StopCallback
 from flexviz.report import session_report
-from flexviz.session import Session, save_session, zipped
+from flexviz.session import Session, SessionChanged, save_session, zipped
 from flexviz.simulation import make_plan, simulate_preset, simulated_effects
 
 PRESETS = ("planar-2r", "panda")
@@ -66,10 +67,14 @@ class FileContent:
 
 
 def save_output(session: Session, measurements: MeasurementSet, folder: Path | None) -> Path:
-    """Save a session into `folder` if that is in the output folder, otherwise into a new one; returns it."""
-    if folder is None or folder.resolve().parent != output_dir().resolve():
-        folder = stamped(measurements.name)
-    return save_session(session, measurements, folder)
+    """Save a session and return its folder: `folder`, or a new one in the output folder.
+
+    A new one if `folder` is elsewhere, or if another program has saved there meanwhile.
+    """
+    if folder is not None and folder.resolve().parent == output_dir().resolve():
+        with suppress(SessionChanged):
+            return save_session(session, measurements, folder)
+    return save_session(session, measurements, stamped(measurements.name))
 
 
 def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:

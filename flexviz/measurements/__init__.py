@@ -11,6 +11,7 @@ from flexviz.measurements.data import (
     MeasurementSet,
     Segment,
     fingerprint,
+    require_unchanged,
 )
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader
@@ -42,6 +43,7 @@ __all__ = [
     "read_robot",
     "read_set",
     "readable",
+    "require_unchanged",
     "sample_motion",
     "write_set",
     "wrong_time_unit",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -113,6 +113,7 @@ class MeasurementSet:
         groups: all groups, in the file's order.
         simulated: True when a simulator wrote the set (and truth.json beside it).
         warnings: oddities found while reading, one line each.
+        files_read: hashes of its files when they were read; None if it was not read from files.
     """
 
     path: Path
@@ -129,6 +130,7 @@ class MeasurementSet:
     groups: tuple[Group, ...]
     simulated: bool = False
     warnings: tuple[str, ...] = ()
+    files_read: Fingerprint | None = None
 
     @property
     def n(self) -> int:
@@ -219,16 +221,30 @@ class Fingerprint:
 
 
 def fingerprint(measurements: MeasurementSet) -> Fingerprint:
-    """Hashes of a set's files; files unchanged since the last call are not read again."""
-    folder, robot = measurements.path, measurements.robot
-    tables = [group.file.relative_to(folder).as_posix() for group in measurements.groups]
+    """Hashes of a set's files when they were read, whatever has become of them since."""
+    if measurements.files_read is not None:
+        return measurements.files_read
+    return present_fingerprint(measurements.path, measurements.robot, [g.file for g in measurements.groups])
+
+
+def present_fingerprint(folder: Path, robot: Robot, tables: Iterable[Path]) -> Fingerprint:
+    """Hashes of a set's present files; files unchanged since the last call are not read again."""
     if is_library_robot(robot.source):
         text = robot.urdf.encode()
         described = FileHash(robot.source, hashlib.sha256(text).hexdigest(), len(text))
     else:
         described = _of(folder, robot.source)
-    files = [_of(folder, FILE_NAME), described, *(_of(folder, name) for name in tables)]
-    return Fingerprint(tuple(dict.fromkeys(files)))
+    named = (_of(folder, table.relative_to(folder).as_posix()) for table in tables)
+    return Fingerprint(tuple(dict.fromkeys((_of(folder, FILE_NAME), described, *named))))
+
+
+def require_unchanged(measurements: MeasurementSet) -> None:
+    """InputError if a file of the set has changed since it was read."""
+    tables = [group.file for group in measurements.groups]
+    now = present_fingerprint(measurements.path, measurements.robot, tables)
+    if changed := now.changes_since(fingerprint(measurements)):
+        message = f"{', '.join(changed)} changed since the set was read; open the set again"
+        raise InputError(message, file=measurements.path)
 
 
 def _of(folder: Path, name: str) -> FileHash:

@@ -11,7 +11,7 @@ import numpy as np
 
 from flexviz import toml
 from flexviz.errors import FlexvizError, InputError, choose_from
-from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet
+from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group, MeasurementSet, present_fingerprint
 from flexviz.measurements.schema import Body, GroupEntry, SetHeader, locate, parse
 from flexviz.measurements.segments import SHORTEST, Segmented, check_time, make_segments
 from flexviz.measurements.tables import column_names, read_columns, require
@@ -52,10 +52,13 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
             warn(f'{paths[-1]}: groups "{first}" and "{group.name}" use the same file')
     stiffness = values(content.initial.stiffness)
     clocks: dict[Path, Segmented] = {}
+    files = present_fingerprint(folder, robot, paths)
     groups = tuple(
         read_group(entry, table, robot, payloads[entry.payload], stiffness, warn, clocks)
         for entry, table in zip(content.groups, paths, strict=True)
     )
+    if changed := present_fingerprint(folder, robot, paths).changes_since(files):
+        raise InputError(f"{', '.join(changed)} changed while the set was read", file=file)
     for text in clock_warnings(clocks):
         warn(text)
     controller = content.controller
@@ -74,6 +77,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
         groups=groups,
         simulated=(folder / TRUTH).exists(),
         warnings=tuple(warnings),
+        files_read=files,
     )
 
 

@@ -28,7 +28,7 @@ class ReportContent:
 
     Attributes:
         folder: of the saved session; None if it is not saved.
-        fingerprint: of the set's present files.
+        fingerprint: of the set's files, when they were read.
         rounds: the diagnoses that led to the present model, in order.
         diagnosis, identification: of the present model; None if missing or out of date.
         changed: files of the set that have changed since the results were computed.

@@ -4,7 +4,7 @@ from flexviz.session.autosave import Autosave, Unsaved, find_unsaved
 from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSummary, compare
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
-from flexviz.session.saving import save_session, zipped
+from flexviz.session.saving import SessionChanged, save_session, zipped
 from flexviz.session.staircase import DiagnosedModel, diagnosed_models
 from flexviz.session.state import (
     HISTORY,
@@ -33,6 +33,7 @@ __all__ = [
     "ParameterRow",
     "Role",
     "Session",
+    "SessionChanged",
     "SessionComparison",
     "SessionNote",
     "SessionStep",

@@ -21,7 +21,7 @@ from flexviz.session.document import (
     read_reference,
 )
 from flexviz.session.packing import Unpacker, read_arrays, read_npz
-from flexviz.session.saving import save_session
+from flexviz.session.saving import remember, save_session, stamp_of
 from flexviz.session.state import HISTORY, Analysis, Session, SessionNote, SessionStep
 
 READ_ATTEMPTS = 4  # another process may save meanwhile
@@ -97,13 +97,15 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
     file = folder / SESSION_FILE
     try:
         for left in reversed(range(READ_ATTEMPTS)):
-            document, before = read_document(folder), file.stat().st_mtime_ns
+            before = stamp_of(folder)
+            document = read_document(folder)
             try:
                 arrays = _arrays(document, folder)
                 break
             except FileNotFoundError:
-                if not left or file.stat().st_mtime_ns == before:
+                if not left or stamp_of(folder) == before:
                     raise
+        remember(folder, before)
         return _unpacked(document, arrays, folder, measurements)
     except InputError as error:
         raise InputError(f"not a usable session: {error}", file=file) from None

@@ -33,6 +33,12 @@ from flexviz.session.state import Session, now
 LEFT_OUT = shutil.ignore_patterns(
     ".*", "*.rrd", "*.rrd.sha256", SESSION_FILE, OLD_ARRAYS, FOLDER, "__pycache__"
 )
+Stamp = tuple[int, int, int]  # inode, time of change [ns], size [bytes]: every save makes a new file
+_known: dict[Path, Stamp] = {}  # session folder -> its session.json when last read or written here
+
+
+class SessionChanged(InputError):
+    """Another program has saved to the folder since this one read it or saved there."""
 
 
 def save_session(
@@ -40,8 +46,9 @@ def save_session(
 ) -> Path:
     """Save a session to `folder` and return the folder.
 
-    It must be new or empty, or a session folder of the same set, which is overwritten. With `carry` the
-    measurement set is copied into a new folder instead of being referred to.
+    It must be new or empty, or a session folder of the same set, which is overwritten: but not what another
+    program has saved there meanwhile (`SessionChanged`). With `carry` the measurement set is copied into a
+    new folder instead of being referred to.
     """
     renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
     if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -50,7 +57,9 @@ def save_session(
         if renewed:
             _same_set(folder, measurements)
             with locked(folder):
+                _require_known(folder)
                 _write(session, measurements, folder, folder)
+                remember(folder, stamp_of(folder))
             return folder
         with whole_folder(folder) as new:
             if carry:
@@ -58,7 +67,26 @@ def save_session(
             _write(session, measurements, new, folder)
     except OSError as error:
         raise InputError(f"cannot be saved ({error.strerror or error})", file=folder) from None
+    remember(folder, stamp_of(folder))
     return folder
+
+
+def stamp_of(folder: Path) -> Stamp:
+    """What identifies the present session.json of a folder."""
+    found = (folder / SESSION_FILE).stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+def remember(folder: Path, stamp: Stamp) -> None:
+    """Take this session.json of a folder as the one that this program may overwrite."""
+    _known[folder.resolve()] = stamp
+
+
+def _require_known(folder: Path) -> None:
+    known = _known.get(folder.resolve())
+    if known is not None and (folder / SESSION_FILE).is_file() and stamp_of(folder) != known:
+        message = "was saved by another program meanwhile, expected another folder"
+        raise SessionChanged(message, file=folder / SESSION_FILE)
 
 
 def _same_set(folder: Path, measurements: MeasurementSet) -> None:

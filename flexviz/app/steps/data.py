@@ -44,6 +44,7 @@ class DataStep(WorkflowStep):
         self._check = gui.add_html("")
         self.files = Files(store, page)
         self.another = AnotherSet(store, page)
+        page.command("Read the data again", lambda: store.open_path(self._shown()))
         page.checkbox("Dark theme", False, page.set_dark)
         page.style(label_width, self._choice, "7.6em")
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)

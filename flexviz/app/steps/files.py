@@ -84,11 +84,13 @@ class Files:
         store.tasks.start(task, done, stopped=lambda: store.say(f"stopped {doing}"))
 
     def _save(self) -> None:
-        session = self._store.session
+        session, before = self._store.session, self._store.folder
 
         def saved(folder: Path) -> None:
             self._store.mark_saved(session, folder)
-            self._store.say(f"session saved in {short(folder)}")
+            elsewhere = before is not None and before.resolve() != folder.resolve()
+            why = f"; {short(before)} is left as it is" if before is not None and elsewhere else ""
+            self._store.say(f"session saved in {short(folder)}{why}")
 
         self._start("saving", saved, save_output, self._store.folder)
 
