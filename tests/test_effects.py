@@ -52,6 +52,7 @@ VALUES = {
     "presliding_hysteresis": (200.0, 2.0),
     "startup_friction": (1.8, 0.03),
     "friction_drift": (0.8, 2.0),
+    "temperature_friction": (0.03, -0.02),
     "torque_ripple": (1.2, 3.3, 0.4),
     "torque_offset": (-2.0,),
     "torque_gain": (0.1,),
@@ -103,8 +104,7 @@ def test_names_are_the_canonical_ones_in_order() -> None:
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_everything_is_said(effect: Effect) -> None:
-    texts = ("name", "title", "explanation", "equation", "signature", "confirm", "reference")
-    for attribute in texts:
+    for attribute in ("name", "title", "explanation", "equation", "signature", "confirm", "reference"):
         text = getattr(effect, attribute)
         assert isinstance(text, str) and text == text.strip() != "", attribute
         assert "  " not in text.replace(",  ", ", "), attribute

@@ -22,6 +22,7 @@ DISSIPATE = {  # friction takes energy out, a spring pulls back: these sizes are
     "thinning_friction": "thinning",
     "startup_friction": "startup",
     "friction_drift": "relative_rise",
+    "temperature_friction": "viscous_fall",
     "link_coulomb_friction": "coulomb",
     "joint_damping": "damping",
     "cable_spring": "stiffness",

@@ -33,7 +33,9 @@ def made_up_set(robot: Robot, link: str, seed: int = 0, seconds: float = 4.0) ->
         ((), (PayloadBody(link, 1.5, [0.1, 0.02, 0.05], [0.01, 0.02, 0.03, 0, 0, 0]),))
     ):
         segment = Segment(time, smooth(0.4), smooth(20.0), step)
-        groups.append(Group(f"g{k}", f"t{k}", f"p{k}", bodies, False, Path("none"), (segment,), time))
+        names = f"g{k}", f"t{k}", f"p{k}"
+        degrees = np.linspace(15.0, 50.0, n) + 10.0 * k
+        groups.append(Group(*names, bodies, False, Path("none"), (segment,), time, temperature=degrees))
     return MeasurementSet(
         path=Path("none"),
         name="made-up",

@@ -59,6 +59,11 @@ MOTOR_CASES: list[tuple[str, dict[str, float], Callable[..., Array]]] = [
         lambda t, x, v, load, acc: 0.66 * v * 2.0 * np.exp(-t / 0.5),
     ),
     (
+        "temperature_friction",
+        {"viscous_fall": 0.01, "coulomb_fall": 0.05},
+        lambda t, x, v, load, acc: -25.0 * (0.01 * v + 0.05 * sign(v)),
+    ),
+    (
         "torque_ripple",
         {"amplitude": 2.0, "order": 9.0, "phase": 0.3},
         lambda t, x, v, load, acc: 2.0 * np.sin(9.0 * x + 0.3),
@@ -117,6 +122,7 @@ def run_with(robot: Robot, *effects: EffectValue, duration: float = 1.1, payload
         start="moving",
         group="g1",
         payload_name=payload,
+        temperature=(5.0, 45.0),
         step=H / 2,
     )
 

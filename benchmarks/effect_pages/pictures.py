@@ -57,6 +57,11 @@ def sweep(speed: float) -> TrialMotion:
     return TrialMotion(np.linspace(-np.pi / 2, np.pi / 2, 3201), wave(speed, -np.pi / 2))
 
 
+def at_temperature(degrees: float) -> TrialMotion:
+    """A sweep of the speed in a run at that temperature [°C]."""
+    return replace(sweep(1.5), temperature=degrees)
+
+
 def loaded(speed: float) -> TrialMotion:
     """The torque goes once from −60 to 60 Nm at a steady speed [rad/s]."""
     return TrialMotion(np.linspace(-np.pi / 2, np.pi / 2, 1601), TrialSignal(slope=speed), wave(60.0))
@@ -139,6 +144,11 @@ PICTURES: dict[str, Picture] = {
     "friction_drift": Picture(
         "time in the group t [s]", time, (Curve(later(40.0, 2 * np.pi / 4), (1.0, 10.0)),),
         "a steady swing, f_mv 2 Nm s/rad",
+    ),
+    "temperature_friction": Picture(
+        VELOCITY, velocity,
+        tuple(Curve(at_temperature(t), (0.04, 0.02), f"{t:g} °C") for t in (10.0, 30.0, 50.0)),
+        SWEEP + " in runs at three temperatures",
     ),
     "torque_ripple": Picture(POSITION, theta, (Curve(turn(), (1.0, 6.0, 0.5)),), TURN),
     "torque_offset": Picture(POSITION, theta, (Curve(swing(np.pi), (1.5,)),), "a swing"),

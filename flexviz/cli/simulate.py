@@ -29,6 +29,9 @@ def simulate(
         help="Hide an effect in the robot; repeat for more; none hides nothing.",
     ),
     start: str = typer.Option("rest", metavar="rest|moving", help="How the motion starts."),
+    temperature: list[float] | None = typer.Option(
+        None, metavar="T", help="Temperature [°C] that each group states, in their order; one: of all groups."
+    ),
     seed: int = typer.Option(0, metavar="N", min=0, help="Seed of the measurement noise."),
     table_format: FormatOption = "parquet",
 ) -> int:
@@ -46,6 +49,7 @@ def simulate(
                 start,
                 progress=report,
                 should_stop=should_stop,
+                temperatures=temperature or (),
                 table_format=table_format,
             )
     terminal.print_lines(summary(done))
@@ -61,7 +65,10 @@ def summary(done: SimulatedSet) -> list[str]:
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
     for group in plan.groups:
         use = "validation" if group.validation else "fit"
-        lines.append(f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s, {use}")
+        degrees = f", {group.temperature[0]:g} °C" if group.temperature else ""
+        lines.append(
+            f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s{degrees}, {use}"
+        )
     for effect in plan.model.effects:
         units = EFFECTS[effect.effect].units
         values = ", ".join(

@@ -14,6 +14,8 @@ from flexviz.measurements import Group
 
 Array = NDArray[np.float64]
 
+LEAST_SPREAD = 1.0  # [K] between the fit groups' temperatures, below which none of their differences count
+
 
 @dataclass(frozen=True)
 class ModelStart:
@@ -26,11 +28,15 @@ class ModelStart:
 def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
     """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
 
-    `many`: with those that only a search for many effects considers.
+    Args:
+        layout: the model.
+        groups: all groups of the set.
+        many: with those that only a search for many effects considers.
     """
     have = set(layout.effects)
     replaced = {(EFFECTS[e.effect].replaces, e.joint) for e in layout.effects}
-    payloads = sorted({g.payload for g in groups if g.bodies})
+    payloads = sorted({g.payload for g in groups if g.bodies and not g.validation})
+    warmed = joints_at_several_temperatures(groups)
     out: list[ChosenEffect] = []
     for name, effect in EFFECTS.items():
         if effect.only_among_many and not many:
@@ -39,10 +45,21 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
             place = ChosenEffect(name, target.joint, target.group, target.payload)
             if place in have or (name, place.joint) in replaced:
                 continue
+            if effect.by_temperature and place.joint not in warmed:
+                continue
             if effect.beside and not any(e.effect == effect.beside and e.joint == place.joint for e in have):
                 continue
             out.append(place)
     return out
+
+
+def joints_at_several_temperatures(groups: Sequence[Group]) -> set[int]:
+    """Joints whose temperature all groups state and at least two groups to be fitted differ in."""
+    known = [g for g in groups if g.temperature is not None]
+    fitted = np.array([g.temperature for g in known if not g.validation])
+    if len(known) < len(groups) or not len(fitted):
+        return set()
+    return set(np.flatnonzero(np.ptp(fitted, axis=0) >= LEAST_SPREAD).tolist())
 
 
 def with_effect(layout: Layout, x: Array, effect: ChosenEffect, values: Array) -> ModelStart:

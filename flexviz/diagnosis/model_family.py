@@ -87,6 +87,7 @@ class ModelFamily:
             neighbour_inertia=float(inertia[neighbour(joint, layout.n)]),
             position=float(np.mean(signals.theta[0, :, joint])),
             duration=float(np.ptp(signals.time)),
+            viscous=float(x[layout.link_viscous][joint] + x[layout.motor_viscous][joint]),
         )
 
     # -- backwards

@@ -135,7 +135,7 @@ class RichSearch(ModelFamily):
         loud = self.context.louder_at_rest(fit)
         wanted = [
             e
-            for e in candidates(fit.layout, self.context.measurements.fit_groups, many=True)
+            for e in candidates(fit.layout, self.context.measurements.groups, many=True)
             if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]
         ]
         found = score(fit.point, fit.chain, wanted, self.weigh(fit), fit.projection)
@@ -219,7 +219,7 @@ class RichSearch(ModelFamily):
     def scores(self, fit: MotionFit) -> list[ScoredCandidate]:
         """Scores of all effects that a model lacks, the best first."""
         weigh, projection = self.weigh(fit), fit.projection
-        groups = self.context.measurements.fit_groups
+        groups = self.context.measurements.groups
         wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
         found = score(fit.point, fit.chain, wanted, weigh, projection)
         for joint in range(fit.layout.n):

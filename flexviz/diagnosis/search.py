@@ -109,7 +109,7 @@ class Search:
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
         projection = Projection(point.r.ravel(), flat, hessian)
         weigh = self.weigh(fit)
-        wanted = candidates(layout, self.context.fit_groups)
+        wanted = candidates(layout, self.context.measurements.groups)
         scored = score(narrow, self.context.chain(fit), wanted, weigh, projection)
         if episodes:
             have = set(layout.effects)
@@ -214,7 +214,7 @@ class Search:
         for j in np.argsort(-fit.chi)[: LIMITS.hidden_joints]:
             compliance = float(fit.x[fit.layout.compliance][j])
             rough = float(self.context.rough_compliance[j])
-            for effect in candidates(fit.layout, self.context.fit_groups):
+            for effect in candidates(fit.layout, self.context.measurements.groups):
                 law = EFFECTS[effect.effect]
                 if not law.absorbed_by_stiffness or effect.joint != j:
                     continue

@@ -50,6 +50,7 @@ class JointScale:
         motor_inertia, neighbour_inertia: B of this and of the neighbouring joint [kg m²].
         position: at the start [rad].
         duration: of a group [s].
+        viscous: viscous friction, motor and link side together [Nm s/rad].
     """
 
     torque: float
@@ -60,6 +61,7 @@ class JointScale:
     neighbour_inertia: float
     position: float
     duration: float
+    viscous: float
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ class Effect(ABC):
         flexible: it can imitate unknown position effects (ripples of free order).
         relative: u is proportional to `motion.motor_viscous`, so that it changes with f_mv.
         memory: u depends on the time before the record.
+        by_temperature: u depends on the temperature of the runs, which their groups have to state.
         optimism: largest expected ratio of the gain of a refit to the effect's score.
         common: always listed, not in a folded section.
         instead_of: an effect of the same joint for which it may be mistaken; the better one is kept.
@@ -137,6 +140,7 @@ class Effect(ABC):
     flexible: ClassVar[bool] = False
     relative: ClassVar[bool] = False
     memory: ClassVar[bool] = False
+    by_temperature: ClassVar[bool] = False
     optimism: ClassVar[float] = 3.0
     common: ClassVar[bool] = False
     instead_of: ClassVar[str | None] = None

@@ -12,6 +12,7 @@ EFFECT_NAMES: tuple[str, ...] = (
     "presliding_hysteresis",
     "startup_friction",
     "friction_drift",
+    "temperature_friction",
     "torque_ripple",
     "torque_offset",
     "torque_gain",

@@ -67,6 +67,7 @@ class JointMotion:
         stiffness: current K [Nm/rad].
         motor_viscous: current f_mv [Nm s/rad].
         torque_scale: rms of s over all stretches [Nm].
+        temperature: that the group states for the joint [°C]; NaN if it states none.
         present: the joint's effects → current parameters.
         notes: cache of a law for further calls with the same motion.
     """
@@ -80,6 +81,7 @@ class JointMotion:
     stiffness: float
     motor_viscous: float
     torque_scale: float
+    temperature: float = np.nan
     present: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     notes: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 

@@ -47,6 +47,7 @@ class TrialMotion:
         torque: τ, and the transmission torque s, of joint 0 [Nm].
         neighbour: θ of joint 1 [rad].
         stiffness, motor_viscous: [Nm/rad], [Nm s/rad].
+        temperature: of the joints [°C].
         arm, payload: weight moments of arm and payload, mass × distance [kg m].
     """
 
@@ -56,6 +57,7 @@ class TrialMotion:
     neighbour: TrialSignal = field(default_factory=TrialSignal)
     stiffness: float = 5000.0
     motor_viscous: float = 2.0
+    temperature: float = 35.0
     arm: float = 4.0
     payload: float = 1.5
 
@@ -74,6 +76,7 @@ class TrialMotion:
                 stiffness=self.stiffness,
                 motor_viscous=self.motor_viscous,
                 torque_scale=scale,
+                temperature=self.temperature,
             )
         ]
 

@@ -208,7 +208,8 @@ class EffectContext:
             if effect.joint == joint
         }
         motions, rates = [], []
-        for fine in self.fine():
+        for fine, block in zip(self.fine(), self._signals.blocks, strict=True):
+            degrees = self._signals.groups[block.group].temperature
             theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
             torque = tau[0] - inertia * theta[2] - viscous * theta[1]
             rate = tau[1] - inertia * theta[3] - viscous * theta[2]
@@ -223,6 +224,7 @@ class EffectContext:
                 stiffness=1 / compliance,
                 motor_viscous=viscous_scale(lay, x, joint)[0],
                 torque_scale=1.0,
+                temperature=np.nan if degrees is None else float(degrees[joint]),
                 present=present,
             )
             motions.append(motion)

@@ -23,6 +23,7 @@ from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.signals import Signals
+from flexviz.errors import InputError
 from flexviz.robot import Robot
 
 Array = NDArray[np.float64]
@@ -69,6 +70,7 @@ class Equation:
         self.signals = signals
         self.layout = layout
         self.link = LinkDynamics(robot)
+        require_temperatures(signals, layout)
         self._shared: dict[object, Any] = {} if shared is None else shared
 
     @property
@@ -290,6 +292,17 @@ class OperatingPoint:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""
         inertial = x[self.layout.inertial].reshape(self.layout.n, 10)
         return [(b.rows, inertial + self.signals.payload[b.group]) for b in self.signals.blocks]
+
+
+def require_temperatures(signals: Signals, layout: Layout) -> None:
+    """InputError for an effect that needs a temperature which a group does not state."""
+    needing = next((e.effect for e in layout.effects if EFFECTS[e.effect].by_temperature), None)
+    unknown = next((g.name for g in signals.groups if g.temperature is None), None)
+    if needing is not None and unknown is not None:
+        raise InputError(
+            f'effect "{needing}" needs the temperature of every run, but group "{unknown}" states none: '
+            "expected temperature = … [°C] in its [[groups]] entry"
+        )
 
 
 def _without(terms: PlacedTerms, residual: Array) -> Array:

@@ -208,6 +208,10 @@ COVERAGE = {
         PerRow("cold-gear viscous friction: relative rise [-], time constant [s]", "drift", DRIFT),
         LeftOut("MJCF has no friction that decays with time; this is the warm robot"),
     ),
+    "temperature_friction": Coverage(
+        LeftOut("the code is not told the temperature; this is the robot at 20 °C"),
+        LeftOut("MJCF has no friction that depends on temperature; this is the robot at 20 °C"),
+    ),
     "presliding_hysteresis": Coverage(
         PerRow(
             "presliding friction: stiffness sigma [Nm/rad], sliding friction f_c [Nm]",

@@ -131,7 +131,8 @@ def assemble(log: Log, entry: LogEntry, mapping: Mapping, file: Path) -> Assembl
     columns = {name: at_joints(values, mapping, name, keep) for name in SIGNALS}
     zero = float(time[0])
     names = entry.group, entry.trajectory or entry.group, entry.payload
-    table = GroupTable(*names, time - zero, validation=entry.validation, **columns)  # type: ignore[arg-type]
+    columns |= {"validation": entry.validation, "temperature": entry.temperature}
+    table = GroupTable(*names, time - zero, **columns)  # type: ignore[arg-type]
     return AssembledGroup(entry, log.kind, table, traces, zero, tuple(dict.fromkeys(notes)))
 
 

@@ -18,7 +18,7 @@ from pydantic_core import PydanticCustomError
 from flexviz import toml
 from flexviz.errors import InputError, choose_from
 from flexviz.importing.column_names import ANGLE, CURRENT, FORCE, LENGTH, TIME, TORQUE, size_of
-from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader
+from flexviz.measurements import OPTIONAL_SIGNALS, Array, SetHeader, Temperatures
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
 
 FORMAT = 1
@@ -136,6 +136,7 @@ class LogEntry(StrictTable):
     trajectory: Text | None = None  # None: the group's name
     payload: Text = "none"
     validation: bool = False
+    temperature: Temperatures | None = None
     start: NotNegative = Field(default=0.0, alias="from")  # [s] after the log's first sample
     stop: Positive | None = Field(default=None, alias="to")  # [s]
 
@@ -255,6 +256,7 @@ def check(mapping: Mapping, file: Path) -> None:
             refuse(f"{place}, payload", f'payload "{log.payload}" is not defined; {meant}')
         if log.stop is not None and log.stop <= log.start:
             refuse(f"{place}, to", f"found {log.stop:g}, expected more than from = {log.start:g}")
+        mapping.check_temperature(log.temperature, len(mapping.joints), file, place)
     if mapping.coupling is not None:
         check_coupling(mapping, mapping.coupling, refuse)
     used: dict[str, str] = {}

@@ -14,7 +14,7 @@ from flexviz.measurements.data import (
     require_unchanged,
 )
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
-from flexviz.measurements.schema import FILE_NAME, SetHeader
+from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
 from flexviz.measurements.segments import GAP, POINTS, interpolate
 from flexviz.measurements.tables import readable
 from flexviz.measurements.unit_checks import SampledMotion, likely_limits, sample_motion, wrong_time_unit
@@ -35,6 +35,7 @@ __all__ = [
     "SampledMotion",
     "Segment",
     "SetHeader",
+    "Temperatures",
     "check_free",
     "fingerprint",
     "interpolate",

@@ -55,6 +55,7 @@ class Group:
         q: (N, n) link-side positions at `time` [rad], or None; NaN for joints without such a column.
         tau_joint: (N, n) measured joint torques at `time` [Nm], or None; NaN likewise.
         theta_ref: (N, n) reference motor positions at `time` [rad], or None; NaN likewise.
+        temperature: (n,) of each joint during the run [°C], or None.
     """
 
     name: str
@@ -68,6 +69,7 @@ class Group:
     q: Array | None = None
     tau_joint: Array | None = None
     theta_ref: Array | None = None
+    temperature: Array | None = None
 
     @property
     def samples(self) -> int:

@@ -90,6 +90,11 @@ def values(numbers: list[float] | None) -> Array | None:
     return array
 
 
+def temperatures(numbers: list[float] | None, n: int) -> Array | None:
+    """A group's temperatures, one per joint, from one per joint or one for all."""
+    return values(numbers * n if numbers and len(numbers) == 1 else numbers)
+
+
 def inside(folder: Path, name: str, file: Path, place: str) -> Path:
     """The file `name` in `folder`; InputError when it lies outside (also by a link) or does not exist."""
     try:
@@ -207,7 +212,10 @@ def read_group(
     if found.filled or found.jitters:
         time = time.copy()  # so that the table can be forgotten
     names = entry.name, entry.trajectory, entry.payload
-    return Group(*names, bodies, entry.validation, file, found.segments, time, **compared)
+    degrees = temperatures(entry.temperature, n)
+    return Group(
+        *names, bodies, entry.validation, file, found.segments, time, **compared, temperature=degrees
+    )
 
 
 def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from flexviz.errors import InputError, choose_from
 from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
@@ -13,6 +13,10 @@ from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, fi
 FILE_NAME = "measurements.toml"
 FORMAT = 1
 LONGEST_HOLD = 0.1  # [s] a longer hold of the torque can only be a wrong unit
+COLDEST, HOTTEST = -60.0, 250.0  # [°C] of a joint; anything beyond can only be a wrong unit
+
+Temperatures = Annotated[list[Number], BeforeValidator(lambda x: x if isinstance(x, list) else [x])]
+"""[°C] one per joint; a single number holds for all joints."""
 
 
 class Initial(StrictTable):
@@ -58,6 +62,7 @@ class GroupEntry(StrictTable):
     payload: Text
     file: Text
     validation: bool = False
+    temperature: Temperatures | None = None
 
 
 class SetHeader(StrictTable):
@@ -78,6 +83,20 @@ class SetHeader(StrictTable):
                 if values is not None and len(values) != n:
                     message = f"{len(values)} values for {n} joints, expected one per joint ({n})"
                     raise InputError(message, file=file, place=f"{name}.{key}")
+
+    @staticmethod
+    def check_temperature(values: list[float] | None, n: int, file: Path | None, place: str) -> None:
+        """InputError for temperatures [°C] that are not one per joint, or that no joint has."""
+        if values is None:
+            return
+        place = f"{place}, temperature"
+        if len(values) not in (1, n):
+            message = f"{len(values)} values for {n} joints, expected one per joint ({n}) or one for all"
+            raise InputError(message, file=file, place=place)
+        for value in values:
+            if not COLDEST <= value <= HOTTEST:
+                message = f"found {value:g}, expected {COLDEST:g} to {HOTTEST:g} °C"
+                raise InputError(message, file=file, place=place)
 
 
 class MeasurementFile(SetHeader):
@@ -108,6 +127,9 @@ def parse(data: dict[str, Any], file: Path) -> MeasurementFile:
     content = validate(MeasurementFile, data, file, FORMAT)
     content.check_lengths(len(content.joints), file)
     check_names(content, file)
+    for index, group in enumerate(content.groups):
+        place = f'group {index + 1} "{group.name}"'
+        content.check_temperature(group.temperature, len(content.joints), file, place)
     return content
 
 

@@ -41,6 +41,7 @@ class GroupTable:
     tau_joint: Array | None = None  # [Nm]
     theta_ref: Array | None = None  # [rad]
     validation: bool = False
+    temperature: Sequence[float] | Array | None = None  # (n,) or (1,) [°C]
     file: str | None = None  # name of its table; None: `<name>.parquet` or `.csv`
 
     @staticmethod
@@ -51,7 +52,8 @@ class GroupTable:
             signals["time"] = group.time  # as recorded: no rounding is added
         signals |= {name: group.at(name, signals["time"]) for name in OPTIONAL_SIGNALS}
         names = group.name, group.trajectory, group.payload
-        return GroupTable(*names, validation=group.validation, file=group.file.name, **signals)
+        signals |= {"validation": group.validation, "temperature": group.temperature}
+        return GroupTable(*names, file=group.file.name, **signals)
 
 
 def write_set(
@@ -103,6 +105,7 @@ def write_set(
             {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
             | {"file": group.file or group.name + SUFFIXES[table_format]}
             | ({"validation": True} if group.validation else {})
+            | numbers(temperature=group.temperature)
             for group in groups
         ],
     }

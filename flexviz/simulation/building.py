@@ -13,6 +13,7 @@ from flexviz.model import EffectValue, FlexibleModel
 from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation.effect_laws import LAWS, STANDARD_GRAVITY, Assembly
 from flexviz.simulation.extra_laws import UserEffectLaw
+from flexviz.simulation.laws import ROOM_TEMPERATURE
 from flexviz.simulation.plant import Array, Plant
 
 
@@ -36,10 +37,12 @@ def make_plant(
     *,
     group: str | None = None,
     payload_name: str | None = None,
+    temperature: Sequence[float] | Array | None = None,
 ) -> tuple[Plant, TorquePath]:
     """The plant of `robot` with the parameters and effects of `model`, in Pinocchio's joint order.
 
-    An effect with a group or a payload acts only if it is `group` or `payload_name`.
+    An effect with a group or a payload acts only if it is `group` or `payload_name`. `temperature` (n,) [°C]
+    is the joints'; None: 20 °C.
     """
     if model.joints != robot.joints:
         raise InputError(f"the model's joints {model.joints} are not the robot's {robot.joints}")
@@ -50,8 +53,10 @@ def make_plant(
         robot.to_pin(model.link_viscous_friction),
         robot.to_pin(model.motor_viscous_friction),
     )
+    degrees = np.full(robot.n, ROOM_TEMPERATURE) if temperature is None else np.asarray(temperature, float)
+    gravity, nothing = (0.0, 0.0, -STANDARD_GRAVITY), np.zeros(robot.n)
     made = Assembly(
-        robot, plant, tuple(payload), (0.0, 0.0, -STANDARD_GRAVITY), np.zeros(robot.n), np.zeros(robot.n)
+        robot, plant, tuple(payload), gravity, nothing.copy(), nothing.copy(), robot.to_pin(degrees)
     )
     for effect in model.effects:
         if effect.group not in (None, group) or effect.payload not in (None, payload_name):

@@ -27,6 +27,7 @@ class Assembly:
         bodies: the payload.
         gravity: shape (3,), in the base frame [m/s²].
         gain_error, delay: shape (n,), of the torque path [-], [s].
+        temperature: shape (n,), of the joints during the run [°C].
     """
 
     robot: Robot
@@ -35,6 +36,7 @@ class Assembly:
     gravity: tuple[float, float, float]
     gain_error: Array
     delay: Array
+    temperature: Array
 
 
 def neighbour(robot: Robot, i: int) -> int:
@@ -114,6 +116,13 @@ def _friction_drift(made: Assembly, joints: Sequence[int], p: Parameters) -> Non
     made.plant.motor_laws += [(i, laws.friction_drift(**p, viscous=float(viscous[i]))) for i in joints]
 
 
+def _temperature_friction(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
+    degrees = made.temperature
+    made.plant.motor_laws += [
+        (i, laws.temperature_friction(**p, temperature=float(degrees[i]))) for i in joints
+    ]
+
+
 def _torque_gain(made: Assembly, joints: Sequence[int], p: Parameters) -> None:
     made.gain_error[list(joints)] += p["gain_error"]
 
@@ -155,6 +164,7 @@ LAWS: dict[str, EffectLaw] = {
     "presliding_hysteresis": EffectLaw(_presliding, positive=("presliding_stiffness", "coulomb")),
     "startup_friction": EffectLaw(_startup_friction, positive=("angle",)),
     "friction_drift": EffectLaw(_friction_drift, positive=("time_constant",)),
+    "temperature_friction": EffectLaw(_temperature_friction, not_negative=("viscous_fall",)),
     "torque_ripple": motor(laws.torque_ripple),
     "torque_offset": motor(laws.torque_offset),
     "torque_gain": EffectLaw(_torque_gain),

@@ -11,6 +11,7 @@ import numpy as np
 from flexviz._pinocchio import pin
 from flexviz.effects import EFFECTS, Effect, JointScale, is_user_defined
 from flexviz.errors import InputError, choose_from
+from flexviz.measurements import SetHeader
 from flexviz.model import EffectValue
 from flexviz.simulation.building import is_simulated, simulated_effects
 from flexviz.simulation.effect_laws import LAWS
@@ -18,6 +19,7 @@ from flexviz.simulation.plan import Plan
 from flexviz.simulation.plant import Array
 
 NONE = "none"
+TEMPERATURES = (25.0, 45.0, 35.0, 40.0)  # [°C] in turn, of groups that state none, where an effect needs them
 _NAMES = ("group", "payload")  # keys whose value is a name
 
 
@@ -38,7 +40,25 @@ def inject(plan: Plan, wanted: Sequence[str]) -> Plan:
         if where.count(one) > 1:
             place = " ".join(str(x) for x in one[1:] if x)
             raise InputError(f'effect "{one[0]}" is given twice{f" on {place}" if place else ""}')
+    unknown = any(group.temperature is None for group in plan.groups)
+    if unknown and any(EFFECTS[e.effect].by_temperature for e in effects):
+        turns = range(len(plan.groups))
+        plan = at_temperatures(plan, [TEMPERATURES[k % len(TEMPERATURES)] for k in turns])
     return replace(plan, model=replace(plan.model, effects=(*plan.model.effects, *effects)))
+
+
+def at_temperatures(plan: Plan, degrees: Sequence[float]) -> Plan:
+    """The plan with temperatures [°C], one per group or one for all; the same for all joints of a group."""
+    if len(degrees) not in (1, len(plan.groups)):
+        expected = f"one per group ({len(plan.groups)}) or one for all"
+        raise InputError(f"{len(degrees)} temperatures, expected {expected}")
+    SetHeader.check_temperature(list(degrees), len(degrees), None, "groups")
+    each = degrees if len(degrees) > 1 else [degrees[0]] * len(plan.groups)
+    groups = (
+        replace(group, temperature=(float(value),) * plan.robot.n)
+        for group, value in zip(plan.groups, each, strict=True)
+    )
+    return replace(plan, groups=tuple(groups))
 
 
 def parse(text: str, plan: Plan) -> list[EffectValue]:
@@ -106,6 +126,7 @@ def default_parameters(name: str, joint: str | None, plan: Plan, size: MotionSca
             neighbour_inertia=float(plan.model.motor_inertia[j]),
             position=float(plan.groups[0].reference.sample(np.zeros(1))[0][0, i]),
             duration=plan.groups[0].duration,
+            viscous=float(plan.model.link_viscous_friction[i] + plan.model.motor_viscous_friction[i]),
         )
     )
     if not is_user_defined(name):  # examples of user-defined effects are not rounded

@@ -20,6 +20,7 @@ from flexviz.simulation.extra_laws import ExtraLaw, Pull
 SIGN_WIDTH = 0.005  # [rad/s]
 REST_SPEED = 0.005  # [rad/s] below which start-up friction returns ...
 REST_TIME = 0.1  # [s] ... within this time
+ROOM_TEMPERATURE = 20.0  # [°C] of a run that states none
 
 MotorLaw = Callable[[float, float, float, float], float]
 LinkLaw = Callable[[float, float, float], float]
@@ -64,6 +65,13 @@ def friction_drift(relative_rise: float, time_constant: float, viscous: float) -
     """f_mv θ̇ · a exp(−t/T), t the group's own time"""
     rise = relative_rise * viscous
     return lambda t, theta, velocity, load: rise * velocity * exp(-t / time_constant)
+
+
+def temperature_friction(viscous_fall: float, coulomb_fall: float, temperature: float) -> MotorLaw:
+    """(20 °C − T) a_v θ̇ + (20 °C − T) a_c sign(θ̇)"""
+    viscous = viscous_fall * (ROOM_TEMPERATURE - temperature)
+    coulomb = coulomb_fall * (ROOM_TEMPERATURE - temperature)
+    return lambda t, theta, velocity, load: viscous * velocity + coulomb * tanh(velocity / SIGN_WIDTH)
 
 
 def torque_ripple(amplitude: float, order: float, phase: float) -> MotorLaw:

@@ -60,7 +60,14 @@ def replay(
     gain = np.broadcast_to(np.asarray(kd, dtype=float), robot.n) if closed else None
     model, left_out = without_unsimulated(model)
     model, changes = _resolvable(robot, model, group, gain, cycle)
-    plant, torque_path = make_plant(robot, model, group.bodies, group=group.name, payload_name=group.payload)
+    plant, torque_path = make_plant(
+        robot,
+        model,
+        group.bodies,
+        group=group.name,
+        payload_name=group.payload,
+        temperature=group.temperature,
+    )
     gains = (kp, kd) if closed else _weak_gains(robot, plant, group)
     total = sum(len(segment) for segment in group.segments)
     runs: list[Run] = []

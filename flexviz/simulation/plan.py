@@ -24,6 +24,7 @@ class PlannedGroup:
     Attributes:
         duration: [s].
         record_step: the recording's step [s]; None: every controller cycle.
+        temperature: of each joint [°C], stated in the set.
     """
 
     name: str
@@ -33,6 +34,7 @@ class PlannedGroup:
     duration: float
     record_step: float | None = None
     validation: bool = False
+    temperature: tuple[float, ...] | None = None
 
 
 def four_groups(
@@ -106,6 +108,7 @@ class Plan:
             seed=seed,  # type: ignore[arg-type]
             group=group.name,
             payload_name=group.payload,
+            temperature=group.temperature,
             laws=self.laws,
             progress=progress,
             should_stop=should_stop,

@@ -79,6 +79,7 @@ def planned(group: Group) -> PlannedGroup:
         duration=len(time) * step,
         record_step=step,
         validation=group.validation,
+        temperature=None if group.temperature is None else tuple(map(float, group.temperature)),
     )
 
 

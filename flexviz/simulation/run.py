@@ -72,6 +72,7 @@ def simulate_run(
     seed: int | np.random.Generator | None = None,
     group: str | None = None,
     payload_name: str | None = None,
+    temperature: Sequence[float] | None = None,
     laws: Sequence[tuple[str, ExtraLaw]] = (),
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
@@ -80,7 +81,7 @@ def simulate_run(
 
     `step` is the largest integration step [s] (None: from the fastest motion), `record_step` the recording's
     step [s] (None: every controller cycle). `start` "rest": in static equilibrium at θ_d(0); "moving": on the
-    reference, with its velocity. `laws` are (joint, law) beyond the library's.
+    reference, with its velocity. `temperature` (n,) in °C. `laws` are (joint, law) beyond the library's.
 
     Raises:
         Cancelled: `should_stop` returned True.
@@ -88,13 +89,12 @@ def simulate_run(
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; valid: {", ".join(STARTS)}')
     cycle = controller.cycle
-    every = max(1, round((record_step or cycle) / cycle))
-    if record_step is not None and abs(every * cycle - record_step) > 1e-9:
-        raise InputError(f"record step {record_step} s is not a multiple of the controller cycle {cycle} s")
-    n, cycles = robot.n, round(duration / cycle)
-    time = np.arange(cycles) * cycle
+    every = _cycles_per_record(record_step or cycle, cycle)
+    n, time = robot.n, np.arange(round(duration / cycle)) * cycle
     position, velocity = (robot.to_pin(x) for x in reference.sample(time))
-    plant, torque_path = make_plant(robot, model, payload, group=group, payload_name=payload_name)
+    plant, torque_path = make_plant(
+        robot, model, payload, group=group, payload_name=payload_name, temperature=temperature
+    )
     plant.extra += [(int(robot.order[robot.joints.index(joint)]), law) for joint, law in laws]
     kp, kd = (robot.to_pin(np.broadcast_to(gain, n)) for gain in (controller.kp, controller.kd))
     if start == "rest":
@@ -105,7 +105,7 @@ def simulate_run(
     smooth = None if controller.torque_filter is None else TorqueFilter(controller.torque_filter, cycle, tau)
     feedback = None
     if sensors is not None and sensors.feedback:
-        feedback = Feedback(sensors.reordered(robot.to_pin, n), cycles, n, cycle, x, seed)
+        feedback = Feedback(sensors.reordered(robot.to_pin, n), len(time), n, cycle, x, seed)
     loop = Loop(plant, torque_path, kp * position + kd * velocity, kp, kd, cycle, smooth, feedback, step)
     states, torques = loop.drive(x, tau, None, progress, should_stop)
     hold = cycle
@@ -117,6 +117,14 @@ def simulate_run(
         torque = sensors.quantise_torque(run.tau + robot.from_pin(feedback.torque_noise[::every]))
         return replace(run, theta=seen, tau=torque)
     return run if sensors is None else run.measured(sensors, seed)
+
+
+def _cycles_per_record(record_step: float, cycle: float) -> int:
+    """Controller cycles per recorded sample; both arguments in s."""
+    every = max(1, round(record_step / cycle))
+    if abs(every * cycle - record_step) > 1e-9:
+        raise InputError(f"record step {record_step} s is not a multiple of the controller cycle {cycle} s")
+    return every
 
 
 def to_run(

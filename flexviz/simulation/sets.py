@@ -13,7 +13,7 @@ from flexviz.errors import InputError, choose_from
 from flexviz.measurements import GroupTable, check_free, read_set, write_set
 from flexviz.progress import ProgressCallback, StopCallback, part
 from flexviz.simulation.from_urdf import plan_from_urdf
-from flexviz.simulation.inject import inject
+from flexviz.simulation.inject import at_temperatures, inject
 from flexviz.simulation.plan import Plan
 from flexviz.simulation.presets import PRESETS, make_preset
 from flexviz.simulation.resimulating import plan_from_set
@@ -30,8 +30,16 @@ class SimulatedSet:
     seed: int
 
 
-def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str = "rest") -> Plan:
-    """The plan of a preset, of a robot's URDF, or of a set to repeat, with effects hidden in it."""
+def make_plan(
+    preset_or_set: str | Path,
+    effects: Sequence[str] = (),
+    start: str = "rest",
+    temperatures: Sequence[float] = (),
+) -> Plan:
+    """The plan of a preset, of a robot's URDF, or of a set to repeat, with effects hidden in it.
+
+    `temperatures` [°C]: one per group, or one for all; none leaves them as they are.
+    """
     if start not in STARTS:
         raise InputError(f'start "{start}" does not exist; {choose_from(start, STARTS)}')
     name = str(preset_or_set)
@@ -44,7 +52,7 @@ def make_plan(preset_or_set: str | Path, effects: Sequence[str] = (), start: str
     else:
         valid = choose_from(name, PRESETS)
         raise InputError(f'"{name}" is neither a preset nor a measurement set; {valid}')
-    return inject(plan, effects)
+    return inject(at_temperatures(plan, temperatures) if temperatures else plan, effects)
 
 
 def simulate_preset(
@@ -56,18 +64,20 @@ def simulate_preset(
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
     *,
+    temperatures: Sequence[float] = (),
     overwrite: bool = False,
     table_format: str = "parquet",
 ) -> SimulatedSet:
     """Simulate a preset, a URDF or a measurement set, and write it to `out` completely or not at all.
 
-    Equal arguments give equal numbers.
+    Equal arguments give equal numbers. `temperatures` [°C] are those of the groups, one each or one for all;
+    the set then states them.
 
     Raises:
         Cancelled: `should_stop` returned True.
     """
     check_free(Path(out).absolute(), overwrite)  # before the work, not after it
-    plan = make_plan(preset_or_set, effects, start)
+    plan = make_plan(preset_or_set, effects, start, temperatures)
     runs = simulate_plan(plan, seed, progress, should_stop)
     return SimulatedSet(
         write_plan(plan, runs, out, seed, overwrite=overwrite, table_format=table_format), plan, seed
@@ -138,6 +148,7 @@ def write_plan(
             tau_joint=runs[group.name].tau_joint if plan.extra else None,
             theta_ref=runs[group.name].theta_ref,
             validation=group.validation,
+            temperature=group.temperature,
         )
         for group in plan.groups
     ]
