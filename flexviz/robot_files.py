@@ -26,6 +26,7 @@ from flexviz.urdf_checks import LARGEST_URDF, check_urdf
 EXAMPLE_ROBOT_DATA = "example-robot-data"
 SHIPPED = "robots"
 SETTINGS: tuple[str, ...] = ("planar_2r", "panda", "ur5")
+MESH_SUFFIXES = {".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"}
 _SUFFIXES = ("_robot", "_description")
 
 
@@ -119,7 +120,10 @@ def mesh_names(urdf: str) -> Iterator[str]:
 
 
 def resolve_mesh(name: str, urdf_path: Path) -> Path:
-    """The file of a mesh name in `urdf_path`; InputError if it does not exist."""
+    """The file of a mesh name in `urdf_path`; InputError if it does not exist or cannot be a mesh.
+
+    Meshes are copied into measurement sets and exports: no other file may get there under that name.
+    """
     folder = urdf_path.parent
     match = re.match(r"(package|file|model)://(.*)", name)
     if match is None:
@@ -130,9 +134,18 @@ def resolve_mesh(name: str, urdf_path: Path) -> Path:
         inside = match[2].split("/", 1)[-1]
         above = (parent / match[2] for parent in folder.resolve().parents)
         tried = [share_dir() / match[2], *above, folder / match[2], folder / inside, folder.parent / inside]
+    if match is not None and match[1] != "file" and ".." in Path(match[2]).parts:
+        raise InputError(f'mesh "{name}" leads out of its package', file=urdf_path)
     for path in tried:
-        if path.is_file():
-            return path
+        try:
+            real = path.resolve() if path.is_file() else None
+        except (OSError, ValueError):  # a name that is too long, or holds a zero byte
+            continue
+        if real is not None:
+            if {path.suffix.lower(), real.suffix.lower()} <= MESH_SUFFIXES:
+                return path
+            expected = ", ".join(sorted(MESH_SUFFIXES))
+            raise InputError(f'mesh "{name}" is no mesh by its name, expected {expected}', file=urdf_path)
     raise InputError(f'mesh "{name}" not found (looked for {tried[0]})', file=urdf_path)
 
 

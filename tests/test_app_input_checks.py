@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import logging
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,9 +14,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from flexviz.app import access
+from flexviz.app.access import RateLimit, admitted, is_loopback
 from flexviz.app.events import EventQueue
 from flexviz.app.page import Page
-from flexviz.app.server import admitted, is_loopback, start_server
+from flexviz.app.server import start_server
 from flexviz.errors import InputError
 
 viser = pytest.importorskip("viser")
@@ -41,6 +44,7 @@ class Controls:
         self.text = page.watch(gui.add_text("t", "x"), nothing)
         self.button = page.client_button("b", nothing)
         self.off = page.client_button("off", nothing, disabled=True)
+        self.upload = page.upload("u", nothing)
         self.row = page.choose(gui.add_button_group("g", ("x", "y")), nothing)
 
     def name(self, uuid: Any) -> str:
@@ -227,6 +231,31 @@ def test_unwanted_messages_do_nothing(
     assert server._share_tunnel is None
 
 
+def test_uploads_that_stop_do_not_block_others(
+    client: ClientConnection, controls: Controls, server: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    states = server.gui._current_file_upload_states
+    message = {
+        "type": "FileTransferStartUpload", "source_component_uuid": controls.upload._impl.uuid,
+        "filename": "a.csv", "mime_type": "text/csv", "part_count": 1, "size_bytes": 10,
+    }  # fmt: skip
+    while not server.get_clients():
+        time.sleep(0.02)
+    for number in range(6):
+        client.send(packed(message | {"transfer_uuid": f"t{number}"}))
+    settle(controls.queue, client, controls)
+    assert list(states) == ["t0", "t1", "t2", "t3"]
+    payloads = []
+    while data := _receive(client, 0.5):
+        payloads.append(_decoded(data))
+    said = [m for p in payloads for m in p["messages"] if m.get("type") == "NotificationShowMessage"]
+    assert "4 uploads run already" in str(said)
+    monkeypatch.setattr("flexviz.app.server.UPLOAD_PATIENCE", -1.0)
+    client.send(packed(message | {"transfer_uuid": "last"}))
+    settle(controls.queue, client, controls)
+    assert list(states) == ["last"]
+
+
 @pytest.mark.parametrize(
     "garbage", [b"", b"\xc1", b"not msgpack", msgpack.packb({"type": "NoSuchMessage"}), "text"]
 )
@@ -247,13 +276,72 @@ def test_garbage_ends_only_its_own_connection(
 # -- who may connect -------------------------------------------------------------------------------------
 
 
-def status_for(port: int, **headers: str) -> int:
+def answer_for(port: int, path: str = "/", **headers: str) -> http.client.HTTPResponse:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
-    connection.putrequest("GET", "/", skip_host="Host" in headers)
+    connection.putrequest("GET", path, skip_host="Host" in headers)
     for name, value in headers.items():
         connection.putheader(name, value)
     connection.endheaders()
-    return connection.getresponse().status
+    return connection.getresponse()
+
+
+def status_for(port: int, **headers: str) -> int:
+    return answer_for(port, **headers).status
+
+
+def test_other_machines_need_the_token(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="expected a token"):
+        start_server("0.0.0.0", 0)
+    server = start_server("0.0.0.0", 0, "secret")
+    try:
+        port = server.get_port()
+        for path in ("/", "/?token=", "/?token=wrong", "/?token=%ff", "/index.html"):
+            assert answer_for(port, path).status == 403
+        for cookie in ("flexviz=secret", f"flexviz_{port}=wrong", "=;=", "\xe9"):
+            assert answer_for(port, Cookie=cookie).status == 403
+        with pytest.raises(InvalidStatus):
+            connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL])
+        first = answer_for(port, "/?token=secret")
+        assert first.status == 303 and first.headers["Location"] == "/"
+        cookie = first.headers["Set-Cookie"].partition(";")[0]
+        assert "HttpOnly" in first.headers["Set-Cookie"] and "Strict" in first.headers["Set-Cookie"]
+        assert answer_for(port, Cookie=cookie).status == 200
+        assert answer_for(port, Cookie=cookie, Host="evil.example").status == 403
+        url = f"ws://127.0.0.1:{port}"
+        with connect(
+            url, subprotocols=[PROTOCOL], max_size=None, additional_headers={"Cookie": cookie}
+        ) as one:
+            one.send(camera())
+            assert one.recv(timeout=5)
+    finally:
+        server.stop()
+
+
+def test_no_other_page_can_frame_this_one(server: Any) -> None:
+    headers = answer_for(server.get_port()).headers
+    assert headers["X-Frame-Options"] == "DENY" and headers["X-Content-Type-Options"] == "nosniff"
+    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+
+
+def test_malformed_frames_do_not_fill_the_log(server: Any, caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(60):
+        with connect(f"ws://127.0.0.1:{server.get_port()}", subprotocols=[PROTOCOL], max_size=None) as one:
+            one.send(b"not msgpack")
+            with pytest.raises(ConnectionClosed):
+                while True:
+                    one.recv(timeout=5)
+    assert len(caplog.text.splitlines()) < 30 and "Traceback" not in caplog.text
+
+
+def test_what_was_not_logged_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr(access.time, "monotonic", lambda: now[0])
+    limit = RateLimit()
+    record = lambda: logging.LogRecord("x", logging.WARNING, "", 0, "no %s", ("value",), None)  # noqa: E731
+    assert sum(limit.filter(record()) for _ in range(100)) == access.LOG_LINES
+    now[0] = access.LOG_PERIOD
+    last = record()
+    assert limit.filter(last) and last.getMessage() == "no value (80 more were not logged)"
 
 
 def test_pages_of_other_sites_are_refused(server: Any) -> None:
@@ -288,11 +376,21 @@ def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, s
         ("127.0.0.1", "localhost:8080", "http://localhost:9999", False),
         ("127.0.0.1", "robot.example:8080", None, False),
         ("127.0.0.1", None, None, False),
-        ("0.0.0.0", "robot.example:8080", "http://robot.example:8080", True),
-        ("0.0.0.0", "robot.example:8080", "http://evil.example", False),
+        ("127.0.0.1", "[:8080", None, False),
+        ("127.0.0.1", "192.168.1.5:8080", None, False),
+        ("0.0.0.0", "192.168.1.5:8080", "http://192.168.1.5:8080", True),
+        ("0.0.0.0", "192.168.1.5:8080", "http://evil.example", False),
+        ("0.0.0.0", "lab-pc:8080", "http://lab-pc:8080", True),
+        ("0.0.0.0", "lab-pc.local:8080", None, True),
+        ("0.0.0.0", "evil.example:8080", "http://evil.example:8080", False),
+        ("robot.example", "robot.example:8080", "http://robot.example:8080", True),
     ],
 )
-def test_who_is_admitted(bound_to: str, host: str | None, origin: str | None, expected: bool) -> None:
+def test_who_is_admitted(
+    bound_to: str, host: str | None, origin: str | None, expected: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access.socket, "gethostname", lambda: "lab-pc")
+    monkeypatch.setattr(access.socket, "getfqdn", lambda: "lab-pc.example.org")
     assert admitted(bound_to, host, origin) is expected
 
 
@@ -307,7 +405,7 @@ def test_ports(server: Any) -> None:
     with pytest.raises(InputError, match="65535"):
         start_server("127.0.0.1", 99999)
     with pytest.raises(InputError, match="cannot listen"):
-        start_server("no.such.host.invalid")
+        start_server("no.such.host.invalid", token="secret")
 
 
 def test_binds_loopback_only(server: Any) -> None:

@@ -13,6 +13,7 @@ from flexviz.app import uploads
 from flexviz.app.uploads import UploadFolder, new_folder, safe_name, take, unpack
 from flexviz.errors import InputError
 from flexviz.measurements import read_set
+from flexviz.session import Session, save_session
 from tests.small_set import write_small_set
 
 
@@ -125,6 +126,15 @@ def test_a_zip_without_its_robot_waits_for_it(tmp_path: Path, incoming: UploadFo
     assert incoming.missing() == ["robot.urdf"] and not incoming.no_set
     incoming.put("robot.urdf", urdf)
     assert not incoming.missing() and take(incoming.folder, tmp_path / "in").name == "mine"
+
+
+def test_a_session_cannot_name_a_set_elsewhere(tmp_path: Path, incoming: UploadFolder) -> None:
+    measurements = read_set(write_small_set(tmp_path / "private"))
+    folder = save_session(Session.of(measurements), measurements, tmp_path / "kept")
+    incoming.unpack("mine.zip", zip_of(set_files(folder)))
+    assert incoming.missing() == ["measurements.toml"]
+    with pytest.raises(InputError, match=r"measurements\.toml is missing, expected a session that carries"):
+        take(incoming.folder, tmp_path / "in")
 
 
 def test_what_cannot_be_read_is_not_taken(tmp_path: Path, incoming: UploadFolder) -> None:

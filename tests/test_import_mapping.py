@@ -163,7 +163,7 @@ def test_meshes_come_along(tmp_path: Path) -> None:
     mesh = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
     urdf = (tmp_path / "robot.urdf").read_text()
     both = mesh.format("mesh dir/a.stl") + mesh.format("package://gone/b.stl")
-    both += mesh.format("package://gone/c.stl")
+    both += mesh.format("package://gone/c.stl") + mesh.format("file:///etc/passwd")
     (tmp_path / "robot.urdf").write_text(
         urdf.replace('<link name="base"/>', f'<link name="base">{both}</link>')
     )
@@ -171,7 +171,8 @@ def test_meshes_come_along(tmp_path: Path) -> None:
     assert (tmp_path / "set" / "meshes" / "a.stl").read_bytes().startswith(b"solid a")
     assert 'filename="meshes/a.stl"' in (tmp_path / "set" / "robot.urdf").read_text()
     (warning,) = done.warnings
-    assert warning.startswith("2 meshes are missing, ") and "gone/b.stl" in warning
+    assert warning.startswith("3 meshes are missing, ") and "gone/b.stl" in warning
+    assert [file.name for file in (tmp_path / "set" / "meshes").iterdir()] == ["a.stl"]
 
 
 def test_no_two_results(tmp_path: Path) -> None:

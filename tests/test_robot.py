@@ -138,6 +138,25 @@ def test_bad_urdf_link_and_mesh(slider: Path) -> None:
         Robot.load("bad.urdf", base=slider)
 
 
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("file:///etc/passwd", "no mesh by its name"),
+        ("../secret.txt", "no mesh by its name"),
+        ("link.stl", "no mesh by its name"),
+        ("package://../../etc/x.stl", "leads out of its package"),
+        ("package://slider/../secret.stl", "leads out of its package"),
+        ("a" * 400, "not found"),
+        ("a\0.stl", "not found"),
+    ],
+)
+def test_only_meshes_are_taken_for_meshes(name: str, why: str, slider: Path) -> None:
+    (slider.parent / "secret.txt").write_text("secret")
+    (slider / "link.stl").symlink_to(slider.parent / "secret.txt")
+    with pytest.raises(InputError, match=why):
+        resolve_mesh(name, slider / "slider.urdf")
+
+
 def test_model_checks_shapes() -> None:
     one = np.ones(2)
     with pytest.raises(InputError, match="inertial has shape"):

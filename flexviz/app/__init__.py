@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import secrets
 import signal
+import socket
 import sys
 import threading
 import time
@@ -20,21 +22,26 @@ def serve(
 
     Without `port` it listens on 8080 or the next free one.
     """
+    from flexviz.app.access import TOKEN, is_loopback
     from flexviz.app.application import Application
-    from flexviz.app.server import is_loopback, start_server
+    from flexviz.app.server import start_server
     from flexviz.app.tasks import open_set
     from flexviz.resources import sessions_dir
 
     begin = time.monotonic()
     opened = open_set(sessions_dir() / DEMO if path is None else path)
-    server = start_server(host, port)
+    token = "" if is_loopback(host) else secrets.token_urlsafe(24)
+    server = start_server(host, port, token)
     application = Application(server, opened)
     shown = f"[{host}]" if ":" in host else host
     url = f"http://{'localhost' if host in ('0.0.0.0', '::') else shown}:{server.get_port()}"
+    url += f"/?{TOKEN}={token}" if token else ""
     print(f"flexviz shows {opened.measurements.name} at {url} (Ctrl+C ends it)", flush=True)
     print(f"ready after {time.monotonic() - begin:.1f} s", file=sys.stderr, flush=True)
-    if not is_loopback(host):
-        print("warning: anybody who can reach this machine can use this page", file=sys.stderr, flush=True)
+    if token:
+        names = f"{socket.gethostname()} or this machine's address in place of localhost"
+        note = f"other machines reach this page with {names}; whoever has the whole address can use it"
+        print(note, file=sys.stderr, flush=True)
     if open_browser:
         import webbrowser
 

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
-from flexviz.app.server import is_loopback
+from flexviz.app.access import is_loopback
 from flexviz.app.state import Changed, FitProgress
 from flexviz.app.store import Store
 from flexviz.app.workspace import new_recording

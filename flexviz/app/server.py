@@ -1,29 +1,25 @@
-"""A viser server with access control by Host and Origin, and validation of all that browsers send.
+"""A viser server that validates all that browsers send; `access` decides who may reach it.
 
-viser does neither. The checks lean on viser's internal handler tables and on `serve` of the websocket
-library, so viser's version is pinned and tests/test_app_input_checks.py covers every check.
+The checks lean on viser's internal handler tables, so viser's version is pinned and
+tests/test_app_input_checks.py covers every check.
 """
 
 from __future__ import annotations
 
 import contextlib
-import http
 import io
-import ipaddress
 import logging
 import math
 import socket
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
-from urllib.parse import urlsplit
 
 import viser
-import websockets.asyncio.server as websocket_server
 from viser import _messages as messages
-from websockets.datastructures import Headers
-from websockets.http11 import Request, Response
 
+from flexviz.app.access import Access, guarded_serve, is_loopback, limit_logs
 from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.errors import InputError
 
@@ -38,15 +34,25 @@ UNWANTED = (
     messages.GuiFormDirtyMessage,
 )
 RUNNING_UPLOADS = 4  # at most, of all browsers
+UPLOAD_PATIENCE = 60.0  # [s] without a part, after which an upload is given up
 LONGEST_FILE_NAME = 400
 
 
-def start_server(host: str = "127.0.0.1", port: int | None = None) -> viser.ViserServer:
-    """Listen on `host`; without a port on 8080 or the next free one. A given port must be free (0: any)."""
+def start_server(host: str = "127.0.0.1", port: int | None = None, token: str = "") -> viser.ViserServer:
+    """Listen on `host`; without a port on 8080 or the next free one. A given port must be free (0: any).
+
+    Where other machines can reach it, browsers must show the `token`.
+    """
+    if not token and not is_loopback(host):
+        raise InputError(f"{host} can be reached from other machines, expected a token")
     if port is not None and not 0 <= port <= 65535:
         raise InputError(f"port {port} does not exist; expected 0 to 65535")
     check_free(host, port or 0)
-    with guarded_serve(host), contextlib.redirect_stdout(io.StringIO()):  # hides viser's banner
+    limit_logs()
+    with (
+        guarded_serve(Access(host, token)),
+        contextlib.redirect_stdout(io.StringIO()),
+    ):  # hides viser's banner
         server = viser.ViserServer(
             host=host, port=DEFAULT_PORT if port is None else port, label="flexviz", verbose=False
         )
@@ -63,59 +69,6 @@ def check_free(host: str, port: int) -> None:
             probe.bind(address)
     except OSError as error:
         raise InputError(f"cannot listen on {host}:{port} ({error.strerror or error})") from None
-
-
-def is_loopback(host: str) -> bool:
-    """True for localhost and loopback addresses."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
-
-
-def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
-    """Whether a request with these Host and Origin headers may reach a server bound to `bound_to`.
-
-    Pages of other sites must not reach this server: if it listens on loopback, Host must be a loopback name
-    (no DNS rebinding), and an Origin must equal the Host.
-    """
-    if not host:
-        return False
-    name = urlsplit(f"//{host}").hostname or ""
-    if is_loopback(bound_to) and not is_loopback(name):
-        return False
-    if origin is None:
-        return True
-    return urlsplit(origin).netloc.lower() == host.lower()
-
-
-@contextlib.contextmanager
-def guarded_serve(bound_to: str) -> Iterator[None]:
-    """Add the Host and Origin check to a ViserServer started in this context."""
-    module: Any = websocket_server  # viser looks `serve` up here when it starts
-    original = module.serve
-
-    def serve(*args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any) -> Any:
-        def check_first(connection: Any, request: Request) -> Response | None:
-            headers = request.headers
-            hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-            once = len(hosts) == 1 and len(origins) <= 1
-            if not once or not admitted(bound_to, hosts[0], origins[0] if origins else None):
-                log.warning("refused a request for Host %r from Origin %r", hosts, origins)
-                return Response(
-                    http.HTTPStatus.FORBIDDEN, "FORBIDDEN", Headers(), b"this address is not served\n"
-                )
-            return None if process_request is None else process_request(connection, request)
-
-        return original(*args, process_request=check_first, **kwargs)
-
-    module.serve = serve
-    try:
-        yield
-    finally:
-        module.serve = original
 
 
 # -- values ----------------------------------------------------------------------------------------------
@@ -242,12 +195,21 @@ def guard_uploads(server: viser.ViserServer) -> None:
     websocket.unregister_handler(messages.FileTransferStartUpload, gui._handle_file_transfer_start)
     websocket.unregister_handler(messages.FileTransferPart, gui._handle_file_transfer_part)
 
+    heard: dict[str, float] = {}  # transfer -> when its last part came [s, monotonic]
+
     def start(client_id: Any, message: messages.FileTransferStartUpload) -> None:
+        for transfer in [t for t in states if time.monotonic() - heard.get(t, 0.0) > UPLOAD_PATIENCE]:
+            log.warning("gave up an upload that has stopped: %s", states.pop(transfer)["filename"])
         uuid = message.source_component_uuid
         handle = gui._gui_input_handle_from_uuid.get(uuid) if isinstance(uuid, str) else None
         if refusal := upload_refusal(handle, message, len(states)):
             log.warning("refused an upload from browser %s: %s", client_id, refusal)
+            if (client := server.get_clients().get(client_id)) is not None:
+                client.add_notification("Upload refused", refusal, color="red", auto_close_seconds=12)
             return
+        if not states:
+            heard.clear()
+        heard[message.transfer_uuid] = time.monotonic()
         gui._handle_file_transfer_start(client_id, message)
 
     def part(client_id: Any, message: messages.FileTransferPart) -> None:
@@ -261,6 +223,7 @@ def guard_uploads(server: viser.ViserServer) -> None:
             log.warning("dropped an upload from browser %s: not as announced", client_id)
             states.pop(message.transfer_uuid, None)
             return
+        heard[message.transfer_uuid] = time.monotonic()
         gui._handle_file_transfer_part(client_id, message)
 
     websocket.register_handler(messages.FileTransferStartUpload, start)

@@ -110,6 +110,8 @@ def _copy(archive: zipfile.ZipFile, info: zipfile.ZipInfo, target: Path) -> None
 
 def take(uploaded: Path, parent: Path) -> Path:
     """Copy an uploaded set into a new folder in `parent`, if it can be read; returns the folder."""
+    if not (uploaded / MAIN).is_file():
+        raise InputError(f"{MAIN} is missing, expected a session that carries its set")
     try:
         open_session(uploaded)
     except InputError as error:
@@ -187,8 +189,11 @@ class UploadFolder:
         return [name for name in dict.fromkeys(found) if isinstance(name, str)]
 
     def missing(self) -> list[str]:
-        """The missing files: measurements.toml, then the files it names."""
-        if self.no_set:
+        """The missing files: measurements.toml, then the files it names.
+
+        A session must carry its set: the path of another one is not followed.
+        """
+        if not (self.folder / MAIN).is_file():
             return [MAIN]
         return [name for name in self.named() if not (self.folder / name).is_file()]
 

@@ -174,7 +174,11 @@ def serve(
     port: int | None = typer.Option(
         None, metavar="P", help="Port to listen on; default: 8080 or the next free one."
     ),
-    host: str = typer.Option("127.0.0.1", metavar="H", help="Address to listen on."),
+    host: str = typer.Option(
+        "127.0.0.1",
+        metavar="H",
+        help="Address to listen on; beyond this machine a token is needed, which is printed.",
+    ),
     browser: BrowserOption = True,
 ) -> int:
     """Show measured and identified motion side by side in the browser; Ctrl+C ends it."""

@@ -112,7 +112,7 @@ def _c_rows(name: str, table: CodeRows) -> str:
 
 
 def _comment(lines: Iterable[str]) -> str:
-    wrapped = _wrapped([_ascii(line).replace("*/", "* /").replace("/*", "/ *") for line in lines])
+    wrapped = _wrapped([_ascii(line) for line in lines])
     return "\n".join(["/*", *(f" * {line}".rstrip() for line in wrapped), " */"])
 
 
@@ -157,9 +157,10 @@ def _nested(value: Any, brackets: str, indent: int = 4) -> str:
 
 
 def _ascii(text: str) -> str:
-    """Text in ASCII."""
-    for character, instead in ASCII.items():
+    """A line of text in ASCII that ends no comment: names of joints and sets are in it."""
+    for character, instead in (ASCII | {"*/": "* /", "/*": "/ *"}).items():
         text = text.replace(character, instead)
+    text = "".join(character if character.isprintable() else " " for character in text)
     return text.encode("ascii", "replace").decode()
 
 
