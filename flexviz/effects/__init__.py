@@ -1,6 +1,7 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
+from flexviz.effects.free_curve import CURVES, FreeCurve, free_curve
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
@@ -20,6 +21,7 @@ from flexviz.effects.terms import (
 from flexviz.effects.user_effects import forget_effects, load_effects, loaded_files
 
 __all__ = [
+    "CURVES",
     "EFFECTS",
     "EFFECT_NAMES",
     "SIGN_VELOCITY",
@@ -29,6 +31,7 @@ __all__ = [
     "EffectEvidence",
     "EffectTarget",
     "ElasticStart",
+    "FreeCurve",
     "Guess",
     "JointMotion",
     "JointScale",
@@ -40,6 +43,7 @@ __all__ = [
     "Terms",
     "choose_effects",
     "forget_effects",
+    "free_curve",
     "is_user_defined",
     "known_names",
     "load_effects",

@@ -110,6 +110,7 @@ class Effect(ABC):
         only_among_many: a search for single effects leaves it out.
         after_rest: it acts on what follows a standstill only.
         size_at: positions of the parameters that are zero when the effect is absent.
+        stopgap: not physics: never a candidate, added only on request.
         usual: most robots have it, on any joint: the search backwards starts with it everywhere.
         constant: u is a constant torque.
         offset_parameter: parameter that amounts to a constant torque of the joint.
@@ -147,6 +148,7 @@ class Effect(ABC):
     only_among_many: ClassVar[bool] = False
     after_rest: ClassVar[bool] = False
     size_at: ClassVar[tuple[int, ...]] = (0,)
+    stopgap: ClassVar[bool] = False
     usual: ClassVar[bool] = False
     constant: ClassVar[bool] = False
     offset_parameter: ClassVar[str | None] = None
@@ -180,6 +182,18 @@ class Effect(ABC):
         if self.scope == "payload":
             return [EffectTarget(payload=payload) for payload in payloads]
         return [EffectTarget()] if self.scope == "set" else [EffectTarget(j) for j in range(joints)]
+
+    def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
+        """Its leading parameters, those that are `given`.
+
+        Args:
+            reach: "position" [rad], "velocity" [rad/s], "load" [Nm] and "time" [s] → their range on its joint.
+        """
+        return np.zeros(0)
+
+    def precision(self, torque: float) -> Array | None:
+        """Inverse covariance (P, P) of its prior, beside the parameters' own; `torque`: the joint's rms [Nm]."""
+        return None
 
     # -- judging a fit
 

@@ -6,8 +6,10 @@ import inspect
 from collections.abc import Sequence
 from importlib import import_module
 from types import ModuleType
+from typing import Any
 
 from flexviz.effects.effect import Effect
+from flexviz.effects.free_curve import free_curve
 from flexviz.effects.names import EFFECT_NAMES
 
 
@@ -32,4 +34,20 @@ def library(names: Sequence[str]) -> dict[str, Effect]:
     return found
 
 
-EFFECTS: dict[str, Effect] = library(EFFECT_NAMES)
+class Registry(dict[str, Effect]):
+    """Physical effects by name. Free curves are found by name, too, but not listed: they are not physics."""
+
+    def __missing__(self, name: str) -> Effect:
+        curve = free_curve(name)
+        if curve is None:
+            raise KeyError(name)
+        return curve
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or free_curve(str(name)) is not None
+
+    def get(self, name: str, default: object = None) -> Any:
+        return self[name] if name in self else default
+
+
+EFFECTS: dict[str, Effect] = Registry(library(EFFECT_NAMES))

@@ -39,6 +39,7 @@ class ParameterSpec:
         symbol: as in the equation; defaults to the name.
         above_torque: a torque that may exceed the largest measured one: it balances another.
         lower_occurs: the lower bound is a valid result (one cycle per turn), not a diverged search.
+        given: a constant of the effect, set from the range of the data (`Effect.constants`), not estimated.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ParameterSpec:
     symbol: str = ""
     lower_occurs: bool = False
     above_torque: bool = False
+    given: bool = False
 
     def __post_init__(self) -> None:
         if not self.symbol:

@@ -160,8 +160,7 @@ class OperatingPoint:
                 out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:
-                nothing = np.zeros(where.stop - where.start)
-                self._linear[effect] = law.terms(self.context, effect.place, nothing)
+                self._linear[effect] = law.terms(self.context, effect.place, x[where])
             unit = self._linear[effect]
             value = np.tensordot(x[where], unit.slopes, axes=1)
             out.append((where, Terms(unit.entry, unit.joints, value, unit.slopes)))

@@ -70,7 +70,7 @@ def bounded_step(
     gradient: Array, hessian: Array, x: Array, bounds: Bounds
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Gauss–Newton step within the bounds, and which parameters it holds at a bound, shape (P,) each."""
-    fixed = np.zeros(len(x), bool)
+    fixed = bounds.lower >= bounds.upper
     step = np.zeros(len(x))
     for _ in range(len(x)):
         free = ~fixed

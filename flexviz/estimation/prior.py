@@ -81,6 +81,8 @@ class Prior:
             unused.
         weight: of the inertial part, one number or shape (n,).
         log_spread: shape (P,), standard deviations of ln(x / centre), infinite without; None: all infinite.
+        coupled: parameters and the inverse covariance of a further normal part around `centre`, of each
+            effect that has one.
     """
 
     layout: Layout
@@ -89,6 +91,7 @@ class Prior:
     spread: Array
     weight: float | Array = 1.0
     log_spread: Array | None = None
+    coupled: tuple[tuple[slice, Array], ...] = ()
 
     def feasible(self, x: Array) -> bool:
         """Whether all bodies are physically consistent and the parameters of every effect admissible."""
@@ -111,7 +114,9 @@ class Prior:
         normal = ((x - self.centre) / self.spread)[self.layout.compliance.start :]
         ratio, precision = self._logs(x)
         relative_part = float(precision @ ratio**2)
-        return float((self.weight * divergence).sum() + 0.5 * normal @ normal + 0.5 * relative_part)
+        coupled = sum(float(d @ m @ d) for at, m in self.coupled for d in [(x - self.centre)[at]])
+        total = (self.weight * divergence).sum() + 0.5 * (normal @ normal + relative_part + coupled)
+        return float(total)
 
     def gradient_and_hessian(self, x: Array) -> tuple[Array, Array]:
         """Derivatives of `value`, shapes (P,) and (P, P)."""
@@ -130,6 +135,9 @@ class Prior:
         gradient[rest] = precision * (x - self.centre)[rest]
         index = np.arange(rest.start, size)
         hessian[index, index] = precision
+        for at, matrix in self.coupled:
+            gradient[at] += matrix @ (x - self.centre)[at]
+            hessian[at, at] += matrix
         ratio, precision = self._logs(x)
         tight = precision > 0
         gradient[tight] += precision[tight] * ratio[tight] / x[tight]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,8 @@ from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.measurements import MeasurementSet
 
 Array = NDArray[np.float64]
+
+GIVEN_SPREAD = 1e-9  # prior standard deviation of a constant that is not estimated
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ def start_values(measurements: MeasurementSet, equation: Equation) -> Start:
         shifted = slice(where.start - 2 * n, where.stop - 2 * n)
         law = EFFECTS[effect.effect]
         if law.linear and law.entry != "deflection":
-            unit = law.terms(point.context, effect.place, np.zeros(where.stop - where.start))
+            unit = law.terms(point.context, effect.place, _constants(lay, sig)[where])
             for m, joint in enumerate(unit.joints):
                 columns[:, joint, shifted] = unit.slopes[:, 0, :, m].T
 
@@ -105,12 +108,13 @@ def other_effects(start: Start, layout: Layout, signals: Signals) -> Start:
 def _assembled(lay: Layout, sig: Signals, x: Array, cad: Array, rigid_rms: Array) -> Start:
     """Prior and bounds around x."""
     largest = np.max(np.abs(sig.tau[0]), axis=0)
-    bounds = _bounds(lay, 1 / x[lay.compliance], x[lay.motor_inertia], largest)
+    bounds = _bounds(lay, 1 / x[lay.compliance], x[lay.motor_inertia], largest, _constants(lay, sig))
     x = bounds.clip(x)
     centre = x.copy()
-    centre[lay.effect_start :] = 0.0
+    centre[lay.effect_start :] = np.where(bounds.lower == bounds.upper, x, 0.0)[lay.effect_start :]
     rms_torque = np.sqrt(np.mean(sig.tau[0] ** 2, axis=0))
-    prior = Prior(lay, cad, centre, _spread(lay, x, rms_torque, sig.theta[1]))
+    spread = _spread(lay, x, rms_torque, sig.theta[1])
+    prior = Prior(lay, cad, centre, spread, coupled=tuple(_coupled(lay, rms_torque)))
     return Start(x, prior, bounds, rigid_rms)
 
 
@@ -170,7 +174,32 @@ def _feasible_between(cad: Array, fitted: Array) -> Array:
     return out
 
 
-def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque: Array) -> Bounds:
+def _constants(lay: Layout, sig: Signals) -> Array:
+    """Constants of the effects from the range of the data, zero elsewhere, shape (P,)."""
+    out = np.zeros(lay.size)
+    for effect, where in lay.effect_slices():
+        j = effect.joint
+        if j is None:
+            continue
+        values = {"position": sig.theta[0, :, j], "velocity": sig.theta[1, :, j], "load": sig.tau[0, :, j]}
+        reach = {name: (float(v.min()), float(v.max())) for name, v in (values | {"time": sig.time}).items()}
+        constants = EFFECTS[effect.effect].constants(reach)
+        out[where.start : where.start + len(constants)] = constants
+    return out
+
+
+def _coupled(lay: Layout, rms_torque: Array) -> Iterator[tuple[slice, Array]]:
+    """Parameters with a joint prior, and its inverse covariance."""
+    for effect, where in lay.effect_slices():
+        j = slice(None) if effect.joint is None else effect.joint
+        precision = EFFECTS[effect.effect].precision(float(np.max(rms_torque[j])) + 1e-6)
+        if precision is not None:
+            yield where, precision
+
+
+def _bounds(
+    lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque: Array, constants: Array
+) -> Bounds:
     lower, upper = np.full(lay.size, -np.inf), np.full(lay.size, np.inf)
     lower[lay.compliance], upper[lay.compliance] = 1e-3 / stiffness, 1e3 / stiffness
     lower[lay.motor_inertia], upper[lay.motor_inertia] = 1e-3 * motor_inertia, 1e3 * motor_inertia
@@ -182,6 +211,8 @@ def _bounds(lay: Layout, stiffness: Array, motor_inertia: Array, largest_torque:
         reach = [most if p.unit == "Nm" and not p.above_torque else np.inf for p in specs]
         lower[where] = [max(p.lower, -r) for p, r in zip(specs, reach, strict=True)]
         upper[where] = [min(p.upper, r) for p, r in zip(specs, reach, strict=True)]
+        given = [at for at, p in zip(range(where.start, where.stop), specs, strict=True) if p.given]
+        lower[given] = upper[given] = constants[given]
     return Bounds(lower, upper)
 
 
@@ -211,7 +242,7 @@ def _spread(lay: Layout, x: Array, rms_torque: Array, velocity: Array) -> Array:
         law = EFFECTS[effect.effect]
         own = np.abs(law.example) if law.example else np.ones(len(law.parameters))  # of user-defined effects
         spread[where] = [
-            units.get(p.unit, wide.other_spread * max(1.0, size))
+            GIVEN_SPREAD if p.given else units.get(p.unit, wide.other_spread * max(1.0, size))
             for p, size in zip(law.parameters, own, strict=True)
         ]
     return spread

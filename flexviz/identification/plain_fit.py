@@ -172,7 +172,7 @@ def _attempt(
     report.stage = f"fit at {float(np.min(observer.bandwidth)):.3g} rad/s"
     if near is None and needs_search(layout):
         near = bounds.clip(searched_start(measurements, equation))
-    x = start.x if near is None else near
+    x = start.x if near is None else bounds.clip(near)
     solution = last = gauss_newton(
         equation, prior, bounds, x, after=start.point, report=report, max_iterations=max_iterations
     )

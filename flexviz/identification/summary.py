@@ -55,7 +55,10 @@ def parameter_estimates(
     variance = np.maximum(np.diag(cov), 0.0)
     std = np.sqrt(variance)
     std[layout.compliance] *= values[layout.compliance] ** 2
-    std[at_bound] = np.inf
+    specs = [p for effect in layout.effects for p in EFFECTS[effect.effect].parameters]
+    given = np.array([False] * layout.effect_start + [p.given for p in specs])
+    at_bound = at_bound & ~given
+    std[at_bound], std[given] = np.inf, 0.0
     kinds, scales = _kinds_and_scales(layout, x, values, prior, thresholds)
     names = layout.names()
     labels = layout.labels()
@@ -64,7 +67,7 @@ def parameter_estimates(
     places = {k: effect for effect, where in layout.effect_slices() for k in range(where.start, where.stop)}
     out = []
     for k, (name, joint, unit) in enumerate(names):
-        identifiable = grade(kinds[k], std[k], scales[k], share[k])
+        identifiable = "yes" if given[k] else grade(kinds[k], std[k], scales[k], share[k])
         tied: tuple[str, ...] = ()
         if identifiable != "yes" and not at_bound[k]:
             row = np.abs(np.nan_to_num(correlation[k]))

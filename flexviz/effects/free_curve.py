@@ -1,0 +1,233 @@
+"""Free curves: a smooth torque of one variable of a joint, for what no law of the library explains.
+
+Not physics: a free curve is never a candidate of the diagnosis. It is added only where the user asks for it.
+The curve is a natural cubic spline through values at equally spaced nodes, so that its parameters are torques
+that can be read off, and it is constant beyond the range of the data. A prior keeps it small and smooth where
+the data do not show it, and leaves to the physical parameters what they can explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from math import log10, tanh
+from typing import ClassVar
+
+import numpy as np
+
+from flexviz.effects.law import LawEffect, LoadedEffect
+from flexviz.effects.terms import SIGN_VELOCITY, Array, JointMotion, JointState, ParameterSpec, smooth_sign
+
+NODES = 24  # of each curve
+SIZE = 0.1  # prior standard deviation of a node, relative to the rms torque of the joint
+BEND = 0.05  # likewise of the second difference of neighbouring nodes
+GRID = 40.0  # the range is rounded outwards to about this share of it
+CONSTANTS = 2  # leading parameters: lower and upper end
+DIRECTIONS = ("forward", "backward")
+
+
+@cache
+def _cardinal(order: int) -> Callable[[Array], Array]:
+    """Splines that are one at one node and zero at the others, or their derivative: (N,) → (N, NODES)."""
+    from scipy.interpolate import CubicSpline
+
+    spline = CubicSpline(np.arange(NODES), np.eye(NODES), bc_type="natural")
+    return spline if order == 0 else spline.derivative(order)
+
+
+class FreeCurve(LawEffect):
+    """A smooth torque of one variable, one curve or one per direction of motion.
+
+    Attributes:
+        variable: "position", "velocity", "load" or "time".
+        unit: of the variable.
+        each_way: one curve per direction of motion.
+    """
+
+    where = "motor"
+    linear = True
+    stopgap = True
+    signature = "Whatever is left of the residual against this variable."
+    confirm = "Nothing: it describes the recorded motion only. Look for the law behind the curve."
+    reference = "Eilers, Marx: Flexible smoothing with B-splines and penalties, Statistical Science 11(2), 1996"
+    variable: ClassVar[str]
+    unit: ClassVar[str]
+    each_way: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        sides = [f"{way}_" for way in DIRECTIONS] if cls.each_way else ["value_"]
+        cls.smooth = not cls.each_way
+        cls.size_at = tuple(range(CONSTANTS, CONSTANTS + NODES * len(sides)))
+        cls.parameters = (
+            ParameterSpec("low", cls.unit, explanation="lower end of the range", given=True),
+            ParameterSpec("high", cls.unit, explanation="upper end of the range", given=True),
+            *(
+                ParameterSpec(f"{side}{k + 1}", "Nm", explanation=f"torque at node {k + 1} of {NODES}")
+                for side in sides
+                for k in range(NODES)
+            ),
+        )
+        node: Array = np.linspace(-1, 1, NODES)
+        bump = 5.0 * np.exp(-4 * node**2)
+        ends = (0.0 if cls.variable in ("velocity", "time") else -1.0, 1.0)
+        cls.example = (*ends, *bump.tolist(), *([] if len(sides) == 1 else (-0.5 * bump).tolist()))
+
+    @property
+    def sides(self) -> int:
+        """Number of curves."""
+        return 2 if self.each_way else 1
+
+    # -- the law
+
+    def value(self, motion: JointMotion) -> Array:
+        """The variable along a motion, shape (N,)."""
+        if self.where == "link" and self.variable in ("position", "velocity"):
+            return getattr(motion, f"link_{self.variable}")
+        return getattr(motion, {"load": "torque"}.get(self.variable, self.variable))
+
+    def law(self, motion: JointMotion, values: Array) -> tuple[Array, Array]:
+        velocity = motion.link_velocity if self.where == "link" else motion.velocity
+        slopes = np.zeros((len(values), len(motion.time)))
+        slopes[CONSTANTS:] = self.design(self.value(motion), velocity, values).T
+        return values[CONSTANTS:] @ slopes[CONSTANTS:], slopes
+
+    def design(self, value: Array, velocity: Array, values: Array, order: int = 0) -> Array:
+        """∂u/∂(node) at M instants, or its derivative by the place in nodes, shape (M, sides · nodes)."""
+        place = self.place(value, values)
+        one = _cardinal(order)(place)
+        if order:
+            one = one * ((place > 0) & (place < NODES - 1))[:, None]
+        if self.sides == 1:
+            return one
+        forward = 0.5 * (1 + smooth_sign(velocity))[:, None]
+        return np.hstack((one * forward, one * (1 - forward)))
+
+    def place(self, value: Array, values: Array) -> Array:
+        """Place of the variable in nodes from the lower end, clipped to the range."""
+        low, high = values[:CONSTANTS]
+        return np.clip((value - low) / max(high - low, 1e-9), 0.0, 1.0) * (NODES - 1)
+
+    def simulation(self, values: Array) -> Callable[[JointState], float]:
+        curves = np.array(values[CONSTANTS:], float).reshape(self.sides, NODES)
+        fine = np.linspace(0, NODES - 1, 20 * (NODES - 1) + 1)
+        tables = (_cardinal(0)(fine) @ curves.T).T
+        low, high = float(values[0]), float(values[1])
+        at: Array = low + (high - low) * fine / (NODES - 1)
+
+        def torque(now: JointState) -> float:
+            sign = tanh(now.theta_velocity / SIGN_VELOCITY)
+            here = [float(np.interp(self.value_at(now), at, table)) for table in tables]
+            return here[0] if len(here) == 1 else 0.5 * ((1 + sign) * here[0] + (1 - sign) * here[1])
+
+        return torque
+
+    def value_at(self, now: JointState) -> float:
+        """The variable at one instant."""
+        names = {"position": "theta", "velocity": "theta_velocity"}
+        return float(getattr(now, names.get(self.variable, self.variable)))
+
+    # -- range and prior
+
+    def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
+        """The range of the data, rounded outwards."""
+        low, high = reach[self.variable]
+        step = 10 ** np.ceil(log10(max(high - low, 1e-6))) / GRID
+        return np.array([np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)]) * step
+
+    def precision(self, torque: float) -> Array:
+        bend: Array = np.diff(np.eye(NODES), 2, axis=0) / (BEND * torque)
+        own = np.eye(NODES) / (SIZE * torque) ** 2 + bend.T @ bend
+        out = np.zeros((len(self.parameters), len(self.parameters)))
+        out[CONSTANTS:, CONSTANTS:] = np.kron(np.eye(self.sides), own)
+        return out
+
+
+class FreePositionCurve(FreeCurve):
+    """A torque of the joint's position."""
+
+    name = "free_curve_position"
+    title = "Free curve of position"
+    explanation = "A torque that depends on the position only, of any form: a stopgap, not physics."
+    equation = "u = c(θ), a smooth curve"
+    variable, unit = "position", "rad"
+
+
+class FreeDirectionCurve(FreeCurve):
+    """A torque of the joint's position, another one in each direction of motion."""
+
+    name = "free_curve_direction"
+    title = "Free curve of position in each direction"
+    explanation = "A torque that depends on position and direction, of any form: a stopgap, not physics."
+    equation = "u = c₊(θ) for θ̇ > 0, c₋(θ) for θ̇ < 0, smooth curves"
+    variable, unit, each_way = "position", "rad", True
+
+
+class FreeVelocityCurve(FreeCurve):
+    """A torque of the joint's speed, with a jump at each reversal."""
+
+    name = "free_curve_velocity"
+    title = "Free curve of velocity"
+    explanation = "A torque that depends on the velocity only, of any form: a stopgap, not physics."
+    equation = "u = c₊(|θ̇|) for θ̇ > 0, c₋(|θ̇|) for θ̇ < 0, smooth curves"
+    variable, unit, each_way = "velocity", "rad/s", True
+
+    def place(self, value: Array, values: Array) -> Array:
+        return super().place(np.abs(value), values)
+
+    def value_at(self, now: JointState) -> float:
+        return abs(now.theta_velocity)
+
+    def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
+        fastest = max(map(abs, reach["velocity"]))
+        return super().constants({"velocity": (0.0, fastest)})
+
+
+class FreeLoadCurve(FreeCurve, LoadedEffect):
+    """A torque of the transmission torque."""
+
+    name = "free_curve_load"
+    title = "Free curve of load"
+    explanation = "A torque that depends on the transmitted torque only, of any form: a stopgap, not physics."
+    equation = "u = c(τ_j), a smooth curve"
+    variable, unit = "load", "Nm"
+    state = True
+
+    def columns(self, motion: JointMotion) -> Array:
+        raise NotImplementedError  # the columns depend on the range
+
+    def torque_slope(self, motion: JointMotion, values: Array) -> Array:
+        step = max(values[1] - values[0], 1e-9) / (NODES - 1)
+        slope = self.design(motion.torque, motion.velocity, values, 1) @ values[CONSTANTS:] / step
+        return slope / np.maximum(1 + slope, 0.1) if self.where == "motor" else slope
+
+
+class FreeTimeCurve(FreeCurve):
+    """A torque of the time since the start of each group."""
+
+    name = "free_curve_time"
+    title = "Free curve of time"
+    explanation = "A torque that depends on the time since a run began, of any form: a stopgap, not physics."
+    equation = "u = c(t), a smooth curve, t the group's own time"
+    variable, unit = "time", "s"
+
+
+def _on_link(curve: type[FreeCurve]) -> FreeCurve:
+    """The same curve as a torque on the link."""
+    texts = {
+        "name": curve.name.replace("curve", "link_curve"),
+        "title": f"{curve.title}, on the link",
+        "explanation": curve.explanation.replace("A torque", "A torque on the link", 1),
+        "where": "link",
+        "state": True,
+    }
+    return type(f"Link{curve.__name__}", (curve,), {"__doc__": curve.__doc__, **texts})()
+
+
+KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)
+CURVES: tuple[FreeCurve, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
+
+
+def free_curve(effect: str) -> FreeCurve | None:
+    """The free curve of this name; None for a physical effect."""
+    return next((curve for curve in CURVES if curve.name == effect), None)
+
