@@ -18,6 +18,7 @@ from flexviz.cli.options import (
     run_identification,
 )
 from flexviz.cli.terminal import Reporter, interruptible
+from flexviz.errors import InputError
 
 GuardOption = Annotated[
     bool | None,
@@ -48,16 +49,34 @@ def diagnose(
     ),
     json_file: JsonOption = None,
     guard: GuardOption = None,
+    free_curve: bool = typer.Option(
+        False,
+        "--free-curve",
+        help='With --apply, after a last verdict of "unknown": add a free curve of what is left. '
+        "It is not physics.",
+    ),
 ) -> int:
     """Determine whether the model is complete, and if not, which effect is missing and where."""
     from flexviz.diagnosis import diagnose as search
+    from flexviz.diagnosis import why_no_curve
     from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
 
+    if free_curve and not apply:
+        raise InputError("--free-curve adds a step to the model, expected --apply beside it")
     terminal.check_output_file(json_file, ".json")
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         measurements = with_plausibility_warnings(read_set(measurement_set))
-        result = search(measurements, apply=apply, guarded=guard, progress=report, should_stop=should_stop)
+        result = search(
+            measurements,
+            apply=apply,
+            guarded=guard,
+            free_curve=free_curve,
+            progress=report,
+            should_stop=should_stop,
+        )
+    if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
+        terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     terminal.write_json(json_file, result.to_dict(steps=apply))
     terminal.show(result.document())
     return 130 if result.stopped else 0

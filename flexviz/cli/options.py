@@ -55,7 +55,7 @@ class IdentificationOptions:
             "--effect",
             metavar="NAME[:place]",
             help="Add an effect to the model, everywhere or at NAME:joint, NAME:payload or NAME:joint@group; "
-            "repeat for more.",
+            "repeat for more. free_curve_position, _direction, _velocity, _load and _time are not physics.",
         ),
     ] = None
     observer: Annotated[

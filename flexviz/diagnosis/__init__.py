@@ -1,6 +1,7 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.pipeline import diagnose
@@ -50,4 +51,6 @@ __all__ = [
     "maps_of",
     "prediction_errors",
     "residual_locations",
+    "why_no_curve",
+    "with_free_curve",
 ]

@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance, made_step
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -63,6 +64,7 @@ def diagnose(
     apply: bool = False,
     start: FlexibleModel | None = None,
     guarded: bool | None = None,
+    free_curve: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> Diagnosis:
@@ -75,12 +77,15 @@ def diagnose(
         start: start values; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise.
+        free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"):
         pipeline = _Pipeline(measurements, start, progress, should_stop)
         result = pipeline.run(apply, guarded)
+        if apply and free_curve and not why_no_curve(result):
+            result = pipeline.with_curve(result)
         if progress is not None and not result.stopped:
             progress(pipeline.pace.done())
         return result
@@ -148,6 +153,14 @@ class _Pipeline:
         except Interrupted:
             pass  # the result contains the findings so far
         return self.result(apply, guarded)
+
+    def with_curve(self, result: Diagnosis) -> Diagnosis:
+        """The result with a free curve; without if the user stops it."""
+        try:
+            longer = with_free_curve(self.measurements, result, self.say)
+        except Interrupted:
+            return replace(result, stopped=True)
+        return replace(longer, seconds=time.perf_counter() - self.began)
 
     # -- one after the other
 

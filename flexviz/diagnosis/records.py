@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.effects import CURVES
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.int64]
@@ -92,6 +94,14 @@ class FreeCurve:
     explained_std: float
     smoothing: float
     note: str = FREE_CURVE_NOTE
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The free curves of a model that are of its kind, on motor and link; none against acceleration."""
+        each_way = len(self.directions) > 1
+        return tuple(
+            curve.name for curve in CURVES if (curve.variable, curve.each_way) == (self.variable, each_way)
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve, ResidualMap
+from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import CandidateEntry, Note, ResultDocument, Verdict, find_parameter, note_entries
+from flexviz.results import (
+    CandidateEntry,
+    Note,
+    ResultDocument,
+    Verdict,
+    curve_entries,
+    find_parameter,
+    note_entries,
+)
 
 Array = NDArray[np.float64]
 
@@ -114,6 +123,11 @@ class Finding:
     def text(self) -> str:
         """Name on the command line: `name:joint`, `name:payload`, `name:joint@group`."""
         return EffectValue(self.effect, self.joint, {}, self.group, self.payload).text
+
+    @property
+    def stopgap(self) -> bool:
+        """Whether it is a free curve: not physics."""
+        return free_curve(self.effect) is not None
 
     def to_dict(self) -> dict[str, Any]:
         """One entry of the contract's `candidates`."""
@@ -234,6 +248,7 @@ class Diagnosis:
                 **note_entries(self.notes),
                 "maps": self.maps,
                 "free_curve": self.free_curve,
+                **curve_entries(self.parameters),
                 "guard": self.guard,
                 **torque,
                 "stopped": self.stopped,

@@ -1,7 +1,8 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
 from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
-from flexviz.effects.free_curve import CURVES, FreeCurve, free_curve
+from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
+from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
 from flexviz.effects.names import EFFECT_NAMES, is_user_defined, known_names
 from flexviz.effects.registry import EFFECTS
@@ -24,6 +25,7 @@ __all__ = [
     "CURVES",
     "EFFECTS",
     "EFFECT_NAMES",
+    "FREE_CURVE_DIRECTIONS",
     "SIGN_VELOCITY",
     "ChosenEffect",
     "Context",
@@ -31,7 +33,7 @@ __all__ = [
     "EffectEvidence",
     "EffectTarget",
     "ElasticStart",
-    "FreeCurve",
+    "FreeCurveEffect",
     "Guess",
     "JointMotion",
     "JointScale",

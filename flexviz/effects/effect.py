@@ -187,12 +187,12 @@ class Effect(ABC):
         """Its leading parameters, those that are `given`.
 
         Args:
-            reach: "position" [rad], "velocity" [rad/s], "load" [Nm] and "time" [s] → their range on its joint.
+            reach: range of "position" [rad], "velocity" [rad/s], "load" [Nm] and "time" [s] on its joint.
         """
         return np.zeros(0)
 
     def precision(self, torque: float) -> Array | None:
-        """Inverse covariance (P, P) of its prior, beside the parameters' own; `torque`: the joint's rms [Nm]."""
+        """Inverse covariance (P, P) of a prior beside the parameters' own; `torque`: the joint's rms."""
         return None
 
     # -- judging a fit

@@ -21,7 +21,7 @@ from flexviz.effects.terms import SIGN_VELOCITY, Array, JointMotion, JointState,
 NODES = 24  # of each curve
 SIZE = 0.1  # prior standard deviation of a node, relative to the rms torque of the joint
 BEND = 0.05  # likewise of the second difference of neighbouring nodes
-GRID = 40.0  # the range is rounded outwards to about this share of it
+GRID = 20.0  # the range is rounded outwards to a power of ten divided by this
 CONSTANTS = 2  # leading parameters: lower and upper end
 DIRECTIONS = ("forward", "backward")
 
@@ -35,7 +35,7 @@ def _cardinal(order: int) -> Callable[[Array], Array]:
     return spline if order == 0 else spline.derivative(order)
 
 
-class FreeCurve(LawEffect):
+class FreeCurveEffect(LawEffect):
     """A smooth torque of one variable, one curve or one per direction of motion.
 
     Attributes:
@@ -49,7 +49,9 @@ class FreeCurve(LawEffect):
     stopgap = True
     signature = "Whatever is left of the residual against this variable."
     confirm = "Nothing: it describes the recorded motion only. Look for the law behind the curve."
-    reference = "Eilers, Marx: Flexible smoothing with B-splines and penalties, Statistical Science 11(2), 1996"
+    reference = (
+        "Eilers, Marx: Flexible smoothing with B-splines and penalties, Statistical Science 11(2), 1996"
+    )
     variable: ClassVar[str]
     unit: ClassVar[str]
     each_way: ClassVar[bool] = False
@@ -108,14 +110,11 @@ class FreeCurve(LawEffect):
         return np.clip((value - low) / max(high - low, 1e-9), 0.0, 1.0) * (NODES - 1)
 
     def simulation(self, values: Array) -> Callable[[JointState], float]:
-        curves = np.array(values[CONSTANTS:], float).reshape(self.sides, NODES)
-        fine = np.linspace(0, NODES - 1, 20 * (NODES - 1) + 1)
-        tables = (_cardinal(0)(fine) @ curves.T).T
-        low, high = float(values[0]), float(values[1])
-        at: Array = low + (high - low) * fine / (NODES - 1)
+        at, tables = self.fine(np.asarray(values, float))
 
         def torque(now: JointState) -> float:
-            sign = tanh(now.theta_velocity / SIGN_VELOCITY)
+            velocity = now.q_velocity if self.where == "link" else now.theta_velocity
+            sign = tanh(velocity / SIGN_VELOCITY)
             here = [float(np.interp(self.value_at(now), at, table)) for table in tables]
             return here[0] if len(here) == 1 else 0.5 * ((1 + sign) * here[0] + (1 - sign) * here[1])
 
@@ -123,15 +122,39 @@ class FreeCurve(LawEffect):
 
     def value_at(self, now: JointState) -> float:
         """The variable at one instant."""
-        names = {"position": "theta", "velocity": "theta_velocity"}
-        return float(getattr(now, names.get(self.variable, self.variable)))
+        link = self.where == "link"
+        if self.variable == "position":
+            return now.q if link else now.theta
+        if self.variable == "velocity":
+            return abs(now.q_velocity if link else now.theta_velocity)
+        return now.load if self.variable == "load" else now.time
+
+    def node_places(self, values: Array) -> Array:
+        """The variable at the nodes, shape (NODES,)."""
+        return np.linspace(values[0], values[1], NODES)
+
+    def node_values(self, values: Array) -> Array:
+        """The torque at the nodes, shape (sides, NODES) [Nm]."""
+        return np.reshape(values[CONSTANTS:], (self.sides, NODES))
+
+    @property
+    def node_parameters(self) -> tuple[tuple[ParameterSpec, ...], ...]:
+        """The parameters of the nodes, one tuple per side."""
+        own = self.parameters[CONSTANTS:]
+        return tuple(own[k : k + NODES] for k in range(0, len(own), NODES))
+
+    def fine(self, values: Array, per_node: int = 20) -> tuple[Array, Array]:
+        """The variable, shape (M,), and the torque there, shape (sides, M) [Nm], for tables and plots."""
+        place: Array = np.linspace(0, NODES - 1, per_node * (NODES - 1) + 1)
+        at: Array = values[0] + (values[1] - values[0]) * place / (NODES - 1)
+        return at, (_cardinal(0)(place) @ self.node_values(values).T).T
 
     # -- range and prior
 
     def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
         """The range of the data, rounded outwards."""
         low, high = reach[self.variable]
-        step = 10 ** np.ceil(log10(max(high - low, 1e-6))) / GRID
+        step = 10 ** np.floor(log10(max(high - low, 1e-6))) / GRID
         return np.array([np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)]) * step
 
     def precision(self, torque: float) -> Array:
@@ -142,31 +165,31 @@ class FreeCurve(LawEffect):
         return out
 
 
-class FreePositionCurve(FreeCurve):
+class FreePositionCurve(FreeCurveEffect):
     """A torque of the joint's position."""
 
     name = "free_curve_position"
-    title = "Free curve of position"
+    title = "Free curve of position (not physics)"
     explanation = "A torque that depends on the position only, of any form: a stopgap, not physics."
     equation = "u = c(θ), a smooth curve"
     variable, unit = "position", "rad"
 
 
-class FreeDirectionCurve(FreeCurve):
+class FreeDirectionCurve(FreeCurveEffect):
     """A torque of the joint's position, another one in each direction of motion."""
 
     name = "free_curve_direction"
-    title = "Free curve of position in each direction"
+    title = "Free curve of position in each direction (not physics)"
     explanation = "A torque that depends on position and direction, of any form: a stopgap, not physics."
     equation = "u = c₊(θ) for θ̇ > 0, c₋(θ) for θ̇ < 0, smooth curves"
     variable, unit, each_way = "position", "rad", True
 
 
-class FreeVelocityCurve(FreeCurve):
+class FreeVelocityCurve(FreeCurveEffect):
     """A torque of the joint's speed, with a jump at each reversal."""
 
     name = "free_curve_velocity"
-    title = "Free curve of velocity"
+    title = "Free curve of velocity (not physics)"
     explanation = "A torque that depends on the velocity only, of any form: a stopgap, not physics."
     equation = "u = c₊(|θ̇|) for θ̇ > 0, c₋(|θ̇|) for θ̇ < 0, smooth curves"
     variable, unit, each_way = "velocity", "rad/s", True
@@ -174,19 +197,16 @@ class FreeVelocityCurve(FreeCurve):
     def place(self, value: Array, values: Array) -> Array:
         return super().place(np.abs(value), values)
 
-    def value_at(self, now: JointState) -> float:
-        return abs(now.theta_velocity)
-
     def constants(self, reach: Mapping[str, tuple[float, float]]) -> Array:
         fastest = max(map(abs, reach["velocity"]))
         return super().constants({"velocity": (0.0, fastest)})
 
 
-class FreeLoadCurve(FreeCurve, LoadedEffect):
+class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
     """A torque of the transmission torque."""
 
     name = "free_curve_load"
-    title = "Free curve of load"
+    title = "Free curve of load (not physics)"
     explanation = "A torque that depends on the transmitted torque only, of any form: a stopgap, not physics."
     equation = "u = c(τ_j), a smooth curve"
     variable, unit = "load", "Nm"
@@ -201,21 +221,21 @@ class FreeLoadCurve(FreeCurve, LoadedEffect):
         return slope / np.maximum(1 + slope, 0.1) if self.where == "motor" else slope
 
 
-class FreeTimeCurve(FreeCurve):
+class FreeTimeCurve(FreeCurveEffect):
     """A torque of the time since the start of each group."""
 
     name = "free_curve_time"
-    title = "Free curve of time"
+    title = "Free curve of time (not physics)"
     explanation = "A torque that depends on the time since a run began, of any form: a stopgap, not physics."
     equation = "u = c(t), a smooth curve, t the group's own time"
     variable, unit = "time", "s"
 
 
-def _on_link(curve: type[FreeCurve]) -> FreeCurve:
+def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
     """The same curve as a torque on the link."""
     texts = {
         "name": curve.name.replace("curve", "link_curve"),
-        "title": f"{curve.title}, on the link",
+        "title": curve.title.replace(" (", " on the link ("),
         "explanation": curve.explanation.replace("A torque", "A torque on the link", 1),
         "where": "link",
         "state": True,
@@ -224,10 +244,9 @@ def _on_link(curve: type[FreeCurve]) -> FreeCurve:
 
 
 KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)
-CURVES: tuple[FreeCurve, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
+CURVES: tuple[FreeCurveEffect, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
 
 
-def free_curve(effect: str) -> FreeCurve | None:
+def free_curve(effect: str) -> FreeCurveEffect | None:
     """The free curve of this name; None for a physical effect."""
     return next((curve for curve in CURVES if curve.name == effect), None)
-

@@ -47,7 +47,8 @@ class Registry(dict[str, Effect]):
         return super().__contains__(name) or free_curve(str(name)) is not None
 
     def get(self, name: str, default: object = None) -> Any:
-        return self[name] if name in self else default
+        curve = free_curve(name)
+        return super().get(name, default if curve is None else curve)
 
 
 EFFECTS: dict[str, Effect] = Registry(library(EFFECT_NAMES))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
-from flexviz.effects import EFFECTS, is_user_defined
+from flexviz.effects import EFFECTS, free_curve, is_user_defined
 from flexviz.robot import PayloadBody
 from flexviz.simulation import scaled_body, tilted_gravity
 
@@ -105,6 +105,7 @@ Entry = Written | LeftOut
 
 RIGID = LeftOut("a URDF has rigid joints only")
 USER_DEFINED = LeftOut("a user-defined effect: its law exists only in its own file")
+STOPGAP = LeftOut("a free curve is not physics; as a table it is beside parameters.json")
 EVENT = LeftOut("an event of one recording, not a property of the robot")
 UNREGISTERED = LeftOut("no export is registered for it")
 PAYLOAD = OnPayload(
@@ -258,6 +259,8 @@ FORMAT_NAMES = ("urdf", "mjcf", "yaml", "json", "c", "python")
 
 def entry_of(effect: str, target: str) -> Entry | None:
     """A format's entry for an effect; None if a library effect is not registered."""
+    if target in REGISTRIES and free_curve(effect) is not None:
+        return STOPGAP
     if target in REGISTRIES:
         library = effect in EFFECTS and not is_user_defined(effect)
         return REGISTRIES[target].get(effect, None if library else USER_DEFINED)

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from typing import Any
 
+import numpy as np
+
 from flexviz import __version__
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, FREE_CURVE_DIRECTIONS, free_curve
 from flexviz.exporting.identified import FormatFiles, IdentifiedRobot
-from flexviz.results import EffectEntry, ResultDocument, ValueEntry
+from flexviz.results import EffectEntry, ResultDocument, ValueEntry, curve_entries
 from flexviz.statistics import NORMAL_95
 
 AMBIGUOUS = ("yes", "no", "y", "n", "on", "off", "true", "false", "null", "~")
@@ -27,9 +30,31 @@ CONVENTIONS = {
 
 
 def json_parameters(identified: IdentifiedRobot) -> FormatFiles:
-    """`parameters.json`"""
+    """`parameters.json`, and a table of every free curve."""
     text = json.dumps(parameters_document(identified), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    return FormatFiles({"parameters.json": text.encode()}, [])
+    return FormatFiles({"parameters.json": text.encode(), **curve_files(identified)}, [])
+
+
+def curve_files(identified: IdentifiedRobot) -> dict[str, bytes]:
+    """Every free curve as a table to interpolate linearly: `curve_position_joint1.csv`, in SI units."""
+    out = {}
+    for effect in identified.model.effects:
+        curve = free_curve(effect.effect)
+        if curve is None:
+            continue
+        at, torque = curve.fine(np.array([effect.parameters[p.name] for p in curve.parameters]))
+        names = [f"{way}_torque" for way in FREE_CURVE_DIRECTIONS] if curve.each_way else ["torque"]
+        first = "speed" if curve.variable == "velocity" else curve.variable
+        lines = [",".join((first, *names))]
+        lines += [",".join(f"{v:.9g}" for v in row) for row in zip(at, *torque, strict=True)]
+        name = f"{effect.effect}_{file_name(effect.joint or '')}.csv"
+        out[name] = ("\n".join(lines) + "\n").encode()
+    return out
+
+
+def file_name(joint: str) -> str:
+    """A joint's name as part of a file name."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", joint)
 
 
 def yaml_parameters(identified: IdentifiedRobot) -> FormatFiles:
@@ -74,6 +99,7 @@ def parameters_document(identified: IdentifiedRobot) -> dict[str, Any]:
         verdict=identified.verdict,
         parameters=document.all_parameters,
         effects=effect_entries(document),
+        **curve_entries(document.all_parameters),
         **{name: getattr(document, name) for name in OF_THE_FIT},
     )
     return about | result.to_dict() | {"not_contained_in_code": identified.left_out("c")}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.model import FlexibleModel
 from flexviz.progress import Iteration
-from flexviz.results import Grade, ResultDocument, find_parameter
+from flexviz.results import Grade, ResultDocument, curve_entries, find_parameter
 
 Array = NDArray[np.float64]
 
@@ -188,6 +188,7 @@ class Identification:
                 "seconds": self.seconds,
                 "condition_number": self.condition_number,
                 "parameters": self.parameters,
+                **curve_entries(self.parameters),
                 "base_parameters": self.combinations,
                 "residual": self.residual,
             }

@@ -2,7 +2,7 @@
 
 from flexviz.results.assessment import assessment
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
-from flexviz.results.document import ResultDocument, json_schema, note_entries, read_result
+from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
 from flexviz.results.entries import (
     CandidateEntry,
     EffectEntry,
@@ -27,6 +27,7 @@ __all__ = [
     "Verdict",
     "assessment",
     "bandwidth_text",
+    "curve_entries",
     "find_parameter",
     "interval",
     "json_schema",

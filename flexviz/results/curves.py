@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
+import numpy as np
 from pydantic import model_validator
 
+from flexviz.effects import FREE_CURVE_DIRECTIONS, free_curve
 from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows
 
 
@@ -41,6 +43,65 @@ class FreeCurveEntry(ResultEntry):
     explained_std: Nullable
     smoothing: Nullable
     note: str
+
+
+class CurveTableEntry(ResultEntry):
+    """A free curve of the model as a table: torque [Nm] at its nodes, one row per direction of motion.
+
+    Between the nodes it is a natural cubic spline, beyond them constant; of velocity it is a function of the
+    speed.
+    """
+
+    effect: str
+    joint: str | None
+    variable: str
+    unit: str
+    directions: list[str]
+    at: Column
+    value: Rows
+    std: Rows
+
+
+class EstimateLike(Protocol):
+    """A parameter of a result."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def joint(self) -> str | None: ...
+    @property
+    def value(self) -> float: ...
+    @property
+    def std(self) -> float | None: ...
+
+
+def curve_tables(parameters: Iterable[EstimateLike]) -> list[CurveTableEntry]:
+    """The free curves among the parameters of a model."""
+    found: dict[tuple[str, str | None], list[EstimateLike]] = {}
+    for p in parameters:
+        effect = p.name.partition(".")[0]
+        if free_curve(effect) is not None:
+            found.setdefault((effect, p.joint), []).append(p)
+    out = []
+    for (name, joint), own in found.items():
+        curve = free_curve(name)
+        assert curve is not None
+        known = {p.name.partition(".")[2]: p for p in own}
+        values = np.array([known[spec.name].value for spec in curve.parameters])
+        std = [[known[spec.name].std for spec in side] for side in curve.node_parameters]
+        out.append(
+            CurveTableEntry(
+                effect=name,
+                joint=joint,
+                variable=curve.variable,
+                unit=curve.unit,
+                directions=list(FREE_CURVE_DIRECTIONS if curve.each_way else ("",)),
+                at=curve.node_places(values).tolist(),
+                value=curve.node_values(values).tolist(),
+                std=std,
+            )
+        )
+    return out
 
 
 class GuardJointEntry(ResultEntry):

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from flexviz.errors import InputError
 from flexviz.results.base import Note
+from flexviz.results.curves import EstimateLike, curve_tables
 from flexviz.results.entries import ParameterEntry, ResultFields
 from flexviz.results.lookup import find_parameter
 from flexviz.results.summary import html, text
@@ -58,6 +59,12 @@ def note_entries(notes: Iterable[Note]) -> dict[str, Any]:
     """Both forms of a document's notes."""
     notes = list(notes)
     return {"notes": [note.text for note in notes], "typed_notes": notes}
+
+
+def curve_entries(parameters: Iterable[EstimateLike]) -> dict[str, Any]:
+    """A document's tables of the free curves in a model, if it has any."""
+    tables = curve_tables(parameters)
+    return {"curves": tables} if tables else {}
 
 
 def json_schema() -> str:

@@ -11,7 +11,7 @@ from typing import Annotated, Literal
 from pydantic import AliasChoices, Field
 
 from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict
-from flexviz.results.curves import FreeCurveEntry, GuardEntry, MapEntry
+from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
 
 
 class ParameterEntry(ResultEntry):
@@ -212,6 +212,7 @@ class ResultFields(ResultEntry):
     typed_notes: list[NoteEntry] = Field(default_factory=list)
     maps: list[MapEntry] = Field(default_factory=list)
     free_curve: FreeCurveEntry | None = None
+    curves: list[CurveTableEntry] = Field(default_factory=list)
     guard: GuardEntry | None = None
     torque: TorqueEntry | None = None
     seconds: Number | None = None

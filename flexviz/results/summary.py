@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
+from flexviz.effects import free_curve
 from flexviz.results.assessment import assessment
+from flexviz.results.curves import CurveTableEntry
 from flexviz.results.diagnosis_summary import diagnosis_parts
 from flexviz.results.entries import CombinationEntry, ParameterEntry, ResidualEntry, ResultFields
 from flexviz.results.tables import in_ascii, interval, plain_table
-from flexviz.wording import escape, normalised, number
+from flexviz.wording import effect_title, escape, normalised, number
 
 WIDE = 110  # columns from which a table has room for ties between parameters
 
@@ -46,8 +48,10 @@ def parts(result: ResultFields, width: int) -> list[Table | str]:
     if result.verdict is not None:
         return diagnosis_parts(result, width)
     wide = width >= WIDE
-    out: list[Table | str] = [parameter_table(result.all_parameters, ties=wide)]
-    out += [] if wide else tied_lines(result.all_parameters)
+    shown = [p for p in result.all_parameters if free_curve(p.name.partition(".")[0]) is None]
+    out: list[Table | str] = [parameter_table(shown, ties=wide)]
+    out += [] if wide else tied_lines(shown)
+    out += [part for curve in result.curves for part in curve_parts(curve)]
     out.append(combination_table(result.base_parameters))
     if result.residual is not None:
         out.append(residual_table(result.residual))
@@ -102,6 +106,20 @@ def tied_lines(parameters: Iterable[ParameterEntry]) -> list[str]:
     """Ties between parameters as lines of text, for a narrow terminal."""
     tied = [p for p in parameters if p.tied_to]
     return [f"{p.name}{f':{p.joint}' if p.joint else ''} is tied to {', '.join(p.tied_to)}" for p in tied]
+
+
+def curve_parts(curve: CurveTableEntry) -> tuple[str, Table]:
+    """A free curve: what it is, and its torque at the nodes."""
+    title = f"{effect_title(curve.effect)} on {curve.joint}: not physics, a stopgap"
+    numbers = [f"{way} ± 95 % [Nm]".strip() for way in curve.directions]
+    table = plain_table(numbers=(f"{curve.variable} [{curve.unit}]", *numbers))
+    for k, at in enumerate(curve.at):
+        cells = (
+            " ± ".join(interval(value[k] or 0.0, std[k]))
+            for value, std in zip(curve.value, curve.std, strict=True)
+        )
+        table.add_row(in_ascii(number(at)), *cells)
+    return title, table
 
 
 def combination_table(combinations: Iterable[CombinationEntry]) -> Table:

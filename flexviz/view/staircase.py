@@ -8,9 +8,11 @@ import numpy as np
 
 from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
 from flexviz.diagnosis import BAND_HERTZ, Step
+from flexviz.effects import free_curve
 from flexviz.identification import ParameterEstimate
 from flexviz.session import ModelStep
 from flexviz.wording import (
+    curve_text,
     effect_text_name,
     escape,
     interval,
@@ -190,11 +192,13 @@ def effect_values(texts: Sequence[str], parameters: Sequence[ParameterEstimate])
     out = []
     for text in texts:
         effect, _, place = text.partition(":")
-        values = []
+        values, own = [], []
         for p in parameters:
             of, dot, name = p.name.partition(".")
             if dot and of == effect and place and place in (p.joint, p.payload):
                 shown = " ± ".join(interval(p.value, p.std))
                 values.append(f"{plain_name(name)} {shown} {unit_text(p.unit)}".rstrip())
+                own.append(p)
+        values = [curve_text(own)] if own and free_curve(effect) is not None else values
         out += [f"{place}: {', '.join(values)}"] if values else []
     return out

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, free_curve
 from flexviz.wording.numbers import interval, number, plain_name, plural, unit_text
 
 ALONG = {
@@ -127,12 +127,24 @@ def share_text(share: float) -> str:
 
 
 def values_text(finding: FindingLike) -> str:
-    """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals."""
+    """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals; of a free curve its range and its extremes."""
+    if free_curve(finding.effect) is not None:
+        return curve_text(list(finding.parameters.values()))
     parts = []
     for name, found in finding.parameters.items():
         shown, error = interval(found.value, found.std)
         parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(found.unit)}".rstrip())
     return ", ".join(parts)
+
+
+def curve_text(values: Sequence[ValueLike]) -> str:
+    """ "from −1.00 to 1.20 rad: −3.1 … 4.2 Nm", from the values of a free curve's parameters."""
+    low, high, *nodes = values
+    torques = [node.value for node in nodes]
+    return (
+        f"from {number(low.value, 3)} to {number(high.value, 3)} {unit_text(low.unit)}: "
+        f"{number(min(torques), 3)} … {number(max(torques), 3)} Nm"
+    )
 
 
 def tie_text(tie: TieLike) -> str:

@@ -96,6 +96,8 @@ def _part(title: str, family: Family[Finding], joints: Sequence[str], absorbed: 
     first, effect = family.members[0], EFFECTS.get(family.effect)
     many = len(family.members) > 1
     values = f"{values_text(first)}. " if first.parameters and not many else ""
+    stopgap = effect is not None and effect.stopgap
+    sure = "a stopgap" if stopgap else f"confidence {confidence_range(family.members)}"
     together = "Together they explain" if many else "Explains"
     moves = [a for a in moved(family.members) if a.deviations >= MIN_DEVIATIONS] if absorbed else []
     charts = (evidence_chart(finding, height=FIGURE_HEIGHT) for finding in family.members)
@@ -103,7 +105,7 @@ def _part(title: str, family: Family[Finding], joints: Sequence[str], absorbed: 
         f"{title}: {family.name(joints)}",
         Paragraph(
             f"{values}{together} {share_text(joint_score(family.members))} of the held-out error above the "
-            f"noise; confidence {confidence_range(family.members)}."
+            f"noise; {sure}."
         ),
         _members(family, joints) if many else None,
         None if effect is None else explanation(_law(effect)),

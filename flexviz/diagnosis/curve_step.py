@@ -1,0 +1,128 @@
+"""A free curve as a further step of a diagnosis that ended with "unknown": not physics, on request only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from threadpoolctl import threadpool_limits
+
+from flexviz.diagnosis import stages
+from flexviz.diagnosis.evidence import effect_values, explained_residual, made_step
+from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.notes import notes
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.residual_location import locate_residual
+from flexviz.diagnosis.result import Diagnosis, EffectParameter, Finding
+from flexviz.diagnosis.rich_result import removed_share
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Layout
+from flexviz.errors import InputError
+from flexviz.identification import parameter_estimates
+from flexviz.measurements import MeasurementSet
+
+OF_THE_LAST_MODEL = ("free-curve", "unexplained", "bandwidth", "model-error")  # notes that are renewed
+
+
+def why_no_curve(diagnosis: Diagnosis) -> str:
+    """Why no free curve can be added after a diagnosis; "" if one can."""
+    last = diagnosis.steps[-1].verdict if diagnosis.steps else diagnosis.verdict
+    curve = diagnosis.free_curve
+    if last != "unknown":
+        return f'the verdict is "{last}", a free curve is for "unknown"'
+    if curve is None:
+        return "the diagnosis was stopped before it computed a free curve"
+    if not curve.effects:
+        return f"what is left on {curve.joint} follows {curve.variable}, for which there is no free curve"
+    own = diagnosis.model.effects if diagnosis.model else ()
+    if any((e.effect, e.joint) in {(name, curve.joint) for name in curve.effects} for e in own):
+        return f"the model has a free curve of {curve.variable} on {curve.joint} already"
+    return ""
+
+
+def with_free_curve(
+    measurements: MeasurementSet, diagnosis: Diagnosis, tell: Callable[[str], None] = lambda text: None
+) -> Diagnosis:
+    """The diagnosis with its free curve as one more step, estimated together with everything else.
+
+    The curve acts on the motor or on the link, whichever explains more.
+
+    Args:
+        measurements: the set.
+        diagnosis: its diagnosis; the last model is the one to extend.
+        tell: called with a progress message; may raise to stop.
+
+    Raises:
+        InputError: there is no curve to add (`why_no_curve`).
+    """
+    if why := why_no_curve(diagnosis):
+        raise InputError(f"no free curve is added: {why}")
+    curve, model = diagnosis.free_curve, diagnosis.model
+    assert curve is not None and model is not None
+    with threadpool_limits(1, "blas"):
+        joints = measurements.joints
+        own = Layout(joints, tuple(ChosenEffect.of(value, joints) for value in model.effects))
+        context = MotionContext(measurements, joints)
+        before = context.fit(own, own.vector(model), iterations=0)
+        if any(note.kind == "standstill" for note in diagnosis.notes):
+            context.set_standstill_apart(before)
+        tell(stages.FREE_CURVE)
+        fits: list[MotionFit] = []
+        for name in curve.effects:
+            layout = Layout(joints, (*own.effects, ChosenEffect(name, joints.index(curve.joint))))
+            fits.append(context.fit(layout, layout.vector(model), check=lambda: tell("")))
+        return _extended(measurements, diagnosis, before, min(fits, key=lambda fit: fit.objective), tell)
+
+
+def _extended(
+    measurements: MeasurementSet,
+    diagnosis: Diagnosis,
+    before: MotionFit,
+    after: MotionFit,
+    tell: Callable[[str], None],
+) -> Diagnosis:
+    """The diagnosis with the model of `after` as its last step."""
+    layout, context = after.layout, after.context
+    band = PredictionErrorBand(measurements)
+    errors = [band.errors(fit, context.apart) for fit in (before, after)]
+    added, where = layout.effect_slices()[-1]
+    std = after.covariance.standard_errors
+    specs = EFFECTS[added.effect].parameters
+    finding = Finding(
+        added.effect,
+        layout.joint_name(added),
+        None,
+        None,
+        score=removed_share(*errors),
+        confidence=0.0,  # that it is the physics behind the residual
+        parameters={
+            p.name: EffectParameter(float(v), float(e), p.unit)
+            for p, v, e in zip(specs, after.x[where], std[where], strict=True)
+        },
+        inseparable_from=(),
+        gain=float(before.objective - after.objective),
+        evidence=explained_residual(before.layout, added.joint, band, *errors),
+    )
+    tell(stages.LOCATION)
+    at_noise = FitContext(measurements, layout)
+    fit = at_noise.fit(layout, after.x, iterations=0)
+    places, maps = locate_residual(at_noise, fit)
+    left = fit_free_curve(at_noise, fit, places[0])
+    prior = context.start(layout).prior
+    kept = (note for note in diagnosis.notes if note.kind not in OF_THE_LAST_MODEL)
+    return replace(
+        diagnosis,
+        where=places,
+        steps=(*diagnosis.steps, made_step(finding, after, errors[-1], "unknown")),
+        effects=effect_values(after, std),
+        parameters=parameter_estimates(
+            layout, after.x, prior.centre, after.covariance, after.at_bound, prior
+        ),
+        notes=(*kept, *notes(fit, "unknown", errors[-1], None, left, None)),
+        model=layout.model(after.x),
+        maps=maps,
+        free_curve=left,
+        guard=None,
+    )
