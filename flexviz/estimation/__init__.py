@@ -3,7 +3,7 @@
 from flexviz.estimation.base_inertials import BaseParameters, base_parameters
 from flexviz.estimation.covariance import Covariance, sandwich, score_covariance
 from flexviz.estimation.instrumental_variables import Refined, Solved, refine, solve
-from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton
+from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_step, least_norm_solve
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, Transfer, noise_density, noise_paths
@@ -49,6 +49,7 @@ __all__ = [
     "least_norm_solve",
     "noise_density",
     "noise_paths",
+    "normal_equations",
     "other_effects",
     "pseudo_inertia",
     "refine",

@@ -21,6 +21,7 @@ from flexviz.estimation import (
     residual_noise,
 )
 from flexviz.estimation import refine as refine_fit
+from flexviz.identification.failure import Unrest, unrest_by_residual, unrest_of, why_not
 from flexviz.identification.plain_fit import PlainFit, StepReporter, plain_fit
 from flexviz.identification.result import Identification, ResidualSeries, ResidualSummary
 from flexviz.identification.summary import combinations, condition_number, parameter_estimates
@@ -105,6 +106,7 @@ class _Outcome:
         covariance: of the parameters.
         at_bound: shape (P,).
         converged, refined, message: as in `Identification`.
+        unrest: what keeps the fit from converging.
     """
 
     x: Array
@@ -114,12 +116,15 @@ class _Outcome:
     converged: bool
     message: str
     refined: bool = False
+    unrest: Unrest | None = None
 
 
 def _plain_outcome(plain: PlainFit) -> _Outcome:
     end = plain.solution
     message = "converged" if end.converged else "did not converge; the values are where the solver stopped"
-    return _Outcome(end.x, end.evaluation, plain.covariance(), end.at_bound, end.converged, message)
+    unrest = None if end.converged else unrest_of(end, plain.start, plain.equation.layout)
+    covariance = plain.covariance()
+    return _Outcome(end.x, end.evaluation, covariance, end.at_bound, end.converged, message, unrest=unrest)
 
 
 def _refined_outcome(
@@ -149,7 +154,8 @@ def _refined_outcome(
             )
     evaluation = plain.equation.at(found.x, plain.solution.point).evaluate(found.x)
     converged = outcome.converged and found.converged
-    return _Outcome(found.x, evaluation, found.covariance, found.at_bound, converged, message, True)
+    unrest = outcome.unrest if found.converged else unrest_by_residual(found.chi)
+    return _Outcome(found.x, evaluation, found.covariance, found.at_bound, converged, message, True, unrest)
 
 
 def _result(
@@ -166,7 +172,10 @@ def _result(
     validation = measurements.validation_groups
     summary, series = _residuals(measurements, validation, plain, outcome)
     estimates = parameter_estimates(layout, x, start, cov, at_bound, prior)
-    message, limit = outcome.message, IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
+    message = outcome.message
+    if not outcome.converged and not report.stopped and outcome.unrest is not None:
+        message += f"; {why_not(outcome.unrest, layout, estimates, summary)}"
+    limit = IDENTIFICATION.lag_dominates * np.array(summary.noise_floor)
     lagging = not outcome.refined and not plain.observer.zero_phase
     if lagging and np.any(np.array(summary.rms) > limit):
         # the intervals do not include the error of a lagging observer

@@ -29,6 +29,8 @@ class IdentificationThresholds:
         effect_floor: an effect's parameter is judged on no smaller scale than this share of its prior spread.
         lag_dominates: times the noise floor from which a lagging observer's residual caps all grades at
             "weak".
+        unrest: share of the remaining step from which a joint keeps a fit from converging.
+        bad_share: error relative to a joint's torque that is named as the reason.
     """
 
     grades: Grades = field(
@@ -47,6 +49,8 @@ class IdentificationThresholds:
     viscous_floor: float = 0.05
     effect_floor: float = 0.007
     lag_dominates: float = 3.0
+    unrest: float = 0.3
+    bad_share: float = 0.1
 
 
 IDENTIFICATION = IdentificationThresholds()
