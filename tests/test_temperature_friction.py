@@ -19,6 +19,7 @@ from flexviz.identification import identify
 from flexviz.importing import import_logs
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.simulation import laws, make_plan, move, simulate_preset
+from flexviz.wording import temperature_text
 from tests.test_import_mapping import SIMPLE
 from tests.test_import_mapping import write as write_log
 
@@ -45,6 +46,7 @@ def test_one_number_or_one_per_joint(tmp_path: Path) -> None:
     a, b, c = (group.temperature for group in first.groups)
     assert a is not None and b is not None and c is None
     assert a.tolist() == [25.0, 25.0] and b.tolist() == [30.5, -10.0]
+    assert [temperature_text(t) for t in (a, b, c)] == ["25 °C", "30.5, -10 °C", ""]
     tables = [GroupTable.of(group) for group in first.groups]
     assert tables[2].temperature is None
     copied = write_set(

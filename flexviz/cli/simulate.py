@@ -59,16 +59,19 @@ def simulate(
 def summary(done: SimulatedSet) -> list[str]:
     """Summary of the written set, as lines of text."""
     from flexviz.effects import EFFECTS
-    from flexviz.wording import unit_text
+    from flexviz.wording import temperature_text, unit_text
 
     plan = done.plan
     lines = [f"{done.folder}: {plan.name}, seed {done.seed}"]
     for group in plan.groups:
         use = "validation" if group.validation else "fit"
-        degrees = f", {group.temperature[0]:g} °C" if group.temperature else ""
-        lines.append(
-            f"  {group.name}: {group.trajectory}, {group.payload}, {group.duration:g} s{degrees}, {use}"
+        parts = (
+            group.trajectory,
+            group.payload,
+            f"{group.duration:g} s",
+            temperature_text(group.temperature),
         )
+        lines.append(f"  {group.name}: {', '.join(filter(None, (*parts, use)))}")
     for effect in plan.model.effects:
         units = EFFECTS[effect.effect].units
         values = ", ".join(

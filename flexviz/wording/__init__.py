@@ -58,6 +58,7 @@ from flexviz.wording.numbers import (
     plain_name,
     plural,
     short_names,
+    temperature_text,
     unit_text,
 )
 from flexviz.wording.verdicts import location, verdict_text
@@ -105,6 +106,7 @@ __all__ = [
     "share_text",
     "short_names",
     "simulated_text",
+    "temperature_text",
     "text_families",
     "text_names",
     "text_runs",

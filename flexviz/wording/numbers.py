@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from flexviz.statistics import NORMAL_95
 
@@ -26,6 +26,17 @@ def number(value: float | None, digits: int = 4) -> str:
 def unit_text(unit: str) -> str:
     """The unit; empty for a dimensionless number."""
     return "" if unit == "-" else unit
+
+
+def temperature_text(degrees: Iterable[float] | None) -> str:
+    """Temperatures [°C] of a group's joints, one number if they agree; empty where it states none.
+
+    >>> temperature_text([25.0, 25.0]), temperature_text([25.0, 30.5])
+    ('25 °C', '25, 30.5 °C')
+    """
+    values = [f"{value:g}" for value in ([] if degrees is None else degrees)]
+    shown = values[:1] if len(set(values)) == 1 else values
+    return f"{', '.join(shown)} °C" if shown else ""
 
 
 def with_error(value: float, error: float | None) -> tuple[str, str]:

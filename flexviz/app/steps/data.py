@@ -19,7 +19,7 @@ from flexviz.errors import InputError
 from flexviz.measurements import Group
 from flexviz.session import ROLES, Autosave, Unsaved, find_unsaved
 from flexviz.view import set_html
-from flexviz.wording import number
+from flexviz.wording import number, temperature_text
 
 ROLE_NAMES = tuple(role.capitalize() for role in ROLES)
 MAX_LABEL_LENGTH = 40  # characters of a group's label
@@ -60,6 +60,8 @@ class DataStep(WorkflowStep):
         self._roles = {}
         for group in measurements.groups:
             about = f"trajectory {group.trajectory}, payload {group.payload}, {number(group.duration, 3)} s"
+            if group.temperature is not None:
+                about += f", {temperature_text(group.temperature)}"
             with self._rows:
                 use = partial(self._use, group.name)
                 self._roles[group.name] = page.dropdown(_label(group), ROLE_NAMES, use, hint=about)

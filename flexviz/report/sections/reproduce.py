@@ -24,7 +24,7 @@ from flexviz.report.blocks import (
 )
 from flexviz.report.content import ReportContent, shown_time
 from flexviz.session import Analysis
-from flexviz.wording import number, plural
+from flexviz.wording import number, plural, temperature_text
 
 LIBRARIES = ("numpy", "scipy", "pin", "pyarrow")
 USED = {"fit": "fit", "validate": "validate", "ignore": "not used"}
@@ -44,6 +44,7 @@ def reproduce(content: ReportContent) -> Section:
 def _groups(content: ReportContent) -> ReportTable:
     roles = dict(content.analysis.roles)
     rows = []
+    warm = any(group.temperature is not None for group in content.measurements.groups)
     for group in content.measurements.groups:
         rates = sorted({round(1.0 / segment.step) for segment in group.segments})
         rate = "–" if not rates else f"{rates[0]:g}" + ("" if len(rates) == 1 else f"–{rates[-1]:g}")
@@ -52,6 +53,7 @@ def _groups(content: ReportContent) -> ReportTable:
                 group.name,
                 group.trajectory,
                 group.payload,
+                *([temperature_text(group.temperature) or "–"] if warm else []),
                 USED.get(roles.get(group.name, "ignore"), "not used"),
                 number(group.duration, 3),
                 rate,
@@ -59,8 +61,10 @@ def _groups(content: ReportContent) -> ReportTable:
                 str(len(group.segments)),
             ]
         )
-    head = ("group", "trajectory", "payload", "used to", "length [s]", "rate [Hz]", "samples", "pieces")
-    return table(head, rows, (4, 5, 6, 7))
+    head = ["group", "trajectory", "payload", "used to", "length [s]", "rate [Hz]", "samples", "pieces"]
+    if warm:
+        head.insert(3, "temperature")
+    return table(head, rows, tuple(range(len(head) - 4, len(head))))
 
 
 def _files(content: ReportContent) -> ReportTable:
