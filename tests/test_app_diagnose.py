@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,13 +14,15 @@ from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.diagnose import DiagnoseStep
-from flexviz.diagnosis import diagnose
+from flexviz.diagnosis import FreeCurve, Step, diagnose, prediction_errors
+from flexviz.identification import identify
 from flexviz.measurements import read_set
+from flexviz.report import session_report
 from flexviz.report.content import gather
 from flexviz.report.sections.summary import numbers
 from flexviz.resources import sessions_dir
-from flexviz.session import identified_errors
-from flexviz.view import staircase_charts
+from flexviz.session import identified_errors, open_session, save_session
+from flexviz.view import model_curve_charts, staircase_charts
 from flexviz.wording import total_rms
 from tests.app_running import reopen, running, send, status, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET
@@ -167,3 +170,57 @@ def test_a_change_meanwhile_wins(app: Application) -> None:
     send(app, data._roles["t1p1"], "Ignore")
     wait(app)
     assert app.store.analysis.diagnosis is None and "have changed in the meantime" in status(app)
+
+
+def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_path: Path) -> None:
+    """Not physics, but with Coulomb friction left out it lowers the error; the history holds it."""
+    reopen(app, sessions_dir() / DEMO)
+    measurements, start = app.store.measurements, app.store.analysis
+    result = identify(measurements)
+    start = start.with_identification(result, start.settings)
+    curve = FreeCurve(
+        "joint2", "velocity", "rad/s", ("forward", "backward"), np.linspace(-1, 1, 5), np.ones((2, 5)),
+        np.ones((2, 5)), 0.9, 0.01, 1.0,
+    )  # fmt: skip
+    known = prediction_errors(measurements, result.model)
+    step = Step(
+        None, known.rms, known.rms_validation, "unknown", known.groups, known.noise_floor, result.model
+    )
+    unknown = replace(
+        DIAGNOSIS, set_name=measurements.name, verdict="unknown", findings=(), steps=(step,),
+        free_curve=curve, model=result.model, notes=(),
+    )  # fmt: skip
+    app.store.change("looked for the missing effect", start.with_diagnosis(unknown))
+    before, shown = app.store.analysis, diagnose_step(app)
+    assert shown._add_curve.visible
+    use(app, "Add the free curve")
+    wait(app)
+    added = app.store.analysis
+    (text,) = added.effects
+    assert text in ("free_curve_velocity:joint2", "free_link_curve_velocity:joint2")
+    assert added.up_to_date and added.diagnosis_up_to_date and not shown._add_curve.visible
+    one_error_everywhere(app)
+    first, last = (one.step.rms_validation for one in added.model_steps)
+    assert first and last and last[1] < 0.2 * first[1]
+    assert "(not physics) on joint2" in app.store.session.undoes
+    assert "fv-hatched" in app.plots._steps.content and "(not physics)" in app.plots._steps.content
+    charts = staircase_charts(added.model_steps, 1, measurements.joints, measurements.torque_spread)
+    assert all(chart.series[0].label == "hatched: not physics" for chart in charts)
+    hatch = charts[0].series[0]
+    inside = hatch.x > 0.5
+    assert np.ptp(np.log(hatch.y[inside])) > 0 and len(np.unique(hatch.y[hatch.x < 0.5])) == 1
+
+    tables = app.page.gui._gui_input_handle_from_uuid  # the nodes are charts, not rows
+    assert not any("forward 1" in str(getattr(handle, "content", "")) for handle in tables.values())
+    (curve_chart,) = model_curve_charts(added.identification.parameters)  # type: ignore[union-attr]
+    assert curve_chart.title.startswith("In the model: Free curve of velocity")
+    page = session_report(app.store.session, measurements)
+    assert "Added: Free curve of velocity" in page and "A stopgap, not physics" in page
+    assert "In the model: Free curve of velocity" in page
+
+    folder = save_session(app.store.session, measurements, tmp_path / "saved")
+    again = open_session(folder).session.analysis
+    assert again.effects == added.effects and again.identification is not None
+    assert again.identification.model.effects == added.identification.model.effects  # type: ignore[union-attr]
+    use(app, "Undo")
+    assert app.store.analysis is before and shown._add_curve.visible

@@ -19,11 +19,10 @@ from flexviz.effects import EFFECTS
 from flexviz.results import Note
 from flexviz.session import Analysis, ModelStep
 from flexviz.view.effects import card_html, finding_html, heading_html, picture, verdict_html
+from flexviz.view.free_curves import free_chart, free_html
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     ResidualSamples,
-    free_chart,
-    free_html,
     map_charts,
     map_html,
     map_of,

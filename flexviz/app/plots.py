@@ -20,6 +20,7 @@ from flexviz.view import (
     map_charts,
     map_html,
     map_of,
+    model_curve_charts,
     observer_for,
     range_html,
     signals_charts,
@@ -138,7 +139,8 @@ class ResidualTab:
         if marked is not None and residual.series:
             residual = replace(residual, highlights=stretches_of(marked.time, marked.marked))
         self._stopgap.content = free_html(store.free_curve)
-        self._charts.show((free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
+        own = model_curve_charts(result.parameters) if result else ()
+        self._charts.show((*own, free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 

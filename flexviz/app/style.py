@@ -44,6 +44,7 @@ CSS = """
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
 .fv-verdict.nothing-missing { border-color: #009E73; }
 div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
+.fv-hatched { background: repeating-linear-gradient(135deg, #8886 0 1px, transparent 1px 6px); }
 .fv-added { padding-top: 0.3em; padding-right: 0.2em; }
 .fv-finding { margin-top: 0.2em; padding-top: 0.4em; border-top: 1px solid rgba(128, 128, 128, 0.3); }
 .fv-bar { height: 5px; border-radius: 3px; background: rgba(128, 128, 128, 0.25); margin: 2px 0; }

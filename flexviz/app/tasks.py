@@ -17,6 +17,7 @@ from flexviz.diagnosis import (
     diagnose,
     maps_of,
     prediction_errors,
+    with_free_curve,
 )
 from flexviz.errors import Cancelled, InputError
 from flexviz.identification import Identification, SweepResult, identify, sweep
@@ -24,7 +25,7 @@ from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
-from flexviz.progress import ProgressCallback, StopCallback
+from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import (
@@ -174,6 +175,35 @@ class Diagnose(SetTask[DiagnosedSet]):
                 )
             )
         return DiagnosedSet(diagnosis, identification, tuple(added))
+
+
+@dataclass(frozen=True, eq=False)
+class AddFreeCurve(SetTask[DiagnosedSet]):
+    """Add the free curve of an "unknown" diagnosis to its model, and fit both together."""
+
+    analysis: Analysis
+    diagnosis: Diagnosis
+    bandwidth: Bandwidth | None
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
+        def tell(text: str) -> None:
+            if should_stop():
+                raise Cancelled
+            if text:
+                progress(Progress(text))
+
+        measurements, analysis = chosen_set(self.analysis), self.analysis
+        longer = with_free_curve(measurements, self.diagnosis, tell)
+        last = longer.steps[-1]
+        assert last.added is not None and last.model is not None
+        identification = identify(
+            measurements,
+            effects=(*analysis.effects, last.added.text),
+            observer=analysis.observer,
+            bandwidth=self.bandwidth,
+            model=last.model,
+        )
+        return DiagnosedSet(replace(longer, findings=(), steps=(last,)), identification)
 
 
 def bandwidth_of(result: Identification) -> Bandwidth:

@@ -2,6 +2,7 @@
 
 from flexviz.results.assessment import assessment
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
+from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
 from flexviz.results.entries import (
     CandidateEntry,
@@ -28,6 +29,7 @@ __all__ = [
     "assessment",
     "bandwidth_text",
     "curve_entries",
+    "curve_tables",
     "find_parameter",
     "interval",
     "json_schema",

@@ -19,12 +19,11 @@ from flexviz.view.fit_charts import (
     sweep_charts,
     sweep_html,
 )
+from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, physical
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
     ResidualSamples,
-    free_chart,
-    free_html,
     groups_html,
     leading_map,
     map_chart,
@@ -92,6 +91,7 @@ __all__ = [
     "map_charts",
     "map_html",
     "map_of",
+    "model_curve_charts",
     "more_effects",
     "next_step",
     "notable",
@@ -100,6 +100,7 @@ __all__ = [
     "observer_numbers",
     "parameter_names",
     "parameters_html",
+    "physical",
     "progress_text",
     "range_html",
     "set_html",

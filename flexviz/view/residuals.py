@@ -21,7 +21,7 @@ from flexviz.charts import (
     no_chart,
     thin,
 )
-from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, FreeCurve, ResidualMap
+from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
 from flexviz.identification import Identification
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import escape, number, short_names
@@ -177,48 +177,6 @@ def spectrum_chart(one: ResidualMap) -> Chart:
         f"strongest band of 1 Hz, near {middle} Hz, holds {share:.0f} %"
         + ("." if notable(one) else ": no more than chance."),
         height=HEIGHT,
-    )
-
-
-def free_chart(curve: FreeCurve | None, height: int = 190) -> Chart:
-    """The free curve fitted to a residual that no effect explains, with its 95 % interval."""
-    if curve is None:
-        return no_chart(FREE)
-    values, halves, names = curve.value, NORMAL_95 * curve.std, curve.directions
-    seen = np.isfinite(values) & np.isfinite(halves)
-    if not (seen.sum(axis=0) > 1).any():  # each direction where the other never is: one curve
-        first, columns = np.argmax(seen, axis=0), np.arange(values.shape[1])
-        values, halves, names = values[first, columns][None], halves[first, columns][None], ("",)
-    if np.count_nonzero(np.isfinite(values).all(axis=0)) < 2:
-        return no_chart(FREE)
-    x, series, ribbons = curve.centres, [], []
-    for name, value, half, (colour, dash) in zip(names, values, halves, CURVES, strict=False):
-        series.append(ChartSeries(name or "free curve", colour, x, value, 2.2, dash))
-        ribbons.append(Ribbon("95 %", colour, x, value - half, value + half))
-    largest = number(float(np.nanmax(np.abs(values))), 3)
-    return Chart(
-        FREE,
-        f"Stopgap: free torque of {curve.joint} against {curve.variable}",
-        ChartAxis(f"{curve.variable} of {curve.joint}", curve.unit),
-        ChartAxis("missing torque", "Nm"),
-        tuple(series),
-        tuple(ribbons),
-        description=f"A free curve against the {curve.variable} of {curve.joint} would explain "
-        f"{100 * max(curve.explained, 0.0):.0f} % of its residual: {curve.note}. "
-        f"Largest torque: {largest} Nm.",
-        height=height,
-    )
-
-
-def free_html(curve: FreeCurve | None) -> str:
-    """The share that the free curve explains, marked as a stopgap."""
-    if curve is None:
-        return ""
-    share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
-    sides = " and the direction of motion" if len(curve.directions) > 1 else ""
-    return (
-        f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
-        f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.</div>"
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,6 +37,8 @@ COMPARED_IN = (
 )
 HELD_OUT = "validation"
 MAX_GROUPS = 10  # drawn
+NOT_PHYSICS = "hatched: not physics"
+HATCH_POINTS = 26  # of the zigzag in a hatched step
 ERROR_FLOOR = 1e-6  # [Nm] smallest value drawn on a logarithmic axis
 
 
@@ -77,10 +80,12 @@ def staircase_charts(
     """The error over all joints, and of the selected joint; neighbouring effects of one kind are one step."""
     if not model_steps:
         return no_chart("all", NO_STEPS), no_chart("joint")
-    steps = [model_steps[last].step for _, _, last in model_runs(model_steps, joints)]
-    charts = [staircase_chart(steps, spread=spread)]
+    runs = model_runs(model_steps, joints)
+    steps = [model_steps[last].step for _, _, last in runs]
+    hatched = [k for k, (_, texts, _) in enumerate(runs) if any(map(is_stopgap, texts))]
+    charts = [staircase_chart(steps, spread=spread, hatched=hatched)]
     if len(steps[0].rms) > 1:
-        charts.append(staircase_chart(steps, joint, joints[joint], spread=spread))
+        charts.append(staircase_chart(steps, joint, joints[joint], spread=spread, hatched=hatched))
     return tuple(charts)
 
 
@@ -99,11 +104,15 @@ def staircase_chart(
     name: str = "",
     ticks: Sequence[str] = (),
     spread: Sequence[float] = (),
+    hatched: Sequence[int] | None = None,
 ) -> Chart:
     """The error after each added effect, of one joint or over all (None); `ticks` name the steps.
 
-    In per cent of the torque, whose `spread` has shape (n,) [Nm]; without it in Nm.
+    In per cent of the torque, whose `spread` has shape (n,) [Nm]; without it in Nm. Steps that add a free
+    curve are hatched: `hatched`, by default those whose step says so.
     """
+    if hatched is None:
+        hatched = [k for k, step in enumerate(steps) if step.added is not None and step.added.stopgap]
     x, unit = np.arange(float(len(steps))), "% of the torque" if spread else "Nm"
     errors = step_errors(steps, joint, spread)
     bright = COLOURS.series[:6]
@@ -126,6 +135,8 @@ def staircase_chart(
         if np.isfinite(low).all():
             floor = np.maximum(low, ERROR_FLOOR)
             series.append(ChartSeries("noise floor", COLOURS.reference, x, floor, 1.6, DASHES[2], steps=True))
+    if hatched:
+        series = hatch(series, hatched)
     fell = (
         f"{group} from {number(values[0], 3)} to {number(values[-1], 3)} {unit}"
         for group, (values, _) in errors.items()
@@ -147,6 +158,23 @@ def staircase_chart(
     )
 
 
+def hatch(series: Sequence[ChartSeries], hatched: Sequence[int]) -> list[ChartSeries]:
+    """Lines of steps with a hatch in some of them, as a line of its own below the others."""
+    count = len(series[0].x)
+    edges = [np.linspace(k - 0.5, k + 0.5, HATCH_POINTS if k in hatched else 2) for k in range(count)]
+    widths, x = [len(edge) for edge in edges], np.concatenate(edges)
+    lines = [replace(one, x=x, y=np.repeat(one.y, widths), steps=False) for one in series]
+    low, high = np.min([line.y for line in lines], axis=0), np.max([line.y for line in lines], axis=0)
+    odd = np.concatenate([np.arange(width) % 2 == 1 for width in widths])
+    inside = np.repeat([k in hatched for k in range(count)], widths)
+    return [ChartSeries(NOT_PHYSICS, COLOURS.reference, x, np.where(odd & inside, low, high), 0.8), *lines]
+
+
+def is_stopgap(text: str) -> bool:
+    """Whether an effect, by its text, is a free curve."""
+    return free_curve(text.partition(":")[0]) is not None
+
+
 def staircase_html(
     model_steps: Sequence[ModelStep],
     joints: Sequence[str],
@@ -163,6 +191,8 @@ def staircase_html(
         what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
         found = "".join(f"<div>{escape(text)}</div>" for text in effect_values(texts, parameters))
         label = f"{count}. {escape(what)}"
+        if any(map(is_stopgap, texts)):
+            label = f'<span class="fv-hatched">{label}</span>'
         if found:
             label = f"<details><summary>{label}</summary>{found}</details>"
         held_out = step.rms_validation

@@ -8,6 +8,7 @@ from typing import Any
 from flexviz.charts import COLOURS
 from flexviz.identification import Identification, ParameterEstimate
 from flexviz.measurements import MeasurementSet
+from flexviz.view.free_curves import physical
 from flexviz.wording import INERTIAL, MARKS, SYMBOLS, escape, interval, number, plain_name, plural
 
 Truth = dict[tuple[str, str | None], float]  # (parameter, joint or payload) -> value
@@ -39,13 +40,15 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     """The parameter table: start, value ± 95 %, unit, identifiable, tied to; the truth on request."""
     if result is None:
         return '<div class="fv fv-dim">The parameters appear here after Run.</div>'
-    main = [p for p in result.parameters if p.name not in INERTIAL]
+    main = [p for p in physical(result.parameters) if p.name not in INERTIAL]
     inertial = [p for p in result.parameters if p.name in INERTIAL]
     head = "<tr><th></th><th>start</th><th>value</th><th>± 95 %</th>"
     head += ("<th>truth</th>" if truth is not None else "") + "<th>unit</th><th>id.</th></tr>"
     parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
     legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
+    if len(main) + len(inertial) < len(result.parameters):
+        parts.append('<div class="fv-dim">Free curves (not physics): see the plots, Where it fails.</div>')
     if inertial:
         parts.append(
             f"<details><summary>Inertial parameters ({len(inertial)})</summary>"

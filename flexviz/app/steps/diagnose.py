@@ -9,9 +9,9 @@ from flexviz.app.page import SHIFT, dim, off
 from flexviz.app.state import Changed, FitProgress, Turn
 from flexviz.app.steps.findings import FindingEntry, ModelList
 from flexviz.app.steps.step import WorkflowStep
-from flexviz.app.tasks import Diagnose, DiagnosedSet, bandwidth_of
+from flexviz.app.tasks import AddFreeCurve, Diagnose, DiagnosedSet, bandwidth_of
 from flexviz.app.uplot import ChartColumn
-from flexviz.diagnosis import Finding
+from flexviz.diagnosis import Finding, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
 from flexviz.view import free_chart, free_html, heading_html, verdict_html
@@ -35,6 +35,7 @@ class DiagnoseStep(WorkflowStep):
         self._verdict = gui.add_html("")
         self._stopgap = gui.add_html("")
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
+        self._add_curve = page.button("Add the free curve", self._curve_pressed, visible=False)
         self._all = page.button("Add all found", self._add_all, visible=False)
         self._heading = gui.add_html("")
         self._families: list[Family[Finding]] = []
@@ -44,6 +45,7 @@ class DiagnoseStep(WorkflowStep):
         page.command("Find what is missing in the model", self._look, "enter", SHIFT)
         page.command("Add the best finding and refit", lambda: self._add(0))
         page.command("Add all that is found", self._add_all)
+        page.command("Add the free curve of what is left", self._curve_pressed)
         self.store.subscribe(Changed.GROUP | Changed.JOINT, self._show_findings, Turn.CONTROLS)
 
     def refresh(self) -> None:
@@ -56,6 +58,8 @@ class DiagnoseStep(WorkflowStep):
         self._stopgap.content = free_html(curve)
         self._curve.folder.visible = curve is not None
         self._curve.show((free_chart(curve, height=HEIGHT),))
+        self._add_curve.visible = current is not None and not why_no_curve(current)
+        off(self._add_curve, why, "not physics: lowers the error of this motion; undo takes it back")
         self._heading.content = heading_html(current)
         self._show_findings()
         self.model.show(store.measurements.effects, analysis.effects, joints, why)
@@ -88,6 +92,30 @@ class DiagnoseStep(WorkflowStep):
 
     def _add_all(self) -> None:
         self._start("added all found", self.store.analysis, apply=True)
+
+    def _curve_pressed(self) -> None:
+        """Add the free curve of the diagnosis as a term of the model."""
+        store = self.store
+        analysis, diagnosis = store.analysis, store.analysis.current_diagnosis
+        why = "nothing is diagnosed yet" if diagnosis is None else why_no_curve(diagnosis)
+        if diagnosis is None or why:
+            raise InputError(f"no free curve can be added: {why}")
+        if not store.may_start("Adding the free curve"):
+            return
+        result = analysis.identification
+        task = AddFreeCurve(analysis.without_result(), diagnosis, result and bandwidth_of(result))
+        done = partial(self._take_curve, analysis)
+        store.await_task(task, done, begin="adding the free curve", stopped=STOPPED, fit=FitProgress())
+
+    def _take_curve(self, before: Analysis, found: DiagnosedSet) -> None:
+        store, added, result = self.store, found.diagnosis.steps[-1].added, found.identification
+        if store.analysis.settings != before.settings:
+            store.say("the settings have changed in the meantime: nothing was added; diagnose again", "bad")
+            return
+        assert added is not None and result is not None
+        analysis = before.with_effects([added.text])
+        analysis = analysis.with_identification(result, analysis.settings).with_diagnosis(found.diagnosis)
+        store.change(f"added {text_names([added.text], store.measurements.joints)[0]}", analysis)
 
     def _remove(self, effects: Sequence[str]) -> None:
         analysis = self.store.analysis

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexviz.diagnosis import Finding, ResidualLocation
-from flexviz.effects import EFFECTS, Effect
+from flexviz.effects import EFFECTS, Effect, free_curve
 from flexviz.report.blocks import (
     FIGURE_HEIGHT,
     Block,
@@ -88,6 +88,9 @@ def _added(content: ReportContent, texts: Sequence[str]) -> Section:
     found = tuple(finding for text in texts if (finding := known[text]) is not None)
     if len(found) == len(texts):
         return _part("Added", Family(found), content.joints)
+    if all(free_curve(text.partition(":")[0]) for text in texts):
+        stopgap = "A stopgap, not physics: it lowers the error of the recorded motion only."
+        return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(stopgap))
     unknown = "Added by hand, or by a diagnosis that is not in the session any more."
     return section(f"Added: {text_names(texts, content.joints)[0]}", Paragraph(unknown))
 

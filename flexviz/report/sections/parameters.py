@@ -8,8 +8,18 @@ import numpy as np
 
 from flexviz.diagnosis import BandwidthCheck, ParameterCurve
 from flexviz.identification import Combination, ParameterEstimate
-from flexviz.report.blocks import Cell, Paragraph, ReportTable, Section, explanation, section, table
+from flexviz.report.blocks import (
+    FIGURE_HEIGHT,
+    Cell,
+    Paragraph,
+    ReportTable,
+    Section,
+    explanation,
+    section,
+    table,
+)
 from flexviz.report.content import ReportContent
+from flexviz.view import model_curve_charts, physical
 from flexviz.wording import INERTIAL, MARKS, interval, number, plain_name, plural, unit_text
 
 MAX_TIES = 3  # listed per parameter
@@ -26,7 +36,8 @@ def parameters(content: ReportContent) -> Section | None:
     return section(
         "Parameters",
         explanation(source(content)),
-        _main([p for p in found if p.name not in INERTIAL]),
+        _main([p for p in physical(found) if p.name not in INERTIAL]),
+        *model_curve_charts(found, FIGURE_HEIGHT),
         parts=[_inertias(content, inertial)] if inertial else (),
     )
 
