@@ -86,7 +86,7 @@ def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float
     x = np.abs(rng.standard_normal(damped.size))
     x[damped.compliance] = 1e-3, 7e-4
     x[-1] = size
-    link = LinkTerms(np.zeros((1, 2, 20)), *(rng.standard_normal((1, 2, 2)) for _ in range(3)))
+    link = LinkTerms(*(rng.standard_normal((1, 2, 2)) for _ in range(3)))
     omega = np.array([5.0, 20.0, 31.0])  # where the filter passes all
 
     def response(path: NoisePath, j: int) -> Array:

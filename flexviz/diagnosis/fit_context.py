@@ -90,7 +90,7 @@ class Fit:
     @property
     def torque(self) -> Array:
         """Transmission torque of the fit groups, shape (N, n) [Nm]."""
-        return self.point.narrow.torque[0]
+        return self.point.torque
 
 
 class FitContext:
@@ -176,14 +176,16 @@ class FitContext:
     def _judged(
         self, layout: Layout, point: Point, converged: bool, near: Fit | None, noise_at: Array
     ) -> Fit:
+        point.forget()  # a search keeps many fits
         x, total, noise = point.x, point.objective, point.noise_objective
         held_out, chi_held_out, noise_there = None, np.full(layout.n, np.nan), noise_at
         samples = np.count_nonzero(point.used)
         if self.validation is not None:
             two_band = self.validation.with_layout(layout)
-            # nothing is fitted to the validation groups: no score is needed
-            whitening = TrackingWhitening(two_band, _noise_of(near, held_out=True), with_bias=False)
+            # nothing is fitted to the validation groups: no instruments are needed
+            whitening = TrackingWhitening(two_band, _noise_of(near, held_out=True), judging=True)
             held_out = whitening.point(x)
+            held_out.forget()
             noise_there = whitening.noise_at
             chi_held_out = held_out.chi
             total += held_out.objective
@@ -234,7 +236,7 @@ class FitContext:
     def chain(self, fit: Fit) -> Chain:
         """Sensitivity of the residual to s and q at a fit."""
         lay = fit.layout
-        return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.narrow.link)
+        return Chain(fit.x[lay.compliance], fit.x[lay.link_viscous], fit.point.link)
 
 
 def search_bounds(start: Start, layout: Layout) -> Bounds:

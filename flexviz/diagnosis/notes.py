@@ -44,7 +44,7 @@ def notes(
     rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
-    pulses = any(weighting.basis is not None for weighting in final.point.weightings)
+    pulses = any(weighting.unknown for weighting in final.point.weightings)
     if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
         text = (
             f"the error of {joints[j]} ({largest[j]:.3g} Nm) arises at motion reversals and backlash "

@@ -144,6 +144,7 @@ class _Pipeline:
         if rich is not None:
             result = many.result(rich, apply, bool(guarded), self.tell)
             return replace(result, seconds=time.perf_counter() - self.began)
+        del many  # its fits take as much memory as what follows
         self.prepare()
         try:
             self.check_stop()

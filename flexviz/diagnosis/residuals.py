@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.cross_validation import Ints
 from flexviz.diagnosis.fit_context import Fit, FitContext
-from flexviz.equation import Chain, pulses
+from flexviz.equation import Chain, Pulses, pulses
 from flexviz.estimation import (
     ESTIMATION,
     NoisePath,
@@ -74,18 +75,17 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
         two_band = source.with_layout(fit.layout)
         wide = two_band.wide.at(fit.x)
         residual = wide.residual(fit.x)
-        paths = noise_paths(fit.layout, fit.x, point.narrow.link)
+        paths = noise_paths(fit.layout, fit.x, point.link)
         whiteners = two_band.joint_whiteners(paths)
-        chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.narrow.link)
-        unknown = {p.block: p.columns for p in pulses(wide, fit.x, chain)}
+        chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.link)
+        unknown = pulses(wide, fit.x, chain)
         white, slow = np.zeros_like(residual), np.zeros_like(residual)
         shown = np.zeros(len(residual), bool)
         for index, block in enumerate(two_band.blocks):
-            rows = block.rows
+            rows, here = block.rows, [p for p in unknown if p.block == index]
             for j, whitener_j in enumerate(whiteners[index]):
-                free = unknown[index][:, j] if index in unknown else None
                 residual[rows, j], white[rows, j] = settled_reversals(
-                    whitener_j, residual[rows, j], point.used[rows], free
+                    whitener_j, residual[rows, j], point.used[rows], here, j
                 )
             kept = block.rows.start + np.flatnonzero(point.used[block.rows])
             step = block.segment.step * block.stride
@@ -99,7 +99,7 @@ def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
 
 
 def settled_reversals(
-    whitener: Whitener, residual: Array, used: NDArray[np.bool_], pulses: Array | None
+    whitener: Whitener, residual: Array, used: NDArray[np.bool_], pulses: Sequence[Pulses], joint: int
 ) -> tuple[Array, Array]:
     """Residual of one joint without nuisance pulses at reversals.
 
@@ -107,28 +107,32 @@ def settled_reversals(
         whitener: of this joint alone.
         residual: shape (N,) [Nm].
         used: shape (N,).
-        pulses: shape (N, M), ∂r for pulses of one standard deviation each; None without any.
+        pulses: of the stretch.
+        joint: index of the joint.
 
     Returns:
         residual less the most probable pulses, and its whitened form P W r (see `NoiseWeighting`), shape (N,)
         each.
     """
+    residual = residual.copy()
     white = whitener.apply(residual[:, None])[:, 0] * used
-    if pulses is None:
-        return residual, white
-    seen = whitener.apply(pulses[:, None, :])[:, 0] * used[:, None]
-    # of the smaller Gram matrix: friction at rest may give thousands of pulses
-    if seen.shape[1] > len(seen):
-        squares, left = _spectrum(seen @ seen.T)
-        right = seen.T @ left / np.sqrt(squares)
-    else:
-        squares, right = _spectrum(seen.T @ seen)
-        left = seen @ right / np.sqrt(squares)
-    along = left.T @ white
-    white -= left @ ((1 - 1 / np.sqrt(1 + squares)) * along)
-    # a residual above the noise must not be absorbed by the pulses
-    chi = max(1.0, float(np.sum(white**2)) / max(int(used.sum()), 1))
-    return residual - pulses @ (right @ (np.sqrt(squares) * along / (chi + squares))), white
+    for part in pulses:
+        rows, columns = part.rows, part.columns[:, joint]
+        inside = slice(rows.start - part.begin, None)
+        seen = whitener.apply(columns[:, None, :], part.begin)[inside, 0] * used[rows, None]
+        # of the smaller Gram matrix: friction at rest may give thousands of pulses
+        if seen.shape[1] > len(seen):
+            squares, left = _spectrum(seen @ seen.T)
+            right = seen.T @ left / np.sqrt(squares)
+        else:
+            squares, right = _spectrum(seen.T @ seen)
+            left = seen @ right / np.sqrt(squares)
+        along = left.T @ white[rows]
+        white[rows] -= left @ ((1 - 1 / np.sqrt(1 + squares)) * along)
+        # a residual above the noise must not be absorbed by the pulses
+        chi = max(1.0, float(np.sum(white[rows] ** 2)) / max(int(used[rows].sum()), 1))
+        residual[rows] -= columns[inside] @ (right @ (np.sqrt(squares) * along / (chi + squares)))
+    return residual, white
 
 
 def _spectrum(gram: Array) -> tuple[Array, Array]:
@@ -201,7 +205,7 @@ def samples(
         np.concatenate(steps),
         np.concatenate(absorbed(context, fit, parts)) * shown[:, None],
         np.concatenate([p.two_band.narrow.signals.theta[:3] for p in parts], axis=1),
-        np.concatenate([p.point.narrow.torque[0] for p in parts]),
+        np.concatenate([p.point.torque for p in parts]),
     )  # fmt: skip
 
 
@@ -231,7 +235,8 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
     start = context.start(fit.layout)
     gradient, prior_hessian = start.prior.gradient_and_hessian(fit.x)
     shown = parts[0].shown
-    jacobian, residual = parts[0].point.narrow.jacobian[shown], parts[0].slow[shown]
+    jacobians = tuple(part.point.jacobian() for part in parts)
+    jacobian, residual = jacobians[0][shown], parts[0].slow[shown]
     step = np.zeros(fit.layout.size)
     chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
     rounds = 3 if float(chi.mean()) > ESTIMATION.consistent else 0
@@ -244,7 +249,7 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
             break
         right = gradient + scaled.T @ (residual * weight).ravel()
         step = bounded_step(right, hessian, fit.x, start.bounds)[0]
-    return Absorption(weight, hessian, step, tuple(p.point.narrow.jacobian for p in parts))
+    return Absorption(weight, hessian, step, jacobians)
 
 
 def absorbed(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> list[Array]:

@@ -107,7 +107,8 @@ class Search:
         prior = self.context.start(layout).prior
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
-        projection = Projection(point.r.ravel(), flat, hessian)
+        again = lambda: point.z.reshape(-1, layout.size)  # noqa: E731
+        projection = Projection(point.r.ravel(), flat, hessian, again=again)
         weigh = self.weigh(fit)
         wanted = candidates(layout, self.context.measurements.groups)
         scored = score(narrow, self.context.chain(fit), wanted, weigh, projection)
@@ -208,7 +209,7 @@ class Search:
         A stiffness that has absorbed part of such an effect hides it from the score; the starts provided by
         the effect undo this.
         """
-        torque = fit.point.narrow.torque[0]
+        torque = fit.point.torque
         ranked = {s.effect: s for s in scores.ranked}
         out = []
         for j in np.argsort(-fit.chi)[: LIMITS.hidden_joints]:

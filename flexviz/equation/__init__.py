@@ -4,7 +4,7 @@ from flexviz.equation.chain import Chain
 from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
-from flexviz.equation.reversal_nuisance import pulses
+from flexviz.equation.reversal_nuisance import Pulses, pulses
 from flexviz.equation.signals import Signals, build_signals, equation_stride
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "LinkDynamics",
     "LinkTerms",
     "OperatingPoint",
+    "Pulses",
     "Signals",
     "build_signals",
     "equation_stride",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
-from flexviz.equation.fine_signals import FineSignals, fine_signals, fine_stride
+from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics
 from flexviz.equation.signals import Block, Signals
@@ -35,7 +35,7 @@ class EffectContext:
         x: shape (P,), parameters offered to the effects.
         q: shape (3, N, n), link side offered to the effects [rad/s^k].
         s: shape (N, n), transmission torque without friction [Nm]; None before it is known.
-        fine: wide-band signals of an earlier context, whose bands are kept.
+        bands: of the wide-band signals of an earlier context.
     """
 
     def __init__(
@@ -47,12 +47,12 @@ class EffectContext:
         x: Array,
         q: Array,
         s: Array | None = None,
-        fine: list[FineSignals] | None = None,
+        bands: FineBands | None = None,
     ) -> None:
         self._link, self._signals, self._layout = link, signals, layout
         self._shared = shared
         self._x, self._q, self._s = x.copy(), q, s
-        self._fine = fine
+        self._bands = bands
         self._motions: dict[int, list[JointMotion]] = {}
         self._cache: dict[object, Array] = {}
 
@@ -61,9 +61,13 @@ class EffectContext:
         """Transmission torque offered to the effects, shape (N, n) [Nm]."""
         return self._s
 
+    def forget(self) -> None:
+        """Discard what can be computed again."""
+        self._motions, self._cache = {}, {}
+
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals with other parameters."""
-        return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, fine=self._fine)
+        return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, self._bands)
 
     # -- the protocol ------------------------------------------------------------------------------------
 
@@ -145,13 +149,15 @@ class EffectContext:
         values = self._signals.observer_of(joint).derivatives(part.T, fine.step, depth, stride=stride)
         return values[:, self._signals.kept(block)].transpose(2, 0, 1)
 
-    def pulses_block(self, index: int, at: NDArray[np.intp], joint: int, depth: int) -> Array:
-        """Filtered unit samples at fine instants `at` (M,) of one stretch, shape (M, depth, N_block).
+    def pulses_block(
+        self, index: int, at: NDArray[np.intp], joint: int, depth: int, rows: slice = slice(None)
+    ) -> Array:
+        """Filtered unit samples at fine instants `at` (M,) of one stretch, shape (M, depth, N_rows).
 
-        Looked up in the filter's impulse response.
+        Looked up in the filter's impulse response; `rows`: samples of the stretch, default: all.
         """
         kernel, reach = self._impulse(joint, self.fine()[index].step)
-        lag = np.clip(self._sampled(index)[None, :] - at[:, None], -reach - 1, reach + 1)
+        lag = np.clip(self._sampled(index)[None, rows] - at[:, None], -reach - 1, reach + 1)
         return kernel[:depth, lag + reach + 1].transpose(1, 0, 2)
 
     def steps_block(self, index: int, instants: Array, joint: int) -> Array:
@@ -188,10 +194,10 @@ class EffectContext:
 
     def fine(self) -> list[FineSignals]:
         """Wide-band signals of every block."""
-        if self._fine is None:
+        if self._bands is None:
             inertia, stiffness = self._x[self._layout.motor_inertia], 1 / self._x[self._layout.compliance]
-            self._fine = fine_signals(self._signals, inertia, stiffness, self._shared)
-        return self._fine
+            self._bands = fine_bands(self._signals, inertia, stiffness, self._shared)
+        return fine_signals(self._signals, self._bands, self._shared)
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         if joint not in self._motions:

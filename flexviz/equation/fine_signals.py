@@ -21,6 +21,7 @@ TORQUE_NOISE = 5e-3  # maximum noise of the transmission torque relative to its 
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s] maximum noise of the link velocity
 BAND_STEP = 1.05  # bands within this factor share their signals
 KEPT = 4  # bands whose signals are kept
+KEPT_BYTES = 1e8  # of long records fewer, at least one
 
 
 @dataclass(frozen=True)
@@ -51,10 +52,22 @@ def fine_stride(block: Block) -> int:
     return max(d for d in range(1, min(wanted, block.stride) + 1) if block.stride % d == 0)
 
 
-def fine_signals(
-    signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]
-) -> list[FineSignals]:
-    """Fine signals of every block, shared by all models with nearly the same bands.
+@dataclass(frozen=True)
+class FineBands:
+    """Bands of the fine signals of every block.
+
+    Attributes:
+        key: equal for bands that share their signals.
+        wide, narrow: shape (n,) each, of the velocity and of the torque [Hz], one per block.
+    """
+
+    key: tuple[object, ...]
+    wide: list[Array]
+    narrow: list[Array]
+
+
+def fine_bands(signals: Signals, inertia: Array, stiffness: Array, shared: dict[object, Any]) -> FineBands:
+    """The bands at given parameters.
 
     Args:
         signals: signals of the equation.
@@ -74,12 +87,25 @@ def fine_signals(
     ]
     bands = (tuple(np.round(np.log(w) / np.log(BAND_STEP))) for w in (*wide, *narrow))
     key = ("fine", tuple(fine_stride(b) for b in blocks), *bands)
+    return shared.setdefault(("bands", key), FineBands(key, wide, narrow))
+
+
+def fine_signals(signals: Signals, bands: FineBands, shared: dict[object, Any]) -> list[FineSignals]:
+    """Fine signals of every block, shared by all models with nearly the same bands."""
+    key = bands.key
     if key not in shared:
-        for old in [k for k in shared if isinstance(k, tuple) and k[0] == "fine"][: 1 - KEPT]:
+        kept = [k for k in shared if isinstance(k, tuple) and k[0] == "fine"]
+        most = min(KEPT, max(1, int(KEPT_BYTES / max(map(_size, (shared[k] for k in kept)), default=1))))
+        for old in kept[: max(len(kept) + 1 - most, 0)]:
             del shared[old]  # of models left behind: a search meets hundreds of bands
-        parts = zip(blocks, wide, narrow, strict=True)
+        parts = zip(signals.blocks, bands.wide, bands.narrow, strict=True)
         shared[key] = [_filtered(block, a, b, signals.torque_hold / 2) for block, a, b in parts]
     return shared[key]
+
+
+def _size(fine: list[FineSignals]) -> int:
+    """Size in bytes."""
+    return sum(array.nbytes for f in fine for array in (f.position, f.velocity, f.theta, f.tau))
 
 
 def torque_band(

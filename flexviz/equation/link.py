@@ -16,16 +16,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LinkTerms:
-    """Rigid-body terms at N samples, in the set's joint order.
+    """Derivatives of Y(q, q̇, q̈) Γ at N samples, in the set's joint order.
 
     Attributes:
-        regressor: shape (N, n, 10n), Y(q, q̇, q̈).
         dq: shape (N, n, n), ∂(YΓ)/∂q [Nm/rad].
         dv: shape (N, n, n), ∂(YΓ)/∂q̇ [Nm s/rad].
         mass: shape (N, n, n), M(q) [kg m²].
     """
 
-    regressor: Array
     dq: Array
     dv: Array
     mass: Array
@@ -42,38 +40,39 @@ class LinkDynamics:
         self._sorted = bool(np.array_equal(robot.order, np.arange(robot.n)))
         self._columns = (10 * robot.order[:, None] + np.arange(10)).ravel()
 
-    def evaluate(self, blocks: Sequence[tuple[slice, Array]], q: Array, v: Array, a: Array) -> LinkTerms:
+    def evaluate(
+        self,
+        blocks: Sequence[tuple[slice, Array]],
+        q: Array,
+        v: Array,
+        a: Array,
+        regressor: Array | None = None,
+    ) -> LinkTerms:
         """All terms.
 
         Args:
             blocks: samples and their inertial parameters, payload included, shape (n, 10); a body's mass is
                 positive.
             q, v, a: shape (N, n) [rad, rad/s, rad/s²].
+            regressor: shape (N, n, 10n), where to write Y(q, q̇, q̈); None: it is not computed.
         """
         count, n = q.shape
-        terms = LinkTerms(
-            np.empty((count, n, 10 * n)),
-            np.empty((count, n, n)),
-            np.empty((count, n, n)),
-            np.empty((count, n, n)),
-        )
+        dq, dv, mass = (np.empty((count, n, n)) for _ in range(3))
         q, v, a = self._rows(q, v, a)
         model, data = self._model, self._data
-        regressor, dq, dv, mass = terms.regressor, terms.dq, terms.dv, terms.mass
         derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
         for rows, parameters in blocks:
             self._set(parameters)
             for k in range(*rows.indices(count)):
                 dq[k], dv[k], mass[k] = derivatives(model, data, q[k], v[k], a[k])
-                regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
+                if regressor is not None:
+                    regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
         if self._sorted:
-            return terms
-        o = self._order
-        square = np.ix_(o, o)
-        return LinkTerms(
-            regressor[:, o][:, :, self._columns], dq[:, square[0], square[1]], dv[:, square[0], square[1]],
-            mass[:, square[0], square[1]],
-        )  # fmt: skip
+            return LinkTerms(dq, dv, mass)
+        if regressor is not None:
+            regressor[:] = regressor[:, self._order][:, :, self._columns]
+        i, j = np.ix_(self._order, self._order)
+        return LinkTerms(dq[:, i, j], dv[:, i, j], mass[:, i, j])
 
     def torque(self, parameters: Array, q: Array, v: Array, a: Array) -> Array:
         """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]."""

@@ -221,13 +221,16 @@ class OperatingPoint:
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
         blocks = self._bodies(x)
-        link = self.equation.link.evaluate(blocks, *q)
+        jacobian = np.zeros((self.signals.count, lay.n, lay.size))
+        regressor = jacobian[:, :, lay.inertial]
+        link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor)
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
-            residual[rows] -= link.regressor[rows] @ parameters.ravel()
+            residual[rows] -= regressor[rows] @ parameters.ravel()
+        np.negative(regressor, out=regressor)
         residual = _without(terms, residual)
         chain = Chain(x[lay.compliance], x[lay.link_viscous], link)
-        jacobian = self._jacobian(x, terms, chain, s, q, link)
+        self._fill(jacobian, x, terms, chain, s, q)
         if moving:
             self._add_load_chain(jacobian, x, terms, chain)
         if self._initial is None:
@@ -238,13 +241,9 @@ class OperatingPoint:
             stretch.remove_from(jacobian)
         return Evaluation(residual, jacobian, s, q, link)
 
-    def _jacobian(
-        self, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array, link: LinkTerms
-    ) -> Array:
-        """∂r/∂x before initial states are removed, shape (N, n, P)."""
+    def _fill(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain, s: Array, q: Array) -> None:
+        """∂r/∂x (N, n, P), but for the inertial parameters, before initial states are removed."""
         lay, theta = self.layout, self.signals.theta
-        jacobian = np.zeros((self.signals.count, lay.n, lay.size))
-        jacobian[:, :, lay.inertial] = -link.regressor
         for j in range(lay.n):
             jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
             jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:5, :, j], j)
@@ -260,7 +259,6 @@ class OperatingPoint:
                 column = chain.column(term.entry, term.joints, term.value / scale)
                 jacobian[:, :, lay.motor_viscous.start + j] += by_motor * column
                 jacobian[:, :, lay.link_viscous.start + j] += by_link * column
-        return jacobian
 
     def _add_load_chain(self, jacobian: Array, x: Array, terms: PlacedTerms, chain: Chain) -> None:
         """Add ∂u/∂s ∂s/∂x of effects whose u follows the transmission torque s."""

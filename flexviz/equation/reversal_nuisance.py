@@ -4,11 +4,16 @@ For some milliseconds around a zero crossing of velocity or torque, the friction
 on details of the reversal and is unknown. Each such interval is described by pulses of unknown size, which
 cost a few samples per reversal instead of biasing the fit. The initial state of a law with memory is treated
 likewise (`LawEffect.unknown`).
+
+A long stretch is taken apart: all pulses of its samples together would take memory with the square of its
+length. A pulse near the border of two parts is unknown in both.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,46 +30,85 @@ UNKNOWN_SHARE = 0.15  # of the change of u that is unknown on average between tw
 SETTLED_SHARE = 0.99  # of the full size of u on either side of a jump
 # half-width of a jump in each signal: [rad/s], [rad/s], share of the rms torque
 JUMP_WIDTHS = {"velocity": 0.02, "link_velocity": 0.02, "torque": 0.02}
+LONGEST = 30.0  # [s] longer stretches are taken apart
+PART = 10.0  # [s] about the length of a part
+LEAD = 1.0  # [s] before a part, for whitening, which looks back
+BORDER = 0.4  # [s] beyond a part, from where a filtered pulse still matters
 
 
 @dataclass(frozen=True)
 class Pulses:
-    """Unknown pulses of one stretch.
+    """Unknown pulses of a stretch or of a part of it.
 
     Attributes:
         block: which stretch.
-        columns: shape (N_block, n, M), ∂r for a pulse of one standard deviation.
+        rows: samples of the stretch, those of `columns` but for the first ones, which lead up to them.
+        begin: sample of the stretch with which `columns` begins.
+        columns: shape (N_part, n, M), ∂r for a pulse of one standard deviation.
     """
 
     block: int
+    rows: slice
+    begin: int
     columns: Array
 
 
 def pulses(point: OperatingPoint, x: Array, chain: Chain) -> list[Pulses]:
     """The pulses of every stretch that has some, for the rigid-body terms in `chain`."""
-    sig, lay, context = point.signals, point.layout, point.context
-    found: dict[int, list[Array]] = {}
-    for effect, where in lay.effect_slices():
-        law = EFFECTS[effect.effect]
-        if not isinstance(law, LawEffect) or effect.joint is None or not np.any(x[where]):
+    found: dict[tuple[int, int], list[Pulses]] = {}
+    for effect, where in point.layout.effect_slices():
+        law, joint = EFFECTS[effect.effect], effect.joint
+        if not isinstance(law, LawEffect) or joint is None or not np.any(x[where]):
             continue
-        joint, values = effect.joint, x[where]
-        depth = law.depth
-        motions = context.motions(joint)
-        for index, motion in enumerate(motions):
-            times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
-            step = motion.time[1] - motion.time[0]
-            at = np.searchsorted(motion.time, times)
-            filtered = context.pulses_block(index, at, joint, depth) * (sizes / step)[:, None, None]
-            begun = law.unknown(motion, values)
-            if len(begun):
-                filtered = np.concatenate((filtered, context.filtered_block(index, begun, joint, depth)))
-            if not len(filtered):
-                continue
-            rows = sig.blocks[index].rows
-            columns = [chain.rows(rows).column(law.entry, (joint,), one[:, :, None]) for one in filtered]
-            found.setdefault(index, []).append(np.stack(columns, axis=2))
-    return [Pulses(index, np.concatenate(parts, axis=2)) for index, parts in sorted(found.items())]
+        for index, motion in enumerate(point.context.motions(joint)):
+            for one in _of_stretch(point, index, law, joint, motion, x[where], chain):
+                found.setdefault((index, one.rows.start), []).append(one)
+    return [
+        replace(same[0], columns=np.concatenate([one.columns for one in same], axis=2))
+        for _, same in sorted(found.items())
+    ]
+
+
+def _of_stretch(
+    point: OperatingPoint,
+    index: int,
+    law: LawEffect,
+    joint: int,
+    motion: JointMotion,
+    values: Array,
+    chain: Chain,
+) -> Iterator[Pulses]:
+    """The pulses of one effect in each part of a stretch that has some."""
+    block = point.signals.blocks[index]
+    time = point.signals.time[block.rows]
+    step, fine = time[1] - time[0], motion.time[1] - motion.time[0]
+    times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
+    begun = law.unknown(motion, values)
+    for rows in parts_of(time):
+        begin, there = 0, np.ones(len(times), bool)
+        if rows.stop - rows.start < len(time):
+            begin = max(rows.start - int(np.ceil(LEAD / step)), 0)
+            there = (times > time[rows.start] - BORDER) & (times < time[rows.stop - 1] + BORDER)
+        seen = slice(begin, rows.stop)
+        at = np.searchsorted(motion.time, times[there])
+        filtered = point.context.pulses_block(index, at, joint, law.depth, seen)
+        filtered *= (sizes[there] / fine)[:, None, None]
+        if rows.start == 0 and len(begun):
+            state = point.context.filtered_block(index, begun, joint, law.depth)[:, :, seen]
+            filtered = np.concatenate((filtered, state))
+        if not len(filtered):
+            continue
+        part = chain.rows(slice(block.rows.start + begin, block.rows.start + rows.stop))
+        columns = [part.column(law.entry, (joint,), one[:, :, None]) for one in filtered]
+        yield Pulses(index, rows, begin, np.stack(columns, axis=2))
+
+
+def parts_of(time: Array) -> list[slice]:
+    """Samples of each part of a stretch with sample times (N,) [s]; one part unless it is long."""
+    length = float(time[-1] - time[0])
+    count = 1 if length <= LONGEST else round(length / PART)
+    ends = np.arange(count + 1) * len(time) // count
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array, Array]:

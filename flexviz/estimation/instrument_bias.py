@@ -38,10 +38,10 @@ class Lookback:
 
 def lookback(whitener: Whitener) -> Lookback:
     """W at samples with complete predecessors; none if the stretch is too short."""
-    order, count = whitener.predictor.shape[:2]
+    order, count = whitener.order, whitener.count
     at = np.arange(order, count, max(SAMPLE_SPACING, -(-(count - order) // MAX_SAMPLES)))
-    scale = whitener.scale[at]
-    return Lookback(at, [scale, *(-scale @ matrix[at] for matrix in whitener.predictor)])
+    predictor, scale = whitener.maps(at)
+    return Lookback(at, [scale, *(-scale @ matrix for matrix in predictor)])
 
 
 def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel: Array) -> Array:

@@ -15,6 +15,7 @@ from flexviz.estimation.prior import Prior
 Array = NDArray[np.float64]
 
 MAX_HALVINGS = 12
+SAMPLES_TOGETHER = 4000  # weighted at a time
 ACCELERATION_DEPTH = 3  # past steps that an extrapolated step combines
 SHRINKING = 0.5  # times the last step, below which a step needs no extrapolation
 
@@ -177,11 +178,13 @@ def _length(step: Array, hessian: Array) -> float:
 
 def normal_equations(now: Evaluation, weights: Array, prior: Prior, x: Array) -> tuple[Array, Array]:
     """Gradient (P,) and Gauss–Newton Hessian (P, P) of the cost."""
-    size = now.jacobian.shape[2]
-    scaled = (now.jacobian * weights[:, :, None]).reshape(-1, size)
-    residual = (now.residual * weights).ravel()
     gradient, hessian = prior.gradient_and_hessian(x)
-    return gradient + scaled.T @ residual, hessian + scaled.T @ scaled
+    for first in range(0, len(weights), SAMPLES_TOGETHER):
+        rows = slice(first, first + SAMPLES_TOGETHER)
+        scaled = (now.jacobian[rows] * weights[rows, :, None]).reshape(-1, len(x))
+        gradient = gradient + scaled.T @ (now.residual[rows] * weights[rows]).ravel()
+        hessian = hessian + scaled.T @ scaled
+    return gradient, hessian
 
 
 def _weights(residual: Array, used: NDArray[np.bool_], equation: Equation) -> Array:

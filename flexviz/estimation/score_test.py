@@ -11,13 +11,13 @@ of two steps, so that the gain of every pair follows from the Gram matrix of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, Guess
 from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation.linear_algebra import scaled_inverse
 
@@ -26,6 +26,7 @@ Weigh = Callable[[Array, int], Array]  # columns (N_block, n, C) of a stretch, i
 
 MIN_REMAINDER = 1e-10  # share of a signature's squared norm below which the model already contains the effect
 MAX_BATCH_COLUMNS = 64  # weighted at a time
+MIN_BATCH_COLUMNS, MAX_BATCH_NUMBERS = 8, 2e6  # … of a long record fewer
 MAX_INSTANTS = 100  # candidate instants per stretch
 MIN_INSTANT_SPACING = 0.1  # [s]
 MIN_EPISODE = 0.2  # [s]
@@ -40,18 +41,33 @@ class Projection:
         hessian: shape (P, P), instrumentsᵀ instruments + Hessian of the prior.
         prior_gradient: shape (P,). If given, the prior counts like further measurements: an effect also gains
             what the prior pays for parameters that stand in for it, such as masses far from the CAD model.
+        again: makes the instruments once more; if given, they are not kept.
     """
 
     def __init__(
-        self, residual: Array, instruments: Array, hessian: Array, prior_gradient: Array | None = None
+        self,
+        residual: Array,
+        instruments: Array,
+        hessian: Array,
+        prior_gradient: Array | None = None,
+        again: Callable[[], Array] | None = None,
     ) -> None:
-        self.residual, self.instruments = residual, instruments
+        self.residual, self._again = residual, again
+        self._instruments = instruments if again is None else None
         self._inverse = scaled_inverse(hessian, rcond=1e-13)
         self._gram = instruments.T @ instruments
         self._along = instruments.T @ residual
         if prior_gradient is not None:
             self._gram = hessian
             self._along = self._along + prior_gradient
+
+    @property
+    def instruments(self) -> Array:
+        """Weighted Jacobian, shape (M, P)."""
+        if self._instruments is not None:
+            return self._instruments
+        assert self._again is not None
+        return self._again()
 
     def normal(self, columns: Array, rows: slice | None = None) -> tuple[Array, Array]:
         """Gram matrix (C, C) of projected signatures and their products with the residual (C,).
@@ -75,8 +91,9 @@ class Projection:
     def rest(self, columns: Array, rows: slice | None = None) -> Array:
         """Projected signatures, shape (M, C), of weighted ones (M_rows, C)."""
         rows = slice(None) if rows is None else rows
-        share = self._inverse @ (self.instruments[rows].T @ columns)
-        out = -(self.instruments @ share)
+        instruments = self.instruments
+        share = self._inverse @ (instruments[rows].T @ columns)
+        out = -(instruments @ share)
         out[rows] += columns
         return out
 
@@ -115,21 +132,8 @@ def score(
     Returns:
         one entry per effect, in the order of `wanted`, without effects whose guesses are all out of bounds.
     """
-    guesses = [
-        (effect, guess)
-        for effect in wanted
-        for guess in EFFECTS[effect.effect].guesses(point.context, effect.place)
-    ]
     best: dict[ChosenEffect, ScoredCandidate] = {}
-    start = 0
-    while start < len(guesses):
-        stop, width = start, 0
-        while stop < len(guesses) and (
-            width == 0 or width + len(guesses[stop][1].columns) <= MAX_BATCH_COLUMNS
-        ):
-            width += len(guesses[stop][1].columns)
-            stop += 1
-        part = guesses[start:stop]
+    for part in _batches(point, wanted):
         columns = np.concatenate(
             [np.stack([chain.column(g.entry, g.joints, one) for one in g.columns], axis=2) for _, g in part],
             axis=2,
@@ -146,8 +150,26 @@ def score(
             values = np.asarray(guess.to_values(coefficients), float)  # type: ignore[operator]
             if allowed(effect, values) and (effect not in best or gain > best[effect].gain):
                 best[effect] = ScoredCandidate(effect, gain, values, weighed[:, here] @ coefficients)
-        start = stop
     return [best[effect] for effect in wanted if effect in best]
+
+
+def _batches(
+    point: OperatingPoint, wanted: Sequence[ChosenEffect]
+) -> Iterator[list[tuple[ChosenEffect, Guess]]]:
+    """Guesses of all effects, as many at a time as are weighted together."""
+    samples = point.signals.count * point.layout.n
+    most = int(np.clip(MAX_BATCH_NUMBERS / samples, MIN_BATCH_COLUMNS, MAX_BATCH_COLUMNS))
+    batch: list[tuple[ChosenEffect, Guess]] = []
+    width = 0
+    for effect in wanted:
+        for guess in EFFECTS[effect.effect].guesses(point.context, effect.place):
+            if batch and width + len(guess.columns) > most:
+                yield batch
+                batch, width = [], 0
+            batch.append((effect, guess))
+            width += len(guess.columns)
+    if batch:
+        yield batch
 
 
 def explained(gram: Array, along: Array) -> tuple[Array, float]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from flexviz.equation import (
     Chain,
     Equation,
-    Evaluation,
     Layout,
     LinkTerms,
     OperatingPoint,
@@ -24,8 +23,8 @@ from flexviz.equation import (
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths, time_constants
+from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import (
-    NoiseWeighting,
     Whitener,
     lagged_covariance,
     noise_kernel,
@@ -54,14 +53,18 @@ class BandEvaluation:
         x: shape (P,).
         wide_point, narrow_point: operating points of the effects in each band.
         residual: shape (N, n), of the wide band [Nm].
-        narrow: equation of the narrow band.
+        torque: shape (N, n), transmission torque of the narrow band [Nm].
+        link: rigid-body terms of the narrow band.
+        jacobian: shape (N, n, P), of the narrow band; None if it was not asked for.
     """
 
     x: Array
     wide_point: OperatingPoint
     narrow_point: OperatingPoint
     residual: Array
-    narrow: Evaluation
+    torque: Array
+    link: LinkTerms
+    jacobian: Array | None
 
 
 class TwoBandData:
@@ -121,11 +124,18 @@ class TwoBandData:
         other.noise_model = self.noise_model.with_model_error(variance)
         return other
 
-    def evaluate(self, x: Array, after: BandEvaluation | None = None) -> BandEvaluation:
+    def evaluate(
+        self, x: Array, after: BandEvaluation | None = None, jacobian: bool = True
+    ) -> BandEvaluation:
         """Both equations at x, shape (P,); `after`: an earlier evaluation of the same fit."""
         wide = self.wide.at(x, None if after is None else after.wide_point)
         narrow = self.narrow.at(x, None if after is None else after.narrow_point)
-        return BandEvaluation(x, wide, narrow, wide.residual(x), narrow.evaluate(x))
+        if jacobian:
+            found = narrow.evaluate(x)
+            s, link, slopes = found.torque[0], found.link, found.jacobian
+        else:
+            s, link, slopes = narrow.motor_side(x)[0][0], narrow.link_terms(x), None
+        return BandEvaluation(x, wide, narrow, wide.residual(x), s.copy(), link, slopes)
 
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
@@ -188,7 +198,7 @@ class TwoBandData:
     def noise_level(self, x: Array, link: LinkTerms) -> Array:
         """Mean noise variance of the residual, from a few samples, shape (n,) [Nm²]."""
         few = slice(None, None, max(1, self.wide.signals.count // NOISE_SAMPLES))
-        part = LinkTerms(*(term[few] for term in (link.regressor, link.dq, link.dv, link.mass)))
+        part = LinkTerms(link.dq[few], link.dv[few], link.mass[few])
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
         variance = np.zeros(self.layout.n)
         for path in noise_paths(self.layout, x, part):
@@ -212,9 +222,10 @@ class TwoBandData:
     def weightings(self, evaluation: BandEvaluation, whiteners: list[Whitener]) -> list[NoiseWeighting]:
         """One weighting per block: the whitener and the nuisance pulses at reversals."""
         x, out = evaluation.x, [NoiseWeighting(w) for w in whiteners]
-        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], evaluation.narrow.link)
+        chain = Chain(x[self.layout.compliance], x[self.layout.link_viscous], evaluation.link)
         for unknown in pulses(evaluation.wide_point, x, chain):
-            out[unknown.block] = out[unknown.block].with_unknown(unknown.columns)
+            before = out[unknown.block]
+            out[unknown.block] = before.with_unknown(unknown.columns, unknown.rows, unknown.begin)
         return out
 
     def noise_score_covariance(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Evaluation
+from flexviz.equation import LinkTerms, OperatingPoint
 from flexviz.estimation.covariance import score_covariance
+from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
+from flexviz.estimation.recent import Recent
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
-from flexviz.estimation.whitening import NoiseWeighting, Whitener
+from flexviz.estimation.whitening import Whitener
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -46,21 +49,47 @@ class Point:
         two_band: the data and the model.
         x: shape (P,).
         r: shape (N, n); unused samples are zero.
-        z: shape (N, n, P); unused samples are zero.
         used: shape (N,), samples outside the transients.
         weightings: one per block.
-        narrow: equation of the narrow band.
+        torque: shape (N, n), transmission torque of the narrow band [Nm].
+        narrow_point: operating point of the narrow band.
         bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
     """
 
     two_band: TwoBandData
     x: Array
     r: Array
-    z: Array
     used: Bools
     weightings: list[NoiseWeighting]
-    narrow: Evaluation
+    torque: Array
+    narrow_point: OperatingPoint
     bias: list[Array]
+    _instruments: Recent[Array] = field(default_factory=partial(Recent, "instruments", 2), init=False)
+    _link: Recent[LinkTerms] = field(default_factory=partial(Recent, "link", 4), init=False)
+
+    @property
+    def z(self) -> Array:
+        """Instruments, shape (N, n, P); unused samples are zero."""
+        return self._instruments.get(lambda: self._weighted(self.jacobian()))
+
+    @property
+    def link(self) -> LinkTerms:
+        """Rigid-body terms of the narrow band."""
+        return self._link.get(lambda: self.narrow_point.link_terms(self.x))
+
+    def jacobian(self) -> Array:
+        """∂r/∂x of the narrow band, shape (N, n, P)."""
+        return self.narrow_point.evaluate(self.x).jacobian
+
+    def _weighted(self, jacobian: Array) -> Array:
+        for weighting, rows in zip(self.weightings, self.rows, strict=True):
+            jacobian[rows] = weighting.apply(jacobian[rows])
+        jacobian[~self.used] = 0.0
+        return jacobian
+
+    def forget(self) -> None:
+        """Discard the signals at the operating point, which can be computed again."""
+        self.narrow_point.context.forget()
 
     @property
     def whiteners(self) -> list[Whitener]:
@@ -89,12 +118,13 @@ class Point:
 
     def within(self, window: Bools) -> Point:
         """The point restricted to the samples of a window, shape (N,)."""
-        r, z = self.r * window[:, None], self.z * window[:, None, None]
-        return replace(self, r=r, z=z, used=self.used & window)
+        part = replace(self, r=self.r * window[:, None], used=self.used & window)
+        part._instruments.get(lambda: self.z * window[:, None, None])
+        return part
 
     def score(self) -> Array:
         """Zᵀ W r − b, shape (P,), of zero mean for a correct model."""
-        score: Array = self.z.reshape(-1, self.z.shape[2]).T @ self.r.ravel()
+        score: Array = self.z.reshape(-1, len(self.x)).T @ self.r.ravel()
         for rows, mean in zip(self.rows, self._corrected_bias(), strict=True):
             score -= np.count_nonzero(self.used[rows]) * mean
         return score
@@ -124,7 +154,7 @@ class Point:
     def normal_equations(self, prior: Prior) -> WeightedNormalEquations:
         """Normal equations of the weighted residual and the prior."""
         gradient, prior_hessian = prior.gradient_and_hessian(self.x)
-        flat = self.z.reshape(-1, self.z.shape[2])
+        flat = self.z.reshape(-1, len(self.x))
         return WeightedNormalEquations(gradient + self.score(), flat.T @ flat, prior_hessian)
 
     def score_covariance(self) -> Array:
@@ -134,20 +164,23 @@ class Point:
     def noise_score_covariance(self) -> Array:
         """Covariance of the score from the noise model, scaled up to the size of the residual."""
         two_band, raised = self.two_band, max(float(np.mean(self.chi)), 1.0)
-        return two_band.noise_score_covariance(self.x, self.narrow.link, self.z, self.weightings) * raised
+        return two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
 
 
 def weighted_point(
     two_band: TwoBandData, evaluation: BandEvaluation, weightings: list[NoiseWeighting], bias: list[Array]
 ) -> Point:
-    """An evaluation in units of the noise."""
+    """An evaluation in units of the noise; its Jacobian is used up."""
     pairs = list(zip(weightings, two_band.blocks, strict=True))
     r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
-    z = np.concatenate([m.apply(evaluation.narrow.jacobian[b.rows]) for m, b in pairs])
     used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
     r[~used] = 0.0
-    z[~used] = 0.0
-    return Point(two_band, evaluation.x, r, z, used, weightings, evaluation.narrow, bias)
+    at, jacobian = evaluation.narrow_point, evaluation.jacobian
+    point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias)
+    point._link.get(lambda: evaluation.link)
+    if jacobian is not None:
+        point._instruments.get(lambda: point._weighted(jacobian))
+    return point
 
 
 def outside_transients(r: Array) -> Bools:
@@ -191,15 +224,17 @@ class Whitening:
     ) -> None:
         self.two_band, self.evaluation = two_band, after
         self._own_error, self._window = own_error, window
+        self._with_instruments = True
         self._whiteners: list[Whitener] | None = None
         self._weightings: list[NoiseWeighting] | None = None
         self._bias: list[Array] | None = None
 
     def point(self, x: Array) -> Point:
         """Residual and instruments at x, shape (P,)."""
-        self.evaluation = here = self.two_band.evaluate(x, self.evaluation)
+        here = self.two_band.evaluate(x, self.evaluation, self._with_instruments)
+        self.evaluation = replace(here, jacobian=None)
         self._renew(here)
-        link = here.narrow.link
+        link = here.link
         if self._whiteners is None:
             self._whiteners = self.two_band.whiteners(x, link)
             self._weightings = self._bias = None
@@ -217,7 +252,7 @@ class Whitening:
 
     def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
         assert self._whiteners is not None
-        return self.two_band.instrument_bias(x, here.narrow.link, self._whiteners)
+        return self.two_band.instrument_bias(x, here.link, self._whiteners)
 
 
 class EarlyWhitening(Whitening):
@@ -246,7 +281,7 @@ class ModelErrorWhitening(Whitening):
         point = super().point(x)
         error, chi = self.two_band.noise_model.model_error, point.chi
         if error.any() or float(chi.mean()) > ESTIMATION.consistent:
-            error = error if error.any() else first_model_error(point.narrow.torque[0])
+            error = error if error.any() else first_model_error(point.torque)
             self.two_band = self.two_band.with_model_error(error * np.maximum(chi, 0.5))
             self._whiteners = None
         return point
@@ -258,23 +293,23 @@ class TrackingWhitening(Whitening):
     Args:
         two_band: the data and the model.
         near: whiteners of a nearby point and the noise shape for which they were computed.
-        with_bias: whether to compute the instrument bias, which the score needs.
+        judging: only the residual is needed, neither instruments nor their bias.
     """
 
     def __init__(
         self,
         two_band: TwoBandData,
         near: tuple[list[Whitener], Array] | None = None,
-        with_bias: bool = True,
+        judging: bool = False,
     ) -> None:
         super().__init__(two_band)
-        self._with_bias, self._effects_at = with_bias, np.zeros(0)
+        self._with_instruments, self._effects_at = not judging, np.zeros(0)
         self.noise_at = np.zeros(0)
         if near is not None:
             self._whiteners, self.noise_at = near
 
     def _renew(self, here: BandEvaluation) -> None:
-        noise = self.two_band.noise_shape(here.x, here.narrow.link)
+        noise = self.two_band.noise_shape(here.x, here.link)
         if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > ESTIMATION.noise_moved:
             self._whiteners, self.noise_at = None, noise
         effects = here.x[self.two_band.layout.effect_start :]
@@ -286,7 +321,7 @@ class TrackingWhitening(Whitening):
             self._effects_at = effects.copy()
 
     def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
-        return super()._instrument_bias(x, here) if self._with_bias else []
+        return super()._instrument_bias(x, here) if self._with_instruments else []
 
 
 def first_model_error(torque: Array) -> Array:

@@ -8,10 +8,6 @@ the pose). The residual's covariance between two instants is therefore known in 
 where ρ_jk(t − u) is the covariance of the j-th and k-th derivative of the filtered noise. Each sample is
 predicted from its p predecessors with these covariances and scaled by the remaining standard deviation (a
 banded approximation of the inverse Cholesky factor; Vecchia, J. R. Stat. Soc. B 50, 1988).
-
-The unknown torque at reversals (`pulses`) adds a few columns V of unknown size: the whitened covariance
-becomes 1 + V Vᵀ, and a symmetric square root of its inverse is P = 1 − U (1 − (1 + S²)^(−½)) Uᵀ with V = U S
-….
 """
 
 from __future__ import annotations
@@ -28,85 +24,82 @@ from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
 
+CHUNK = 150  # samples whitened at a time: they stay in the processor's cache
+
 
 @dataclass(frozen=True)
 class Whitener:
     """Linear map of a stretch of the residual to white samples of unit variance.
 
+    Predictor and scale change slowly, with the pose: they are kept at a few samples and interpolated. All of
+    them would take more memory than the residual's Jacobian.
+
     Attributes:
-        predictor: shape (p, N, n, n), prediction of sample t from sample t−1−k.
-        scale: shape (N, n, n), inverse Cholesky factor of the prediction error's covariance [1/Nm].
+        at: shape (T,), samples at which they are kept; the first and the last one are among them.
+        weights: shape (p, T, n, n), prediction of sample t from sample t−1−k.
+        factors: shape (T, n, n), inverse Cholesky factor of the prediction error's covariance [1/Nm].
     """
 
-    predictor: Array
-    scale: Array
+    at: NDArray[np.intp]
+    weights: Array
+    factors: Array
 
-    def apply(self, y: Array) -> Array:
-        """Whiten y, shape (N, n) or (N, n, P): the same shape."""
+    @property
+    def order(self) -> int:
+        """Number of predecessors p."""
+        return len(self.weights)
+
+    @property
+    def count(self) -> int:
+        """Number of samples N of the stretch."""
+        return int(self.at[-1]) + 1 if len(self.at) else 0
+
+    def maps(self, samples: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Predictor (p, M, n, n) and scale (M, n, n) of some samples, shape (M,)."""
+        if len(self.at) == self.count:
+            return self.weights[:, samples], self.factors[samples]
+        place = np.searchsorted(self.at, samples, side="right") - 1
+        place = np.minimum(place, len(self.at) - 2)
+        share = ((samples - self.at[place]) / (self.at[place + 1] - self.at[place]))[:, None, None]
+        predictor = np.take(self.weights, place, axis=1)
+        predictor += share * (np.take(self.weights, place + 1, axis=1) - predictor)
+        return predictor, self.factors[place] * (1 - share) + self.factors[place + 1] * share
+
+    def apply(self, y: Array, start: int = 0) -> Array:
+        """Whiten y, shape (N, n) or (N, n, P): the same shape.
+
+        `start`: sample of the stretch with which y begins; it counts as zero before.
+        """
         flat = y.reshape(*y.shape[:2], -1)
-        rest = flat.copy()
-        for k, matrix in enumerate(self.predictor):
-            rest[k + 1 :] -= matrix[k + 1 :] @ flat[: len(flat) - k - 1]
-        return (self.scale @ rest).reshape(y.shape)
+        out = np.empty_like(flat)
+        for first, last in _chunks(len(flat)):
+            predictor, scale = self.maps(np.arange(start + first, start + last))
+            rest = flat[first:last].copy()
+            for k, matrix in enumerate(predictor):
+                skipped = max(k + 1 - first, 0)
+                rest[skipped:] -= matrix[skipped:] @ flat[first + skipped - k - 1 : max(last - k - 1, 0)]
+            out[first:last] = scale @ rest
+        return out.reshape(y.shape)
 
     def transposed(self, z: Array) -> Array:
         """Wᵀ z for z of shape (N, n, P): the same shape."""
-        scaled = self.scale.transpose(0, 2, 1) @ z
-        out = scaled.copy()
-        for k, matrix in enumerate(self.predictor):
-            out[: len(z) - k - 1] -= matrix[k + 1 :].transpose(0, 2, 1) @ scaled[k + 1 :]
+        out = np.zeros_like(z)
+        for first, last in _chunks(len(z)):
+            predictor, scale = self.maps(np.arange(first, last))
+            scaled = scale.transpose(0, 2, 1) @ z[first:last]
+            out[first:last] += scaled
+            for k, matrix in enumerate(predictor):
+                skipped = max(k + 1 - first, 0)
+                if first + skipped < last:
+                    out[first + skipped - k - 1 : last - k - 1] -= (
+                        matrix[skipped:].transpose(0, 2, 1) @ scaled[skipped:]
+                    )
         return out
 
 
-@dataclass(frozen=True)
-class NoiseWeighting:
-    """W: y → samples of unit variance, for one stretch.
-
-    Attributes:
-        whitener: of the measurement noise.
-        basis: shape (N·n, M), U; None without unknown columns.
-        size: shape (M,), S.
-    """
-
-    whitener: Whitener
-    basis: Array | None = None
-    size: Array | None = None
-
-    def with_unknown(self, columns: Array) -> NoiseWeighting:
-        """The same with unknown columns, shape (N, n, M), each of unit variance."""
-        flat = self.whitener.apply(columns).reshape(-1, columns.shape[2])
-        # via the small Gram matrix: directions of negligible size are dropped
-        squares, turn = np.linalg.eigh(flat.T @ flat)
-        kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
-        size = np.sqrt(squares[kept])
-        return NoiseWeighting(self.whitener, flat @ turn[:, kept] / size, size)
-
-    def apply(self, y: Array) -> Array:
-        """P W y for y of shape (N, n) or (N, n, P): the same shape."""
-        return self._project(self.whitener.apply(y))
-
-    def transposed(self, y: Array) -> Array:
-        """(P W)ᵀ y for y of shape (N, n, P): the same shape."""
-        return self.whitener.transposed(self._project(y))
-
-    def unknown_share(self, y: Array) -> Array:
-        """yᵀ P V: effect of the unknown columns on the score of instruments y (N, n, P), shape (P, M)."""
-        if self.basis is None or self.size is None:
-            return np.zeros((y.shape[2], 0))
-        flat = y.reshape(len(self.basis), -1)
-        return (flat.T @ self.basis) * (self.size / np.sqrt(1 + self.size**2))
-
-    @property
-    def log_determinant(self) -> float:
-        """log det(1 + V Vᵀ): cost of the unknown columns in twice the log likelihood."""
-        return 0.0 if self.size is None else float(np.log1p(self.size**2).sum())
-
-    def _project(self, y: Array) -> Array:
-        if self.basis is None or self.size is None:
-            return y
-        rows = y.reshape(len(self.basis), -1)
-        shrink = 1 - 1 / np.sqrt(1 + self.size**2)
-        return (rows - self.basis @ (shrink[:, None] * (self.basis.T @ rows))).reshape(y.shape)
+def _chunks(count: int) -> list[tuple[int, int]]:
+    """First and last sample of each chunk in which `count` samples are whitened."""
+    return [(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
 
 
 def noise_kernel(
@@ -217,11 +210,12 @@ def paths_covariance(
         noise: standard deviations of θ and τ per raw sample, shape (n,) each.
         rows: the N samples.
     """
-    parts = [
-        lagged_covariance(path.matrices[:, rows], kernel, path.variance(noise))
-        for path, kernel in zip(paths, kernels, strict=True)
-    ]
-    return np.sum(parts, axis=0)
+    total: Array | None = None
+    for path, kernel in zip(paths, kernels, strict=True):
+        part = lagged_covariance(path.matrices[:, rows], kernel, path.variance(noise))
+        total = part if total is None else np.add(total, part, out=total)
+    assert total is not None
+    return total
 
 
 def noise_score_covariance(
@@ -286,14 +280,7 @@ def whitener(covariance: Array, every: int = 1, ridge: float = 0.0) -> Whitener:
     for start in range(0, len(at), chunk):
         part = slice(start, min(start + chunk, len(at)))
         weights[part], scale[part] = _predict(covariance, at[part], ridge)
-    predictor = weights.transpose(1, 0, 2, 3)
-    if len(at) < count:
-        place = np.searchsorted(at, np.arange(count), side="right") - 1
-        place = np.minimum(place, len(at) - 2)
-        share = ((np.arange(count) - at[place]) / (at[place + 1] - at[place]))[:, None, None]
-        predictor = predictor[:, place] * (1 - share) + predictor[:, place + 1] * share
-        scale = scale[place] * (1 - share) + scale[place + 1] * share
-    return Whitener(np.ascontiguousarray(predictor), scale)
+    return Whitener(at, np.ascontiguousarray(weights.transpose(1, 0, 2, 3)), scale)
 
 
 def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Array, Array]:

@@ -1,0 +1,117 @@
+"""Weighting of a stretch by its noise and by the unknown torque at reversals.
+
+The unknown torque at reversals (`pulses`) adds a few columns V of unknown size: the whitened covariance
+becomes 1 + V Vᵀ, and a symmetric square root of its inverse is P = 1 − U (1 − (1 + S²)^(−½)) Uᵀ with V = U S
+….
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.estimation.whitening import Whitener
+
+Array = NDArray[np.float64]
+
+COLUMNS_TOGETHER = 12  # unknown columns that share their rows: pulses of about one reversal
+
+
+@dataclass(frozen=True)
+class UnknownPart:
+    """Whitened unknown columns V of a part of a stretch, in their principal directions V = U S ….
+
+    Attributes:
+        rows: samples of the stretch.
+        columns: (rows, columns) each: V is zero elsewhere. A pulse is short, so that U would take many times
+            the memory.
+        turn: shape (M, K), U = V turn.
+        size: shape (K,), S.
+    """
+
+    rows: slice
+    columns: tuple[tuple[slice, Array], ...]
+    turn: Array
+    size: Array
+
+    def along(self, y: Array) -> Array:
+        """Uᵀ y for y of shape (N·n, P) within the part: shape (K, P)."""
+        return self.turn.T @ np.concatenate([columns.T @ y[rows] for rows, columns in self.columns])
+
+    def subtract(self, sizes: Array, y: Array) -> None:
+        """Subtract U sizes, sizes of shape (K, P), from y of shape (N·n, P), in place."""
+        sizes, at = self.turn @ sizes, 0
+        for rows, columns in self.columns:
+            y[rows] -= columns @ sizes[at : at + columns.shape[1]]
+            at += columns.shape[1]
+
+
+@dataclass(frozen=True)
+class NoiseWeighting:
+    """W: y → samples of unit variance, for one stretch.
+
+    Attributes:
+        whitener: of the measurement noise.
+        unknown: unknown columns of parts of the stretch that do not overlap.
+    """
+
+    whitener: Whitener
+    unknown: tuple[UnknownPart, ...] = ()
+
+    def with_unknown(self, columns: Array, rows: slice, begin: int = 0) -> NoiseWeighting:
+        """The same with unknown columns in samples without any before.
+
+        Args:
+            columns: shape (N_part, n, M), each of unit variance, of samples from `begin` on.
+            rows: samples of the stretch in which they count.
+            begin: sample with which they begin, before `rows` if they are not zero there.
+        """
+        flat = self.whitener.apply(columns, begin)[rows.start - begin :].reshape(-1, columns.shape[2])
+        # via the small Gram matrix: directions of negligible size are dropped
+        squares, turn = np.linalg.eigh(flat.T @ flat)
+        kept = squares > 1e-6 * max(float(squares[-1]), 1e-300)
+        size = np.sqrt(squares[kept])
+        part = UnknownPart(rows, _trimmed(flat), turn[:, kept] / size, size)
+        return NoiseWeighting(self.whitener, (*self.unknown, part))
+
+    def apply(self, y: Array) -> Array:
+        """P W y for y of shape (N, n) or (N, n, P): the same shape."""
+        return self._project(self.whitener.apply(y))
+
+    def transposed(self, y: Array) -> Array:
+        """(P W)ᵀ y for y of shape (N, n, P): the same shape."""
+        return self.whitener.transposed(self._project(y.copy()))
+
+    def unknown_share(self, y: Array) -> Array:
+        """yᵀ P V: effect of the unknown columns on the score of instruments y (N, n, P), shape (P, M)."""
+        out = [np.zeros((y.shape[2], 0))]
+        for part in self.unknown:
+            along = part.along(y[part.rows].reshape(-1, y.shape[2]))
+            out.append(along.T * (part.size / np.sqrt(1 + part.size**2)))
+        return np.concatenate(out, axis=1)
+
+    @property
+    def log_determinant(self) -> float:
+        """log det(1 + V Vᵀ): cost of the unknown columns in twice the log likelihood."""
+        return sum(float(np.log1p(part.size**2).sum()) for part in self.unknown)
+
+    def _project(self, y: Array) -> Array:
+        """P y, in place."""
+        for part in self.unknown:
+            rows = y[part.rows].reshape((part.rows.stop - part.rows.start) * y.shape[1], -1)
+            shrink = 1 - 1 / np.sqrt(1 + part.size**2)
+            part.subtract(shrink[:, None] * part.along(rows), rows)
+        return y
+
+
+def _trimmed(columns: Array) -> tuple[tuple[slice, Array], ...]:
+    """Columns (N·n, M), a few at a time, without the zeros before and after them."""
+    out = []
+    for first in range(0, columns.shape[1], COLUMNS_TOGETHER):
+        part = columns[:, first : first + COLUMNS_TOGETHER]
+        there = np.flatnonzero(part.any(axis=1))
+        rows = slice(int(there[0]), int(there[-1]) + 1) if there.size else slice(0, 0)
+        out.append((rows, part[rows].copy()))
+    return tuple(out)

@@ -1,0 +1,153 @@
+"""What a diagnosis keeps in memory grows with the length of the records, and no faster."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis.fit_context import FitContext
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
+from flexviz.estimation import noise_weighting, whitening
+from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.recent import Recent
+from flexviz.estimation.whitening import Whitener
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+
+COULOMB = ChosenEffect("coulomb_friction", 1)
+
+
+@pytest.fixture(scope="module")
+def context() -> FitContext:
+    measurements = read_set(sessions_dir() / "planar-2r-demo")
+    return FitContext(measurements, Layout(measurements.joints))
+
+
+def x_of(context: FitContext) -> tuple[Layout, np.ndarray]:
+    layout = Layout(context.measurements.joints, (COULOMB,))
+    x = context.start(layout).x.copy()
+    x[layout.effect_slice(COULOMB)] = 0.5
+    return layout, x
+
+
+def some_whitener(count: int, n: int = 2, order: int = 5) -> Whitener:
+    rng = np.random.default_rng(0)
+    at = np.unique(np.r_[np.arange(order), np.arange(order, count, 7), count - 1])
+    weights = 0.1 * rng.standard_normal((order, len(at), n, n))
+    return Whitener(at, weights, np.eye(n) + 0.1 * rng.standard_normal((len(at), n, n)))
+
+
+def dense(tool: Whitener, count: int, n: int = 2) -> np.ndarray:
+    """W as a matrix, sample by sample."""
+    out = np.zeros((count, n, count, n))
+    predictor, scale = tool.maps(np.arange(count))
+    for t in range(count):
+        out[t, :, t] = scale[t]
+        for k in range(min(t, tool.order)):
+            out[t, :, t - 1 - k] = -scale[t] @ predictor[k, t]
+    return out.reshape(count * n, count * n)
+
+
+@pytest.mark.parametrize("chunk", [3, 16, 1000])
+def test_whitening_in_chunks_is_whitening(monkeypatch: pytest.MonkeyPatch, chunk: int) -> None:
+    count = 60
+    tool = some_whitener(count)
+    matrix = dense(tool, count)
+    monkeypatch.setattr(whitening, "CHUNK", chunk)
+    y = np.random.default_rng(1).standard_normal((count, 2, 3))
+    flat = y.reshape(-1, 3)
+    np.testing.assert_allclose(tool.apply(y).reshape(-1, 3), matrix @ flat, atol=1e-12)
+    np.testing.assert_allclose(tool.transposed(y).reshape(-1, 3), matrix.T @ flat, atol=1e-12)
+    late = tool.apply(y[20:], 20)
+    y[:20] = 0.0
+    np.testing.assert_allclose(late, tool.apply(y)[20:], atol=1e-12)
+
+
+def test_unknown_columns_are_kept_without_their_zeros(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(noise_weighting, "COLUMNS_TOGETHER", 4)
+    count, pulses_ = 400, 40
+    tool = some_whitener(count)
+    columns = np.zeros((count, 2, pulses_))
+    for k in range(pulses_):
+        columns[10 * k : 10 * k + 6, :, k] = np.random.default_rng(k).standard_normal((6, 2))
+    weighting = NoiseWeighting(tool).with_unknown(columns, slice(0, count))
+    white = dense(tool, count) @ columns.reshape(-1, pulses_)
+    matrix = np.eye(2 * count) + white @ white.T
+    y = np.random.default_rng(1).standard_normal((count, 2, 3))
+    found = weighting.apply(y).reshape(-1, 3)
+    values, vectors = np.linalg.eigh(matrix)
+    exact = vectors @ ((vectors.T @ (dense(tool, count) @ y.reshape(-1, 3))) / np.sqrt(values)[:, None])
+    np.testing.assert_allclose(found, exact, atol=1e-9)
+    assert weighting.log_determinant == pytest.approx(np.log(values).sum(), rel=1e-9)
+    kept = sum(part.size for _, part in weighting.unknown[0].columns)
+    assert kept < 0.2 * white.size
+
+
+def test_the_pulses_of_a_long_stretch_take_memory_with_its_length(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, x = x_of(context)
+    two_band = context.two_band.with_layout(layout)
+    here = two_band.evaluate(x)
+    chain = context.chain(context.fit(layout, x, iterations=0))
+    whiteners = two_band.whiteners(x, here.link)
+
+    def found() -> tuple[list[Pulses], np.ndarray]:
+        weightings = two_band.weightings(here, whiteners)
+        white = [w.apply(here.residual[b.rows]) for w, b in zip(weightings, two_band.blocks, strict=True)]
+        return pulses(here.wide_point, x, chain), np.concatenate(white)
+
+    whole, white = found()
+    monkeypatch.setattr(reversal_nuisance, "LONGEST", 6.0)
+    monkeypatch.setattr(reversal_nuisance, "PART", 3.0)
+    parts, white_in_parts = found()
+    for block in {p.block for p in whole}:
+        rows = [p.rows for p in parts if p.block == block]
+        seen = np.concatenate([np.arange(r.start, r.stop) for r in rows])
+        count = two_band.blocks[block].rows.stop - two_band.blocks[block].rows.start
+        assert len(rows) > 2 and len(set(seen)) == len(seen)
+        pulses_in = [p.columns.shape[2] for p in parts if p.block == block]
+        most = next(p.columns.shape[2] for p in whole if p.block == block)
+        assert sum(pulses_in) >= most or len(seen) < count  # none is lost; those at a border are in both
+    assert sum(p.columns.size for p in parts) < 0.8 * sum(p.columns.size for p in whole)
+    error = np.sqrt(np.mean((white_in_parts - white) ** 2) / np.mean(white**2))
+    assert error < 0.05
+
+
+def test_only_the_last_instruments_are_kept_and_made_again_alike(context: FitContext) -> None:
+    layout, x = x_of(context)
+    fits = [context.fit(layout, x * (1 + 1e-4 * k), iterations=0) for k in range(4)]
+    first = fits[0].point.z.copy()
+    for fit in fits:
+        fit.point.z  # noqa: B018
+    kept = [fit.point._instruments._part is not None for fit in fits]
+    assert kept == [False, False, True, True]
+    np.testing.assert_allclose(fits[0].point.z, first, rtol=0, atol=1e-12 * np.abs(first).max())
+    assert all(fit.held_out is not None and fit.held_out._instruments._part is None for fit in fits)
+
+
+def test_what_is_gone_is_not_counted() -> None:
+    parts: list[Recent[int]] = [Recent("test", 2) for _ in range(3)]
+    made: list[int] = []
+    for k, part in enumerate(parts):
+        assert part.get(lambda k=k: made.append(k) or k) == k
+    assert parts[2].get(lambda: -1) == 2 and parts[1].get(lambda: -1) == 1
+    assert parts[0].get(lambda: -2) == -2
+
+
+def test_wide_band_signals_of_long_records_are_kept_once(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signals, shared = context.two_band.narrow.signals, {}
+    stiffness = context.start(Layout(context.measurements.joints)).x[20:22] ** -1
+
+    def kept() -> int:
+        for factor in (1.0, 0.3, 0.1, 0.03, 0.01):
+            bands = fine_signals.fine_bands(signals, np.array([1.0, 1.0]) * factor, stiffness, shared)
+            fine_signals.fine_signals(signals, bands, shared)
+        return sum(isinstance(k, tuple) and k[0] == "fine" for k in shared)
+
+    assert kept() == fine_signals.KEPT
+    monkeypatch.setattr(fine_signals, "KEPT_BYTES", 1.0)
+    assert kept() == 1
