@@ -120,7 +120,7 @@ def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float
 def noise_deviation(point: Point) -> Array:
     """Standard deviation of the score from the noise model alone, shape (P,)."""
     two_band = point.two_band
-    matrix = two_band.noise_score_covariance(point.x, point.narrow.link, point.z, point.weightings)
+    matrix = two_band.noise_score_covariance(point.x, point.link, point.z, point.weightings)
     return np.sqrt(np.diag(matrix))
 
 

@@ -186,7 +186,7 @@ def test_density_of_the_floor_holds_all_of_the_noise(clean):
     step = two_band.blocks[0].segment.step
     transfer = two_band.wide.signals.observer.transfer
     density = noise_density(part.paths, two_band.noise, transfer, step, hertz)
-    link = fit.point.narrow.link
+    link = fit.point.link
     whole = residual_noise(two_band.wide.signals, fit.layout, fit.x, link, two_band.noise)
     np.testing.assert_allclose(np.trapezoid(density, hertz, axis=0), whole, rtol=2e-3)
 
