@@ -210,6 +210,7 @@ def test_the_maps_are_the_diagnosis_own() -> None:
     text = map_html(maps, ("joint1", "joint2"), 1)
     assert text.count("<td style") == len(MAP_COLUMNS) and text.count("<td>–</td>") == len(MAP_COLUMNS)
     assert "<b>joint2</b>" in text and "40.0 ± 2.0 %" in text and map_html((), ("joint1",)) == ""
+    assert text.count("/ 0.10)") == len(MAP_COLUMNS) - 1 and "/ 0.40)" in text  # faint where little lies
     assert map_of(maps, "joint1", "load") is None
     charts = {chart.key: chart for chart in map_charts(maps, "joint2")}
     assert [series.label for series in charts["position"].series] == ["forward", "backward"]  # they differ

@@ -13,7 +13,7 @@ from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
 from flexviz.scene.shape import MAX_FACES, robot_shape, scene_layout, thinned_mesh
-from flexviz.view import status
+from flexviz.view import legend_html, link_colours, status
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
 from flexviz.wording import escape, number, plain_name, short_names
 from flexviz.wording.numbers import with_error
@@ -76,6 +76,7 @@ class Residual:
     rms_validation: Any
     noise_floor: Any = None
     torque_spread: Any = ()
+    groups: Any = ()
 
 
 @dataclass
@@ -164,19 +165,38 @@ def test_step_line_marks_where_one_is() -> None:
     assert "1 Data ✓" in line and "2 Observer ●" in line and "4 Diagnose<" in line
 
 
+def errors_of(*rms: float) -> Any:
+    """Errors of two joints in group g<1>, above a noise floor of 0.01 and 0.02 Nm."""
+    return Residual(("a", "b"), rms, None, groups=(("g<1>", rms, False),), noise_floor=(0.01, 0.02))
+
+
+def test_links_at_the_noise_are_dark_and_the_scale_keeps_its_end() -> None:
+    spread = (2.0, 4.0)  # [Nm]
+    bad = link_colours(errors_of(0.011, 0.4), "g<1>", spread)
+    assert bad is not None and bad.end == pytest.approx(np.sqrt(0.4**2 - 0.02**2) / 4.0)
+    assert bad.colours[1] == colours.cividis(1.0) and sum(bad.colours[0]) < sum(colours.cividis(0.1))
+    good = link_colours(errors_of(0.0101, 0.021), "g<1>", spread, [errors_of(0.011, 0.4)])
+    assert good is not None and good.end == bad.end
+    assert all(sum(colour) < sum(colours.cividis(0.1)) for colour in good.colours)
+    # without an earlier model, errors near the noise are not stretched over the whole scale
+    alone = link_colours(errors_of(0.0101, 0.021), "g<1>", spread)
+    assert alone is not None and all(sum(colour) < sum(colours.cividis(0.3)) for colour in alone.colours)
+    assert link_colours(errors_of(0.1, 0.2), "another", spread) is None
+    constant = link_colours(errors_of(0.1, 0.2), "g<1>", (0.0, 4.0))
+    assert constant is not None and constant.colours[0] == colours.COLOURS.body
+
+
 def test_legend_has_numbers_and_colours() -> None:
-    assert "after Run" in status.legend_html(("a", "b"), None, "g1")
-    text = status.legend_html(("a", "b"), np.array([0.1, 0.25]), "g<1>", "closed <loop>")
-    assert "0.10" in text and "0.25" in text and "g&lt;1&gt;" in text and "closed &lt;loop&gt;" in text
-    low, high = status.joint_colours(np.array([0.0, 0.25]), 2)
-    assert low == colours.cividis(0.0) and high == colours.cividis(1.0)
-    assert status.joint_colours(None, 2) == [colours.COLOURS.body] * 2
+    assert "after Run" in legend_html(("a", "b"), None, "g1")
+    found = link_colours(errors_of(0.1, 0.25), "g<1>", (2.0, 4.0))
+    text = legend_html(("a", "b"), found, "g<1>", "closed <loop>")
+    assert "a 5.0" in text and "b 6.2" in text and "g&lt;1&gt;" in text and "closed &lt;loop&gt;" in text
+    assert "noise <span" in text and "% of the joint" in text
 
 
 def test_colours() -> None:
     assert colours.cividis(0.0) == (0, 34, 78) and colours.cividis(9.9) == (254, 232, 56)
     assert colours.cividis(float("nan")) == colours.COLOURS.body
-    assert colours.shares([0.0, float("nan"), 2.0])[2] == 1.0 and colours.shares([0.0, 0.0]) == [0.0, 0.0]
     assert colours.rgb("#0072B2") == (0, 114, 178) and colours.css((0, 114, 178)) == "#0072b2"
     assert escape("<a>") == "&lt;a&gt;"
 

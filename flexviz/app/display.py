@@ -12,8 +12,8 @@ from flexviz.app.playback import Playback
 from flexviz.app.scene import Cameras, Scene
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
+from flexviz.charts import COLOURS
 from flexviz.scene import scene_labels, scene_layout
-from flexviz.view import joint_colours, joint_rms
 
 TRAIL_POINTS = 160
 MARKED_POINTS = 300  # resolution of the highlighted path
@@ -33,7 +33,10 @@ class Display:
         self._layout = ""  # as placed
         store.subscribe(Changed.OPENED, self._build)
         store.subscribe(Changed.OPENED | Changed.GROUP, self._carry)
-        store.subscribe(Changed.OPENED | Changed.GROUP | Changed.RESULT, self._colour)
+        store.subscribe(
+            Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.DIAGNOSIS,
+            self._colour,
+        )
         motion = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED
         store.subscribe(motion | Changed.VIEW, self._draw)
         store.subscribe(Changed.HIGHLIGHT, self._mark)
@@ -79,8 +82,9 @@ class Display:
             nodes.carry(self._store.group.bodies)
 
     def _colour(self) -> None:
-        rms = joint_rms(self._store.analysis.identification, self._store.group.name)
-        self.scene.measured.colour(joint_colours(rms, self._store.measurements.n))
+        found = self._store.link_colours
+        grey = [COLOURS.body] * self._store.measurements.n
+        self.scene.measured.colour(grey if found is None else found.colours)
 
     def _poses(self) -> Callable[[float], Positions]:
         """The positions of both robots over time [s], as they are drawn."""

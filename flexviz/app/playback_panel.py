@@ -13,7 +13,7 @@ from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half, no_label
 from flexviz.scene import LAYOUTS
-from flexviz.view import joint_rms, legend_html
+from flexviz.view import legend_html
 
 PLAY, PAUSE, BACK, FORWARD = BUTTONS = ("Play", "Pause", "◀ Step", "Step ▶")
 FRAME = 1.0 / 30.0  # [s] one press of a step button at speed 1
@@ -55,7 +55,14 @@ class PlaybackPanel:
         page.command("Step forward", lambda: self._press(FORWARD), "arrowright", shared=True)
         page.command("Change the layout of the robots", self._other_layout)
         store.subscribe(Changed.OPENED | Changed.GROUP, self._span, Turn.CONTROLS)
-        shown = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.RESULT | Changed.DERIVED
+        shown = (
+            Changed.OPENED
+            | Changed.JOINT
+            | Changed.GROUP
+            | Changed.RESULT
+            | Changed.DERIVED
+            | Changed.DIAGNOSIS
+        )
         store.subscribe(shown | Changed.VIEW, self._refresh, Turn.CONTROLS)
         store.subscribe(Changed.TICK, self._tick, Turn.CONTROLS)
 
@@ -81,9 +88,8 @@ class PlaybackPanel:
         if why and view.link_side:
             self._side.value = SIDES[0]
             self._change(link_side=False)
-        rms = joint_rms(store.analysis.identification, store.group.name)
         self._legend.content = legend_html(
-            store.measurements.joints, rms, store.group.name, motion.model_note, store.joint
+            store.measurements.joints, store.link_colours, store.group.name, motion.model_note, store.joint
         )
 
     def _tick(self) -> None:

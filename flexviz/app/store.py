@@ -34,7 +34,7 @@ from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, Session
-from flexviz.view import progress_text, shown_errors
+from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
 
 KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
@@ -177,6 +177,14 @@ class Store(ChangeSignal):
     def errors(self) -> PredictionErrors | DiagnosisStep | None:
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
+
+    @property
+    def link_colours(self) -> LinkColours | None:
+        """Colours of the links in the selected group; their scale ends at the largest error of all models."""
+        known = (*self._derived, *self.analysis.model_steps)
+        earlier = [one.errors if isinstance(one, Derived) else one.step for one in known]
+        spread, group = self.measurements.torque_spread, self.group.name
+        return link_colours(self.errors, group, spread, [one for one in earlier if one is not None])
 
     @property
     def free_curve(self) -> FreeCurve | None:

@@ -12,7 +12,7 @@ from flexviz.charts.chart import (
     thin,
     time_chart,
 )
-from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb, shares
+from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
 from flexviz.charts.svg import FILE, draw_svg
 
 __all__ = [
@@ -31,7 +31,6 @@ __all__ = [
     "gradient",
     "no_chart",
     "rgb",
-    "shares",
     "thin",
     "time_chart",
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,13 +50,6 @@ def cividis(share: float) -> tuple[int, int, int]:
     rgb = _CIVIDIS[low] + (at - low) * (_CIVIDIS[low + 1] - _CIVIDIS[low])
     red, green, blue = (round(float(value)) for value in rgb)
     return red, green, blue
-
-
-def shares(values: Sequence[float], top: float | None = None) -> list[float]:
-    """Each value as a share of `top` (the largest value when None), for `cividis`."""
-    finite = [value for value in values if np.isfinite(value)]
-    top = max(finite, default=0.0) if top is None else top
-    return [value / top if top > 0 else (0.0 if np.isfinite(value) else float("nan")) for value in values]
 
 
 def rgb(hexadecimal: str) -> tuple[int, int, int]:

@@ -20,6 +20,7 @@ from flexviz.view.fit_charts import (
     sweep_html,
 )
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, physical
+from flexviz.view.link_colours import LinkColours, legend_html, link_colours
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
@@ -39,9 +40,6 @@ from flexviz.view.residuals import (
 from flexviz.view.staircase import staircase_chart, staircase_charts, staircase_html
 from flexviz.view.status import (
     error_text,
-    joint_colours,
-    joint_rms,
-    legend_html,
     next_step,
     shown_errors,
     status_html,
@@ -69,6 +67,7 @@ __all__ = [
     "COMMON_EFFECTS",
     "MAP_COLUMNS",
     "VARIABLES",
+    "LinkColours",
     "ResidualSamples",
     "addable_effects",
     "card_html",
@@ -83,10 +82,9 @@ __all__ = [
     "free_html",
     "groups_html",
     "heading_html",
-    "joint_colours",
-    "joint_rms",
     "leading_map",
     "legend_html",
+    "link_colours",
     "map_chart",
     "map_charts",
     "map_html",

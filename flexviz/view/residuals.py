@@ -16,9 +16,8 @@ from flexviz.charts import (
     ChartAxis,
     ChartSeries,
     Ribbon,
-    cividis,
-    css,
     no_chart,
+    rgb,
     thin,
 )
 from flexviz.diagnosis import BAND_HERTZ, DIRECTED, DIRECTION_GAIN, ResidualMap
@@ -46,6 +45,7 @@ FREE = "free"
 HEIGHT = 150  # [px] in the app
 SPECTRUM_FLOOR = 1e-9  # [Nm/√Hz] smallest value drawn on a logarithmic axis
 MIN_NOTABLE_SHARE = 0.05  # of a residual: smaller shares are not highlighted
+BRIGHT_SHARE = 0.5  # of the colour of a cell, above which its text is black in either theme
 MAX_DOTS = 40  # a line with more bins has no dots
 CURVES = tuple(zip((COLOURS.residual, COLOURS.model, COLOURS.measured, COLOURS.torque), DASHES, strict=True))
 EMPTY = (
@@ -84,11 +84,11 @@ def _cell(one: ResidualMap | None, joint: str, variable: str) -> str:
     if one is None:
         return "<td>–</td>"
     share = max(one.explained, 0.0)
-    colour = cividis(share)
-    ink = "#000" if sum(colour) > 330 else "#fff"
+    red, green, blue = rgb(COLOURS.playhead)
+    ink = ";color:#000" if share > BRIGHT_SHARE else ""
     exact = f"{100 * one.explained:.1f} ± {100 * NORMAL_95 * one.explained_std:.1f} %"
     return (
-        f'<td style="background:{css(colour)};color:{ink}" '
+        f'<td style="background:rgb({red} {green} {blue} / {share:.2f}){ink}" '
         f'title="{escape(joint)}, {escape(variable)}: {exact}">{100 * share:.0f} %</td>'
     )
 

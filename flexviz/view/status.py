@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexviz.charts import COLOURS, cividis, css, gradient, shares
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.identification import Identification
 from flexviz.session import Analysis
-from flexviz.wording import escape, number, short_names, torque_error_text
+from flexviz.wording import escape, torque_error_text
 
 
 def step_line_html(steps: tuple[str, ...], current: str, done: tuple[str, ...] = (), hint: str = "") -> str:
@@ -38,10 +37,10 @@ def shown_errors(
     if diagnosis is None or not diagnosis.steps:
         return judged
     fitted, start = analysis.fitted_settings, Analysis(analysis.path)
-    identified = result is not None and bool(result.iterations) and fitted is not None
-    if identified and (fitted.observer, fitted.bandwidth, fitted.refine) != (start.observer, None, False):
-        return judged
-    return diagnosis.steps[-1]
+    usual = (start.observer, None, False)
+    if result is None or not result.iterations or fitted is None:
+        return diagnosis.steps[-1]
+    return diagnosis.steps[-1] if (fitted.observer, fitted.bandwidth, fitted.refine) == usual else judged
 
 
 def error_text(
@@ -63,52 +62,6 @@ def status_html(step: str, message: str, error: str, tone: str = "") -> str:
     """The status line: step, message and error; `tone` is "", "busy" or "bad"."""
     extra = f" · {escape(message)}" if message else ""
     return f'<div class="fv fv-status {tone}">Step {escape(step)}{extra} · {escape(error)}</div>'
-
-
-def joint_rms(result: Identification | None, group: str) -> np.ndarray | None:
-    """(n,) rms residual of each joint in a group [Nm], or None if unknown."""
-    series = None if result is None else result.residuals.get(group)
-    if series is None or not len(series.time):
-        return None
-    return np.sqrt(np.mean(series.residual**2, axis=0))
-
-
-def joint_colours(rms: np.ndarray | None, joints: int) -> list[tuple[int, int, int]]:
-    """The colour of each joint's link: cividis from 0 to the largest rms; grey before a result."""
-    if rms is None:
-        return [COLOURS.body] * joints
-    return [cividis(share) for share in shares([float(value) for value in rms])]
-
-
-def legend_html(
-    joints: tuple[str, ...], rms: np.ndarray | None, group: str, note: str = "", chosen: int = -1
-) -> str:
-    """Legend of the scene's colours with each joint's rms; `note` tells how the model was simulated.
-
-    The `chosen` joint is highlighted.
-    """
-    robots = (
-        f'<div><span class="fv-box" style="background:{COLOURS.measured}"></span>measured: solid, blue trail '
-        f'<span class="fv-box fv-ghost" style="background:{COLOURS.model}"></span>identified: ghost</div>'
-    )
-    if note:
-        robots += f'<div class="fv-dim">{escape(note)}</div>'
-    if rms is None:
-        waiting = "Links are coloured by their residual after Run."
-        return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
-    colours = joint_colours(rms, len(joints))
-    cells = "".join(
-        f'<span class="fv-joint{" fv-chosen" if index == chosen else ""}">'
-        f'<span class="fv-box" style="background:{css(colour)}"></span>'
-        f"{escape(name)} {number(float(value), 2)}</span>"
-        for index, (name, value, colour) in enumerate(zip(short_names(joints), rms, colours, strict=True))
-    )
-    return (
-        f'<div class="fv">{robots}<div>Link colour: rms residual in {escape(group)} [Nm], '
-        f'0 <span class="fv-map" style="background:{gradient()}"></span> '
-        f"{number(float(np.max(rms)), 2)}</div>"
-        f'<div class="fv-joints">{cells}</div></div>'
-    )
 
 
 @dataclass(frozen=True)

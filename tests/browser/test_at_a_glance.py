@@ -1,0 +1,83 @@
+"""What the page shows is true at a glance: read off texts and the colours of screenshots."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.browser.page import button, status, tab, until
+
+pytestmark = pytest.mark.browser
+BRIGHT = (254, 232, 56)  # the end of the scale
+
+
+def pixels(page: Any, box: dict[str, float] | None = None) -> np.ndarray:
+    """RGB of what is on the page, or in a box of it, (rows, columns, 3)."""
+    picture = page.screenshot(clip=box) if box else page.screenshot()
+    return np.asarray(pytest.importorskip("PIL.Image").open(io.BytesIO(picture)).convert("RGB")).astype(int)
+
+
+def yellow(page: Any) -> int:
+    """How many pixels of the robots are yellow, the colour of a large error (the ghost is orange)."""
+    seen = pixels(page, {"x": 345, "y": 110, "width": 500, "height": 470})
+    red, green, blue = seen[..., 0], seen[..., 1], seen[..., 2]
+    return int(np.count_nonzero((green > 0.88 * red) & (red > 110) & (blue < 0.55 * green)))
+
+
+def swatch(page: Any, joint: str) -> np.ndarray:
+    """The colour beside a joint's error in the legend."""
+    box = page.locator(".fv-joints .fv-joint").filter(has_text=joint).locator(".fv-box").bounding_box()
+    seen = pixels(page, box)
+    return seen[seen.shape[0] // 2, seen.shape[1] // 2]
+
+
+def percent(page: Any) -> float:
+    """The error in the status line [% of the torque]."""
+    found = re.search(r"validation error ([\d.]+) % of the torque", status(page))
+    return float(found[1]) if found else float("nan")
+
+
+def at_rest(page: Any) -> None:
+    until(lambda: not button(page, "Stop").is_enabled() and np.isfinite(percent(page)), what="the end")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any, dark: bool) -> None:
+    page = open_page(serve() + ("/?darkMode" if dark else ""), 1440, 900)
+    button(page, "Pause").click()
+    button(page, "Diagnose").click()
+    page.get_by_role("button", name="Find the missing effect").click()
+    verdict = page.locator(".fv-verdict")
+    until(lambda: verdict.count() and verdict.inner_text().startswith("Missing"), what="the verdict")
+    at_rest(page)
+    until(lambda: page.locator(".fv-joints").count(), what="the legend")
+    # joint2, which lacks its friction, is at the bright end; joint1 is at the noise
+    until(lambda: np.abs(swatch(page, "joint2") - BRIGHT).max() < 12, what="a bright link")
+    assert sum(swatch(page, "joint1")) < 250
+    until(lambda: yellow(page) > 150, what="a yellow robot")
+    before = percent(page)
+    page.get_by_role("button", name="Add and refit").first.click()
+    until(lambda: verdict.inner_text().startswith("Nothing is missing"), what="the second look")
+    at_rest(page)
+    until(lambda: percent(page) < before / 20, what="the fall of the error")
+    # now both are at the noise: dark on the robot and in the legend
+    until(lambda: max(sum(swatch(page, joint)) for joint in ("joint1", "joint2")) < 250, what="dark links")
+    until(lambda: yellow(page) < 20, what="a dark robot")
+    # the map: where nothing is explained the cell is as the page
+    tab(page, "Where it fails").click()
+    cells = page.locator(".fv-heat td[title]")
+    until(lambda: cells.count(), what="the map")
+    page.wait_for_timeout(500)
+    paper = pixels(page, {"x": 1425.0, "y": 880.0, "width": 4.0, "height": 4.0})[1, 1]
+    faint = [cell for cell in cells.all() if float(cell.inner_text().split()[0]) <= 2]
+    assert len(faint) > 5
+    for cell in faint[:3]:
+        box = cell.bounding_box()
+        seen = pixels(page, {"x": box["x"] + 1, "y": box["y"] + 1, "width": 3, "height": 3})[1, 1]
+        assert np.abs(seen - paper).max() < 16, (seen, paper)
+    shot(page, f"glance-{'dark' if dark else 'light'}")
