@@ -103,6 +103,8 @@ def test_residual_and_iterations(pair: MeasurementSet, result: Any, content: Rea
         np.testing.assert_array_equal(values, [getattr(iteration, name) for iteration in result.iterations])
         seconds, _ = content.line(f"/results/1/optimiser/{name}")
         assert np.all(np.diff(seconds) > 0) and seconds[-1] == pytest.approx(result.seconds)
+    _, falling = content.line("/results/1/optimiser/log10_cost", "iteration")
+    assert falling[0] == 0.0 and falling[-1] < -0.3 and np.all(np.diff(falling) <= 1e-3)
     last = result.iterations[-1]
     for name, value in zip(last.names, last.values, strict=True):
         parameter, _, joint = name.partition(":")

@@ -16,7 +16,7 @@ from flexviz.charts.chart import MAX_POINTS, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
-from flexviz.view.fit_charts import convergence_charts, progress_text
+from flexviz.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
 from flexviz.view.time_charts import (
     numbers_html,
     observer_for,
@@ -220,12 +220,32 @@ def test_convergence_is_positive_scaled_and_finite() -> None:
         for i in range(3)
     ]
     for count in (1, 3):
-        cost, step, parameters = convergence_charts(steps[:count])
-        for chart in (cost, step, parameters):
+        _, cost, parameters = convergence_charts(steps[:count])
+        for chart in (cost, parameters):
             assert all(np.isfinite(column).all() for column in columns(chart))
-        assert cost.y.logarithmic and cost.series[0].y.min() > 0 and step.series[0].y.min() > 0
+        assert cost.y.logarithmic and cost.series[0].y.min() > 0
         assert parameters.series[0].label == "K j" and parameters.series[0].y[-1] == 1.0
     assert "iteration 3" in progress_text(steps)
+
+
+def test_the_cost_falls_although_its_weights_change() -> None:
+    costs = (1204.0, 404.0, 403.0, 853.0, 769.0, 1251.0, 1192.0)
+    names = ("fit", "fit", "fit", "fit", "fit", "again", "again")
+    steps: list[Any] = [
+        Iteration(i, name, cost, 0.1, (1.0,), ("stiffness:j",))
+        for i, (name, cost) in enumerate(zip(names, costs, strict=True))
+    ]
+    assert solver_stages(steps) == [("fit", 0, 2), ("fit, new weights", 3, 4), ("again", 5, 6)]
+    fall = falling_cost(steps)
+    assert fall[0] == 1.0 and np.all(np.diff(fall) <= 0.0)
+    assert fall[-1] == pytest.approx(403 / 1204 * 769 / 853 * 1192 / 1251)
+    error, cost, _ = convergence_charts(steps, (80.0, 8.0, 7.0, 6.5), 0.1)
+    assert [stage.name for stage in cost.stages] == ["1. fit", "2. fit, new weights", "3. again"]
+    x, line, floor, *bands = columns(error)
+    assert line[0] == 80.0 and line[2] == 8.0 and line[-1] == 6.5 and set(floor) == {0.1}
+    for stage, band in zip(cost.stages, bands, strict=True):  # as wide as its iterations, none overlaps
+        assert x[band == 1.0].min() == stage.first and x[band == 1.0].max() == stage.last
+    assert np.array_equal(np.sum(bands, axis=0), np.ones(len(x)))
 
 
 def test_small_values_are_shown_in_thousandths() -> None:

@@ -26,6 +26,7 @@ from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
 
 TICK = 0.1  # [s] update interval of playheads, time slider and live plots
+UNWATCHED_TICK = 1.0  # [s] the same while no page is shown; events are processed at once all the same
 
 
 class Application:
@@ -51,7 +52,7 @@ class Application:
     def run(self) -> None:
         """Process events until `close`."""
         while not self._stopped.is_set():
-            self.once(TICK / 2)
+            self.once(TICK / 2 if self.display.watched() else UNWATCHED_TICK)
 
     def once(self, wait: float) -> None:
         """Process one event (waiting up to `wait` [s]), due commands, and the tick."""
@@ -62,7 +63,8 @@ class Application:
             self._act(event.action, event.value)
         for action in self.page.commands.due():
             self._act(action)
-        if time.monotonic() - self._ticked >= TICK:
+        tick = TICK if self.display.watched() else UNWATCHED_TICK
+        if time.monotonic() - self._ticked >= tick:
             self._ticked = time.monotonic()
             self._act(self.store.tell, Changed.TICK)
 

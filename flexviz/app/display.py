@@ -29,7 +29,8 @@ class Display:
     def __init__(self, store: Store, server: viser.ViserServer, queue: EventQueue) -> None:
         self._store, self._server, self._queue = store, server, queue
         self._cameras = cameras = Cameras(server)
-        self.playback = Playback(store.clock)
+        self.watched = cameras.watched  # whether a page is shown
+        self.playback = Playback(store.clock, lambda: self.watched())
         self._layout = ""  # as placed
         store.subscribe(Changed.OPENED, self._build)
         store.subscribe(Changed.OPENED | Changed.GROUP, self._carry)
@@ -49,7 +50,7 @@ class Display:
 
             @client.camera.on_update
             async def _(camera: viser.CameraHandle) -> None:
-                queue.put(Event("resized", cameras.resized, camera.client))
+                queue.put(Event(("resized", camera.client.client_id), cameras.resized, camera.client))
 
         @server.on_client_disconnect
         async def _(client: viser.ClientHandle) -> None:

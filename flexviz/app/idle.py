@@ -12,6 +12,7 @@ from flexviz.app.tasks import IdleTask, JudgeErrors, MapResiduals, Replay
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.jobs import Result
 from flexviz.simulation import Run
+from flexviz.view import solver_stages
 
 
 class IdleWork:
@@ -35,12 +36,14 @@ class IdleWork:
         def mapped(maps: tuple[ResidualMap, ...]) -> None:
             derived.maps = maps
 
-        def judged(errors: PredictionErrors) -> None:
-            derived.errors = errors
+        def judged(errors: tuple[PredictionErrors, ...]) -> None:
+            derived.errors, *derived.stage_errors = errors
 
         if derived.errors is None and "errors" not in derived.failed and fitted is not None:
             settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
-            self._start(JudgeErrors(settings, result.model), derived, "errors", judged)
+            ends = tuple(result.iterations[last] for _, _, last in solver_stages(result.iterations))
+            ends = (*result.iterations[:1], *ends)
+            self._start(JudgeErrors(settings, result.model, ends), derived, "errors", judged)
         if group not in derived.replays and group not in derived.failed:
             self._start(Replay(analysis.path, result.model, group), derived, group, replayed)
         if not store.maps and "maps" not in derived.failed and fitted is not None:

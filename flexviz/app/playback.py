@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 RATE = 30.0  # [1/s]
+UNWATCHED_WAIT = 0.5  # [s] between looks whether somebody watches again
 
 
 class PlaybackClock:
@@ -79,10 +80,10 @@ class PlaybackClock:
 
 
 class Playback:
-    """Draws the clock's instant from a thread, if it has changed."""
+    """Draws the clock's instant from a thread, if it has changed and somebody watches."""
 
-    def __init__(self, clock: PlaybackClock) -> None:
-        self._clock = clock
+    def __init__(self, clock: PlaybackClock, watched: Callable[[], bool] = lambda: True) -> None:
+        self._clock, self._watched = clock, watched
         self.draw: Callable[[float], None] | None = None  # draws an instant [s]; None draws nothing
         self.lock = threading.Lock()  # of drawing; to be held while the scene is rebuilt
         self.frames = 0  # drawn so far
@@ -100,6 +101,9 @@ class Playback:
     def _run(self) -> None:
         due = wall.monotonic()
         while not self._stop.is_set():
+            if not self._watched():
+                self._stop.wait(UNWATCHED_WAIT)
+                continue
             due = max(due + 1.0 / RATE, wall.monotonic() - 0.1)
             try:
                 with self.lock:

@@ -30,6 +30,7 @@ from flexviz.view import (
     stretches_of,
     time_residual,
 )
+from flexviz.wording import mean_nrms
 
 RIGHT_WIDTH = 430  # [pixels]
 STEPS = 200  # of the range slider
@@ -57,7 +58,8 @@ class PlotPanel:
         store.subscribe(selected | Changed.OBSERVER, self._draw_states)
         store.subscribe(selected | Changed.RESULT | Changed.DERIVED, self._draw_signals)
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS, self._draw_compare)
-        store.subscribe(Changed.OPENED | Changed.FIT, self._iterated)
+        fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
+        store.subscribe(fit, self._iterated)
         store.subscribe(
             Changed.OPENED | Changed.RESULT | Changed.ACTIVITY | Changed.TICK, self._draw_convergence
         )
@@ -87,9 +89,18 @@ class PlotPanel:
 
     def _draw_convergence(self) -> None:
         """Draw the solver's iterations, at most once per tick."""
-        if self._stale:
-            self._stale = False
-            self._convergence.show(convergence_charts(self._store.fit.iterations))
+        if not self._stale:
+            return
+        self._stale = False
+        store, spread = self._store, self._store.measurements.torque_spread
+        result, derived = store.analysis.identification, store.derived
+        iterations, ends, floor = store.fit.iterations, [], float("nan")
+        if result is not None and result.iterations and not store.running:
+            iterations = result.iterations
+            ends = [100 * mean_nrms(one.rms_validation or one.rms, spread) for one in derived.stage_errors]
+            if derived.errors is not None:
+                floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
+        self._convergence.show(convergence_charts(iterations, ends, floor))
 
     def _move(self) -> None:
         self._signals.move(self._store.clock.time)

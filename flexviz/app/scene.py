@@ -19,6 +19,8 @@ MOVED_CAMERA = 0.02  # share of the stage's width; users move the camera farther
 HIDDEN_SHARE = 0.27  # of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
 SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
 SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
+HIDDEN_AFTER = 8.0  # [s] without an answer: the page is hidden, its browser draws nothing
+RESTING = 1.0  # [s] a camera has not moved: nobody is turning it
 
 Colour = tuple[int, int, int]
 Click = Callable[[int], None]  # gets the joint whose body was clicked
@@ -197,6 +199,7 @@ class Cameras:
         self._server = server
         self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
         self._views: dict[int, np.ndarray] = {}  # browser -> camera position
+        self._answered: dict[int, float] = {}  # browser -> its last answer [s, monotonic]
         self._nudged = 1e-4  # relative camera motion that triggers an update
         self._asked = 0.0  # last request of the canvas size [s, monotonic]
         server.scene.set_up_direction("+z")
@@ -215,6 +218,7 @@ class Cameras:
     def aim(self, client: viser.ClientHandle) -> None:
         """Point one browser's camera at both robots, as close as its window allows."""
         self._aimed[client.client_id] = aspect = _aspect(client)
+        self._answered.setdefault(client.client_id, time.monotonic())
         camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE)
         self._views[client.client_id] = camera
         with client.atomic():
@@ -224,9 +228,16 @@ class Cameras:
     def gone(self, client: viser.ClientHandle) -> None:
         self._aimed.pop(client.client_id, None)
         self._views.pop(client.client_id, None)
+        self._answered.pop(client.client_id, None)
+
+    def watched(self) -> bool:
+        """Whether a page is shown: a hidden one does not answer, because its browser does not draw it."""
+        return any(time.monotonic() - seen < HIDDEN_AFTER for seen in list(self._answered.values()))
 
     def resized(self, client: viser.ClientHandle) -> None:
         """Aim again if the canvas size has changed and the user has not moved the camera."""
+        if client.client_id in self._aimed:
+            self._answered[client.client_id] = time.monotonic()
         now = _aspect(client)
         changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
         if changed and self._unmoved(client.client_id, client):
@@ -243,7 +254,7 @@ class Cameras:
         return away < MOVED_CAMERA * self._stage.width
 
     def tick(self) -> None:
-        """Request every browser's canvas size, which it sends only when its camera moves."""
+        """Ask every browser for its canvas size, which it sends only when its camera moves."""
         if time.monotonic() - self._asked < SIZE_INTERVAL:
             return
         self._asked = time.monotonic()
@@ -251,6 +262,9 @@ class Cameras:
             if self._unmoved(number, client):
                 self._nudged = -self._nudged
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
+            elif time.monotonic() - self._answered.get(number, 0.0) > RESTING:
+                self._nudged = -self._nudged
+                client.camera.position = client.camera.position * (1.0 + self._nudged)
 
 
 def _aspect(client: viser.ClientHandle) -> float:

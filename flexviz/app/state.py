@@ -85,6 +85,7 @@ class Derived:
     replays: dict[str, Run] = field(default_factory=dict)  # group -> simulated model
     maps: tuple[ResidualMap, ...] = ()
     errors: PredictionErrors | None = None
+    stage_errors: list[PredictionErrors] = field(default_factory=list)  # at the start, after each stage
     failed: set[str] = field(default_factory=set)  # groups, "maps" or "errors" that could not be computed
 
 

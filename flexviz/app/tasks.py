@@ -25,7 +25,7 @@ from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
-from flexviz.progress import Progress, ProgressCallback, StopCallback
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import (
@@ -231,15 +231,17 @@ class MapResiduals(IdleTask["tuple[ResidualMap, ...]"]):
 
 
 @dataclass(frozen=True)
-class JudgeErrors(IdleTask["PredictionErrors"]):
-    """Errors of a model in the band that models are compared in."""
+class JudgeErrors(IdleTask["tuple[PredictionErrors, ...]"]):
+    """Errors of a model, and at the `ends` of the stages that led to it, in the band for comparing models."""
 
     analysis: Analysis
     model: FlexibleModel
+    ends: tuple[Iteration, ...] = ()
 
-    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> PredictionErrors:
-        errors = prediction_errors(chosen_set(self.analysis), self.model, self.analysis.effects)
-        return replace(errors, residual=errors.residual[:0])
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[PredictionErrors, ...]:
+        analysis = self.analysis
+        found = prediction_errors(chosen_set(analysis), self.model, analysis.effects, self.ends)
+        return tuple(replace(errors, residual=errors.residual[:0]) for errors in found)
 
 
 @dataclass(frozen=True)

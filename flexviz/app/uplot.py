@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 LEVELS = (1.0, 0.95)  # of a playhead, by turns (see `UplotChart.move`)
 HIGHLIGHT, RIBBON = f"{COLOURS.playhead}40", f"{COLOURS.reference}40"
+SHADES = (COLOURS.reference, *COLOURS.series)  # of the stages, in turn
 RIBBON_WIDTH = 0.8  # [pixels] of its edges
 FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones on a scale of their own
 
@@ -22,7 +23,7 @@ FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones 
 class UplotChart:
     """One chart; `show` sends only the changes."""
 
-    def __init__(self, server: viser.ViserServer, chart: Chart) -> None:
+    def __init__(self, server: viser.ViserServer, chart: Chart, order: float) -> None:
         self._server, self._chart = server, chart
         self._columns = columns(chart)
         self._at: int | None = None  # row of the playhead
@@ -33,6 +34,7 @@ class UplotChart:
             legend={"show": True},  # type: ignore[arg-type]
             cursor={"sync": {"key": "time"}} if chart.playhead else None,  # type: ignore[arg-type]
             height=chart.height,
+            order=order,
             padding=(10, 14, 0, 0),
             **_look(chart),
         )
@@ -96,8 +98,9 @@ class ChartColumn:
             if key in self._charts:
                 self._charts[key].show(chart)
             else:
+                place = self._notes.order + 1e-3 * (1 + [one.key for one in charts].index(key))
                 with self.folder:
-                    self._charts[key] = UplotChart(self._server, chart)
+                    self._charts[key] = UplotChart(self._server, chart, place)
 
     def move(self, time: float) -> None:
         """Move every playhead [s]."""
@@ -124,6 +127,7 @@ def columns(chart: Chart) -> tuple[Array, ...]:
         flags.append(np.any([np.zeros(len(x), bool), *inside], axis=0).astype(float))
     if chart.marker is not None:
         flags.append((np.arange(len(x)) == nearest(x, chart.marker) + 1).astype(float))
+    flags += [stage.inside(x).astype(float) for stage in chart.stages]
     return tuple(np.ascontiguousarray(column) for column in (*table, *flags))
 
 
@@ -162,6 +166,9 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})
     if chart.marker is not None:
         entries.append({"label": "least", **line})
+    for number, stage in enumerate(chart.stages):
+        fill = f"{SHADES[number % len(SHADES)]}30"
+        entries.append({"label": stage.name, "fill": fill, "width": 0, **FLAGS})
     if chart.playhead:
         entries.append({"label": "now", **line})
     return tuple(entries)
@@ -170,7 +177,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
 def _scales(chart: Chart) -> dict[str, Any]:
     # of base 10 uPlot would write only the powers of ten at a horizontal axis
     scales: dict[str, Any] = {"x": {"time": False} | _scale(chart.x, base=2), "y": _scale(chart.y, base=10)}
-    if chart.playhead or chart.marker is not None or chart.highlights is not None:
+    if chart.playhead or chart.marker is not None or chart.highlights is not None or chart.stages:
         # its zeros lie below the chart; its top is as high as what is drawn (see `UplotChart.move`)
         top = {"pad": 0, "soft": min(LEVELS), "mode": 1}
         scales["now"] = {"range": {"min": {"pad": 0, "hard": 0.02}, "max": top}}

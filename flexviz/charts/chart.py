@@ -81,6 +81,22 @@ class Ribbon:
     high: Array
 
 
+@dataclass(frozen=True)
+class Stage:
+    """A shaded interval of x with a name."""
+
+    name: str
+    first: float
+    last: float
+
+    def inside(self, x: Array) -> NDArray[np.bool_]:
+        """Which points x (N,) it holds; of two at one end only the inner one."""
+        inside = (x > self.first) & (x < self.last)
+        for ends, pick in ((np.flatnonzero(x == self.first), -1), (np.flatnonzero(x == self.last), 0)):
+            inside[ends[pick : pick + 1 or None]] = True
+        return inside
+
+
 @dataclass(frozen=True, eq=False)
 class Chart:
     """A line chart with ribbons behind the lines.
@@ -92,6 +108,7 @@ class Chart:
         note: the reason for an empty chart, or a remark on it.
         highlights: highlighted intervals of x; None: the chart has no highlights.
         marker: x of a vertical line.
+        stages: shaded intervals of x with their names.
         playhead: show the playback time on x, which is then time.
         height: [px].
     """
@@ -106,6 +123,7 @@ class Chart:
     note: str = ""
     highlights: tuple[tuple[float, float], ...] | None = None
     marker: float | None = None
+    stages: tuple[Stage, ...] = ()
     playhead: bool = False
     height: int = 190
 

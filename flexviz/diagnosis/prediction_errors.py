@@ -18,6 +18,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
 from flexviz.observers import FlatZeroPhase
+from flexviz.progress import Iteration
 
 Array = NDArray[np.float64]
 
@@ -97,11 +98,24 @@ class _Known:
 
 
 def prediction_errors(
-    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str] = ()
-) -> PredictionErrors:
-    """Errors of a model with the set's effects and additional `effects`, as the diagnosis states them."""
-    layout = layout_of(measurements, effects)
-    return PredictionErrorBand(measurements).errors(_Known(layout, layout.vector(model)))
+    measurements: MeasurementSet,
+    model: FlexibleModel,
+    effects: Sequence[str] = (),
+    iterations: Sequence[Iteration] = (),
+) -> tuple[PredictionErrors, ...]:
+    """Errors of a model with the set's effects and additional `effects`, as the diagnosis states them.
+
+    Then those at the values of the `iterations` that led to it; of other parameters, those of the model.
+    """
+    layout, band = layout_of(measurements, effects), PredictionErrorBand(measurements)
+    points, names = [layout.vector(model)], tuple(layout.labels())
+    for one in iterations:
+        x = points[0].copy()
+        if tuple(one.names) == names:
+            x[:] = one.values
+            x[layout.compliance] = 1.0 / x[layout.compliance]
+        points.append(x)
+    return tuple(band.errors(_Known(layout, x)) for x in points)
 
 
 def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:

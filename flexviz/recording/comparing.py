@@ -211,7 +211,7 @@ def _details(found: RecordingComparison, groups: Sequence[str]) -> rrb.Container
     curves, verdicts, about = [], [], []
     for side, r in found.sides:
         optimiser = f"/{side}" + path("results", len(r.results), "optimiser")
-        for name, entity in (("cost, log10", "log10_cost"), ("parameters / last value", "relative")):
+        for name, entity in (("relative cost, log10", "log10_cost"), ("parameters / last value", "relative")):
             if r.results:
                 curves.append(plot(f"{side} {name}", optimiser, [f"$origin/{entity}"], legend=False))
         if r.diagnoses:

@@ -221,7 +221,7 @@ def _convergence(result: int) -> rrb.Container:
     )
     return rrb.Tabs(
         rrb.Horizontal(
-            plot("Cost, log10", origin, ["$origin/log10_cost"], legend=False),
+            plot("Cost relative to the start, log10", origin, ["$origin/log10_cost"], legend=False),
             plot("Step, log10", origin, ["$origin/log10_step"], legend=False),
             plot("Parameters / last value", origin, ["$origin/relative"], legend=False),
             name=f"Convergence of result {result} (time: s since the start)",

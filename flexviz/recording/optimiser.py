@@ -13,6 +13,7 @@ from flexviz.charts import rgb
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
+from flexviz.view import falling_cost
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -65,8 +66,9 @@ class Solve:
             values = np.array([float(getattr(iteration, name)) for iteration in iterations])
             where, indexes = path("results", self.number, "optimiser"), self._indexes(rows)
             send_line(self._stream, f"{where}/{name}", indexes, values)  # in the table, not drawn
-            usable = np.isfinite(values) & (values > 0.0)
-            logarithm = np.log10(np.where(usable, values, np.nan))
+            shown = falling_cost(self._iterations)[first:] if name == "cost" else values
+            usable = np.isfinite(shown) & (shown > 0.0)
+            logarithm = np.log10(np.where(usable, shown, np.nan))
             style = (f"log10 {name}", series_colour(colour)) if first == 0 else ("", "")
             send_line(self._stream, f"{where}/log10_{name}", indexes, logarithm, *style)
         stages = rr.TextLog.columns(text=[iteration.stage for iteration in iterations])

@@ -14,7 +14,9 @@ from flexviz.view.effects import (
 )
 from flexviz.view.fit_charts import (
     convergence_charts,
+    falling_cost,
     progress_text,
+    solver_stages,
     sweep_bandwidths,
     sweep_charts,
     sweep_html,
@@ -77,6 +79,7 @@ __all__ = [
     "effects_note",
     "error_text",
     "evidence_chart",
+    "falling_cost",
     "finding_html",
     "free_chart",
     "free_html",
@@ -104,6 +107,7 @@ __all__ = [
     "set_html",
     "shown_errors",
     "signals_charts",
+    "solver_stages",
     "spectrum_chart",
     "staircase_chart",
     "staircase_charts",

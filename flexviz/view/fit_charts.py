@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, no_chart
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Stage, no_chart
 from flexviz.identification import SweepResult
 from flexviz.progress import Iteration
 from flexviz.wording import SYMBOLS, escape, number
@@ -19,32 +19,94 @@ Array = NDArray[np.float64]
 # -- convergence -----------------------------------------------------------------------------------------
 
 MAX_PARAMETERS = 14  # drawn
-CONVERGENCE_FLOOR = 1e-3  # smallest cost and step drawn on a logarithmic axis
+COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage
+COST_FLOOR = 1e-9  # smallest relative cost drawn on a logarithmic axis
+MAX_STAGES = 9  # named
 FIRST_DRAWN = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 
 
-def convergence_charts(iterations: Sequence[Iteration]) -> tuple[Chart, ...]:
-    """Cost and step (logarithmic), and the parameters relative to their present values."""
+def solver_stages(iterations: Sequence[Iteration]) -> list[tuple[str, int, int]]:
+    """Name, first and last index of each stage; a cost that rises shows that the weights were renewed."""
+    stages: list[tuple[str, int, int]] = []
+    for k, iteration in enumerate(iterations):
+        same = k > 0 and iteration.stage == iterations[k - 1].stage
+        if same and iteration.cost <= iterations[k - 1].cost * (1.0 + COST_SLACK):
+            stages[-1] = (*stages[-1][:2], k)
+        else:
+            stages.append((f"{iteration.stage}, new weights" if same else iteration.stage, k, k))
+    return stages
+
+
+def falling_cost(iterations: Sequence[Iteration]) -> Array:
+    """Cost of each iteration relative to the start, continued where a stage changes what it is made of."""
+    relative = np.ones(len(iterations))
+    level = 1.0
+    for _, first, last in solver_stages(iterations):
+        costs = np.array([one.cost for one in iterations[first : last + 1]], dtype=float)
+        usable = np.isfinite(costs) & (costs > 0)
+        if usable[0]:
+            relative[first : last + 1] = level * np.where(usable, costs, costs[0]) / costs[0]
+        else:
+            relative[first : last + 1] = level
+        level = relative[last]
+    return relative
+
+
+def convergence_charts(
+    iterations: Sequence[Iteration], ends: Sequence[float] = (), floor: float = float("nan")
+) -> tuple[Chart, ...]:
+    """Error at the end of each stage, relative cost, parameters relative to their present values.
+
+    `ends` are the errors at the start and at the end of each stage, `floor` is the noise floor [% of the
+    torque].
+    """
     if not iterations:
-        note = "Cost, step and parameters appear here, live, after Run (step 3, Identify)."
-        return no_chart("cost", note), no_chart("step"), no_chart("parameters")
+        note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
+        return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)
-    x = np.arange(1.0, count + 1.0)
-    steps = [iteration.step for iteration in iterations]
-    if len(steps) > 1 and steps[0] <= 0:
-        steps[0] = steps[1]  # the start has no step
-    costs = [iteration.cost for iteration in iterations]
-
-    def falling(key: str, title: str, colour: str, values: Sequence[float]) -> Chart:
-        known = np.nan_to_num(np.asarray(values, dtype=float), nan=0.0, posinf=0.0)
-        y = np.resize(np.maximum(known, CONVERGENCE_FLOOR), count)
-        return Chart(key, title, axis, ChartAxis(logarithmic=True), (ChartSeries(key, colour, x, y),))
-
-    axis = ChartAxis("iteration")
+    x, axis, found = np.arange(1.0, count + 1.0), ChartAxis("iteration"), solver_stages(iterations)
+    bands = tuple(
+        Stage(f"{k}. {name}", first + 0.5, (count if last == len(iterations) - 1 else last + 1) + 0.5)
+        for k, (name, first, last) in enumerate(found, 1)
+    )
+    if len(bands) > MAX_STAGES:
+        bands = (*bands[: MAX_STAGES - 1], Stage("later stages", bands[MAX_STAGES - 1].first, bands[-1].last))
+    falling = np.resize(np.maximum(falling_cost(iterations), COST_FLOOR), count)
+    falling[len(iterations) :] = falling[len(iterations) - 1]
+    cost = Chart(
+        "cost",
+        "Cost relative to the start, continued where the weights change",
+        replace(axis, limits=(0.5, count + 0.5)),
+        ChartAxis(logarithmic=True),
+        (ChartSeries("cost", COLOURS.measured, x, falling, 2.0, steps=True),),
+        stages=bands,
+        height=230,
+    )
+    error = no_chart("error")
+    if len(ends) == 1 + len(found):
+        held = np.concatenate(
+            [np.full(last - first + 1, end) for (_, first, last), end in zip(found, ends[1:], strict=True)]
+        )
+        held = np.resize(held, count)
+        held[0] = ends[0]
+        lines = [ChartSeries("error", COLOURS.residual, x, held, 2.6, steps=True)]
+        if np.isfinite(floor):
+            lines.append(
+                ChartSeries(
+                    "noise floor", COLOURS.reference, x, np.full(count, floor), 1.6, DASHES[2], steps=True
+                )
+            )
+        error = replace(
+            cost,
+            key="error",
+            title="Error at the start and after each stage",
+            y=ChartAxis(unit="% of the torque", logarithmic=True),
+            series=tuple(lines),
+        )
     drawn = scaled_parameters(iterations, x)
     return (
-        falling("cost", "Cost (weights change between iterations)", COLOURS.measured, costs),
-        falling("step", "Step (relative; values below 0.001 are drawn at 0.001)", COLOURS.model, steps),
+        error,
+        cost,
         Chart("parameters", "Parameters / present value", axis, ChartAxis(), drawn, height=260),
     )
 

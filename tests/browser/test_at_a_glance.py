@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import io
+import os
 import re
+import subprocess
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.browser.page import button, status, tab, until
+from tests.browser.page import button, node, status, tab, until
 
 pytestmark = pytest.mark.browser
 BRIGHT = (254, 232, 56)  # the end of the scale
@@ -81,3 +85,42 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
         seen = pixels(page, {"x": box["x"] + 1, "y": box["y"] + 1, "width": 3, "height": 3})[1, 1]
         assert np.abs(seen - paper).max() < 16, (seen, paper)
     shot(page, f"glance-{'dark' if dark else 'light'}")
+
+
+def cpu(process: subprocess.Popen[str], seconds: float = 8.0) -> float:
+    """Share of a core that a process uses."""
+
+    def used() -> float:
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    before, begun = used(), time.monotonic()
+    time.sleep(seconds)
+    return (used() - before) / (time.monotonic() - begun)
+
+
+# what a browser does with a hidden page: it asks for no more frames until the page is shown again
+HIDE = """() => { window.asked = []; window.drawn = window.requestAnimationFrame;
+    window.requestAnimationFrame = f => { window.asked.push(f); return 0; }; }"""
+SHOW = "() => { window.requestAnimationFrame = window.drawn; window.asked.forEach(f => window.drawn(f)); }"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="processor time is read from /proc")
+def test_unwatched_it_costs_nothing(
+    serve: Callable[..., str], servers: list[subprocess.Popen[str]], open_page: Any
+) -> None:
+    address = serve()
+    time.sleep(6)  # it loads modules
+    assert cpu(servers[-1]) < 0.02
+    page = open_page(address)
+
+    def at() -> Any:
+        return node(page, "/measured/joint2")
+
+    before = until(at, what="the robot")
+    until(lambda: at() != before, 60, "motion")
+    page.evaluate(HIDE)
+    until(lambda: cpu(servers[-1], 4) < 0.02, 60, "the pause of a hidden page")
+    page.evaluate(SHOW)
+    before = at()
+    until(lambda: at() != before, 60, "motion again")

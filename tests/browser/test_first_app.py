@@ -138,7 +138,24 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     number = re.search(r"(?:validation|fit) error [\d.]+ % of the torque \(([\d.]+) Nm\)", status(page))
     assert number and float(number[1]) > 0
     cost = until(lambda: len(chart(page, "Cost")[0]) > 1 and chart(page, "Cost"), what="the cost")
-    assert all(value > 0 for value in cost[1])
+    assert all(later <= earlier * 1.001 for earlier, later in zip(cost[1], cost[1][1:], strict=False))
+    error = until(
+        lambda: (
+            len(charts(page))
+            and any(t.startswith("Error at") for t in charts(page))
+            and chart(page, "Error at")
+        ),
+        what="the error per stage",
+    )
+    assert error[1][-1] < error[1][0] and "1. fit at" in page.inner_text("body")
+    tops = [
+        box["y"]
+        for box in (
+            page.locator(".uplot").filter(has_text=t).bounding_box()
+            for t in ("Error at", "Cost", "Parameters")
+        )
+    ]
+    assert tops == sorted(tops)
     assert "Nm/rad" in page.inner_text("body") and "identifiable" in page.inner_text("body")
     button(page, "Pause").click()
     shot(page, "3-identify")
