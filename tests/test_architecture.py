@@ -20,7 +20,7 @@ LONGEST_FUNCTION = 60  # [lines]
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
-    ("errors", "files", "resources", "progress", "statistics", "jobs", "schemas", "toml", "charts"),
+    ("errors", "limits", "files", "resources", "progress", "statistics", "jobs", "schemas", "toml", "charts"),
     ("_pinocchio", "_scipy", "robot", "urdf_checks", "robot_files", "model"),
     ("effects",),
     ("wording",),

@@ -402,7 +402,9 @@ def test_names_of_joints_stay_in_comments(tmp_path: Path) -> None:
     model = replace(plan("planar-2r").model, joints=names)
     measurements = replace(measurements, joints=names, robot=replace(measurements.robot, joints=names))
     found = identified(measurements, model)
-    code = {name: text for made in (c_code(found), python_code(found)) for name, text in made.contents.items()}
+    code = {
+        name: text for made in (c_code(found), python_code(found)) for name, text in made.contents.items()
+    }
     for name, text in code.items():
         (tmp_path / name).write_bytes(text)
     for name, text in code.items():

@@ -7,7 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -292,6 +292,55 @@ def test_what_is_wrong_is_said(kept: Kept, spoil: Callable[[Path], None], said: 
     spoil(folder)
     with pytest.raises(InputError, match=rf"session\.json.*{said}"):
         open_session(folder)
+
+
+def test_flipped_bits_of_results_are_one_line(kept: Kept) -> None:
+    folder = kept[2]
+    file = sorted(folder.glob("results/*.npz"))[0]
+    whole, rng = file.read_bytes(), np.random.default_rng(0)
+    for at in (*range(20), *rng.integers(len(whole), size=20)):
+        spoilt = bytearray(whole)
+        spoilt[at] ^= 1 << int(rng.integers(8))
+        file.write_bytes(spoilt)
+        try:
+            open_session(folder)
+        except InputError as error:
+            assert "results/" in str(error)
+
+
+def values_in(document: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """The path of every plain value."""
+    inside = document.items() if isinstance(document, dict) else enumerate(document)
+    for key, value in inside:
+        if isinstance(value, dict | list):
+            yield from values_in(value, (*path, key))
+        else:
+            yield (*path, key)
+
+
+def test_fields_of_a_wrong_type_are_one_line(kept: Kept) -> None:
+    folder = kept[2]
+    text = (folder / SESSION_FILE).read_text()
+    paths = [path for path in values_in(json.loads(text)) if path[0] in ("present", "shared", "notes")]
+    rng = np.random.default_rng(0)
+    refused = 0
+    for number in rng.choice(len(paths), 60, replace=False):
+        document = json.loads(text)
+        *above, last = paths[number]
+        place = document
+        for key in above:
+            place = place[key]
+        place[last] = [7, "x", None, True, [], {"~": "nan"}][rng.integers(6)]
+        (folder / SESSION_FILE).write_text(json.dumps(document))
+        try:
+            analysis = open_session(folder).session.analysis
+            for result in (analysis.identification, analysis.diagnosis):
+                if result is not None:
+                    result.to_dict()
+        except InputError as error:
+            refused += 1
+            assert "session.json" in str(error)
+    assert refused > 30
 
 
 # -- unsaved work --------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -23,6 +22,7 @@ from flexviz.errors import Cancelled, InputError
 from flexviz.identification import Identification, SweepResult, identify, sweep
 from flexviz.importing import with_plausibility_warnings
 from flexviz.jobs import Result, Task
+from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
@@ -67,7 +67,9 @@ def read_truth(folder: Path) -> dict[tuple[str, str | None], float] | None:
     if not file.is_file():
         return None
     try:
-        return truth_values(json.loads(file.read_text(encoding="utf-8")))
+        return truth_values(read_json(file))
+    except InputError:
+        raise
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise InputError(f"not a usable truth file ({error})", file=file) from None
 

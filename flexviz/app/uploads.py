@@ -7,11 +7,11 @@ import itertools
 import re
 import shutil
 import tempfile
-import tomllib
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
+from flexviz import toml
 from flexviz.errors import InputError
 from flexviz.files import whole_folder
 from flexviz.robot import Robot
@@ -178,9 +178,9 @@ class UploadFolder:
         if not file.is_file():
             return []
         try:
-            document = tomllib.loads(file.read_text(encoding="utf-8"))
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(f"{MAIN}: {error}") from None
+            document = toml.read(file)
+        except InputError as error:
+            raise InputError(f"{MAIN}: {error.message}") from None
         groups = document.get("groups", [])
         found = [g.get("file") for g in groups if isinstance(g, dict)] if isinstance(groups, list) else []
         robot = document.get("robot")

@@ -17,6 +17,7 @@ import pyarrow.csv as pacsv
 import pyarrow.parquet as papq
 
 from flexviz.errors import FlexvizError, InputError, one_line
+from flexviz.limits import check_numbers
 from flexviz.measurements.data import Array
 from flexviz.schemas import first_repeated
 
@@ -51,6 +52,7 @@ def read_columns(file: Path, names: Sequence[str]) -> Array:
 def read_parquet(file: Path, names: Sequence[str]) -> Array:
     """The columns of a Parquet table (N, len(names)): a block of rows of one column at a time."""
     with papq.ParquetFile(file, pre_buffer=False) as table:
+        check_numbers(table.metadata.num_rows, len(names), file)
         values = np.empty((len(names), table.metadata.num_rows))
         for name, target in zip(names, values, strict=True):
             filled = 0
@@ -63,6 +65,7 @@ def read_parquet(file: Path, names: Sequence[str]) -> Array:
 def read_csv(file: Path, names: Sequence[str]) -> Array:
     """The columns of a CSV table (N, len(names)): a block of rows at a time."""
     rows = most_csv_rows(file)
+    check_numbers(rows, len(names), file)
     values = np.empty((len(names), rows))
     filled = 0
     try:

@@ -91,7 +91,9 @@ def _read_errors(file: Path) -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # the reader only warns about a truncated file
             yield
-    except Exception as error:
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise  # a panic of the reader's Rust code is no Exception
         text = " ".join(str(error).split())
         if any(words in text for words in TRUNCATED):
             raise TruncatedRecording(
@@ -204,6 +206,6 @@ def _documents(texts: dict[str, tuple[bytes, str]], kind: str, file: Path) -> tu
             continue
         try:
             found[int(parts[1])] = json.loads(text)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{entity} cannot be read ({error})", file=file) from None
     return tuple(found[number] for number in sorted(found))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import zipfile
 from collections.abc import Callable
@@ -11,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.errors import InputError
+from flexviz.limits import read_json
 from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
 
 SESSION_FILE = "session.json"
 FORMAT = 3
 OLD_ARRAYS = "session.npz"  # of format 1
-LARGEST_BYTES = 200_000_000
 HERE = "."
 
 RENAMED = {
@@ -40,10 +39,7 @@ Document = dict[str, Any]
 
 def read_document(folder: Path) -> Document:
     """Read the session.json of a folder, migrated to the current format."""
-    file = folder / SESSION_FILE
-    if file.stat().st_size > LARGEST_BYTES:
-        raise InputError(f"larger than {LARGEST_BYTES:,} bytes, expected a session.json")
-    return migrated(json.loads(file.read_text(encoding="utf-8")), folder)
+    return migrated(read_json(folder / SESSION_FILE), folder)
 
 
 def migrated(document: Any, folder: Path) -> Document:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from flexviz.diagnosis import Diagnosis
 from flexviz.effects import EFFECTS, choose_effects
 from flexviz.errors import InputError
+from flexviz.identification import Identification
 from flexviz.measurements import FILE_NAME, MeasurementSet, read_set
 from flexviz.observers import make_observer
 from flexviz.session.document import (
@@ -109,7 +111,7 @@ def open_with(folder: Path, measurements: MeasurementSet) -> OpenedSession:
         return _unpacked(document, arrays, folder, measurements)
     except InputError as error:
         raise InputError(f"not a usable session: {error}", file=file) from None
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+    except Exception as error:  # whatever the content makes the results' classes raise
         what = getattr(error, "filename", None) or type(error).__name__
         raise InputError(
             f"not a usable session ({what}: {getattr(error, 'strerror', None) or error})", file=file
@@ -160,6 +162,9 @@ def _unpacked(
         notes,
         tuple((folder / file).resolve() for file in recordings),
     )
+    for result in unpacker.shared:
+        if isinstance(result, Identification | Diagnosis):
+            result.document()  # checks what the classes' annotations leave open
     saved, version = (str(document.get(key, "")) for key in ("saved", "flexviz"))
     return OpenedSession(folder, measurements, session, changed, saved, version)
 

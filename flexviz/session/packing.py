@@ -10,15 +10,20 @@ from __future__ import annotations
 import hashlib
 import io
 import math
+import operator
 import re
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from functools import cache, reduce
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, InstanceOf, TypeAdapter, ValidationError
+from typing_extensions import TypedDict
 
 from flexviz.diagnosis import (
     Absorbed,
@@ -42,9 +47,12 @@ from flexviz.identification import (
     ResidualSeries,
     ResidualSummary,
 )
+from flexviz.limits import check_npz
+from flexviz.measurements import readable
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.progress import Iteration
 from flexviz.results import Note
+from flexviz.schemas import shown
 from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 
 KINDS: dict[str, type] = {
@@ -59,7 +67,6 @@ NAMES = {kind: name for name, kind in KINDS.items()}
 SHARED = (Identification, Diagnosis, DiagnosisStep)  # written once
 MAX_DEPTH = 40  # of nested values
 FOLDER = "results"
-LARGEST_ARRAYS = 2 * 2**30  # [bytes] of one result, uncompressed
 _FILE = re.compile(rf"{FOLDER}/([0-9a-f]{{32}})\.npz")
 
 
@@ -127,9 +134,9 @@ class Unpacker:
     def __init__(self, folder: Path, arrays: Sequence[np.ndarray], shared: Sequence[Any]) -> None:
         self._folder = folder
         self._arrays = arrays
-        self._shared: list[Any] = []
+        self.shared: list[Any] = []
         for packed in shared:  # each refers to earlier ones only
-            self._shared.append(self.unpack(packed))
+            self.shared.append(self.unpack(packed))
 
     def unpack(self, value: Any, depth: int = 0) -> Any:
         """The object that this JSON describes."""
@@ -149,7 +156,7 @@ class Unpacker:
         if mark == "#":
             return self._arrays[_index(inner, self._arrays)]
         if mark == "@":
-            return self._shared[_index(inner, self._shared)]
+            return self.shared[_index(inner, self.shared)]
         if mark == "~" and inner in ("nan", "inf", "-inf"):
             return float(inner)
         if mark == "/" and isinstance(inner, str):
@@ -170,9 +177,33 @@ class Unpacker:
         if missing := [key for key in needed if key not in given]:
             raise InputError(f"{name} lacks {', '.join(missing)}: written by another version")
         try:
-            return kind(**given)
+            return kind(**_checker(kind).validate_python(given))
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            field = ".".join(map(str, first["loc"]))
+            raise InputError(f"{name}.{field} is {shown(first['input'])}: {first['msg']}") from None
         except (TypeError, ValueError) as error:
             raise InputError(f"{name} cannot be read: {error}") from None
+
+
+@cache
+def _checker(kind: type) -> TypeAdapter[Any]:
+    """Checks the fields of a class against its annotations, strictly."""
+    hints = get_type_hints(kind, localns={"NDArray": NDArray, "np": np})
+    types = {field.name: _instances(hints[field.name]) for field in fields(kind) if field.init}
+    table: Any = TypedDict(kind.__name__, types, total=False)  # type: ignore[misc]
+    table.__pydantic_config__ = ConfigDict(strict=True, arbitrary_types_allowed=True)
+    return TypeAdapter(table)
+
+
+def _instances(hint: Any) -> Any:
+    """An annotation in which classes of results stand for their instances, which are checked already."""
+    if isinstance(hint, type) and is_dataclass(hint):
+        return InstanceOf[hint]
+    origin, inside = get_origin(hint), get_args(hint)
+    if origin in (tuple, dict):
+        return origin[tuple(map(_instances, inside))]
+    return reduce(operator.or_, map(_instances, inside)) if origin in (Union, UnionType) else hint
 
 
 def _index(number: Any, of: Sequence[Any]) -> int:
@@ -218,20 +249,14 @@ def read_arrays(folder: Path, entry: Any) -> list[np.ndarray]:
 
 def read_npz(file: Path, count: int | None = None) -> list[np.ndarray]:
     """The arrays a0, a1, … of a file; `count`: expected number of arrays, if known."""
-    try:
-        with zipfile.ZipFile(file) as archive:
-            if sum(info.file_size for info in archive.infolist()) > LARGEST_ARRAYS:
-                raise InputError(
-                    f"larger than {LARGEST_ARRAYS:,} bytes, expected arrays of one result", file=file
-                )
+    if not file.is_file():
+        raise FileNotFoundError(2, "No such file or directory", str(file))
+    with readable(file, "archive of results"):
+        check_npz(file)
         with np.load(file, allow_pickle=False) as npz:
             if count is not None and len(npz.files) != count:
                 raise InputError(f"has {len(npz.files)} arrays, expected {count}", file=file)
             return [npz[f"a{i}"] for i in range(len(npz.files))]
-    except (zipfile.BadZipFile, ValueError, KeyError, EOFError, NotImplementedError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"is damaged ({type(error).__name__}: {error})", file=file) from None
 
 
 def remove_others(folder: Path, keep: Sequence[dict[str, Any]]) -> None:

@@ -10,18 +10,20 @@ import numpy as np
 
 from flexviz.importing.formats.arrays import as_in_python
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, ReadOptions
+from flexviz.limits import LARGEST_TEXT, check_size, read_json
 from flexviz.measurements import readable
 
 
-def read_json(path: Path, options: ReadOptions) -> Log:
+def read_json_log(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers."""
     with readable(path, "JSON log"):
-        text = path.read_text(encoding="utf-8-sig")
         if path.suffix.lower() == ".json":
-            content = json.loads(text)
+            content = read_json(path)
         else:
-            content = [json.loads(line) for line in text.splitlines() if line.strip()]
-    content = arrays_of(content)
+            check_size(path, LARGEST_TEXT, "a JSON log")
+            lines = path.read_text(encoding="utf-8-sig").splitlines()
+            content = [json.loads(line) for line in lines if line.strip()]
+        content = arrays_of(content)
     return as_in_python().log(path, "JSON", content if isinstance(content, dict) else {"data": content})
 
 
@@ -42,4 +44,4 @@ def arrays_of(value: Any) -> Any:
     return array if array.dtype.kind in "biuf" else "text"
 
 
-JSON = LogFormat("JSON", read_json, suffixes=(".json", ".jsonl"), named=True)
+JSON = LogFormat("JSON", read_json_log, suffixes=(".json", ".jsonl"), named=True)

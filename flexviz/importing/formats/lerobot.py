@@ -6,7 +6,6 @@ v2 has one file per episode, v3 puts many episodes into one file. Frames are equ
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,8 @@ import pyarrow.parquet as papq
 
 from flexviz.errors import InputError
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, check_stop
-from flexviz.importing.formats.parquet import columns_of, holds_numbers
+from flexviz.importing.formats.parquet import check_parquet, columns_of, holds_numbers
+from flexviz.limits import read_json
 from flexviz.measurements import readable
 
 INFO = Path("meta") / "info.json"
@@ -28,9 +28,9 @@ def read_info(folder: Path) -> dict[str, Any]:
     """meta/info.json, with the keys that are used here checked."""
     file = folder / INFO
     try:
-        info = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as JSON ({error})", file=file) from None
+        info = read_json(file)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", file=file) from None
     if not isinstance(info, dict):
         raise InputError("holds no table, expected LeRobot's meta/info.json", file=file)
     version = str(info.get("codebase_version", ""))
@@ -103,6 +103,8 @@ def read_frames(folder: Path, episode: int, options: ReadOptions) -> pa.Table:
     files = [file for file in files if file.stem == f"episode_{episode:06d}"] or files
     with readable(files[0] if len(files) == 1 else folder / "data", "Parquet table"):
         schema = papq.read_schema(files[0])
+        for file in files:
+            check_parquet(file)
         names = [field.name for field in schema if holds_numbers(field.type) and options.wants(field.name)]
         names += [x for x in ("timestamp", "frame_index", "episode_index") if x in {*schema.names} - {*names}]
         own = [("episode_index", "=", episode)] if "episode_index" in schema.names else None

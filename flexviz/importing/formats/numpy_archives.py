@@ -8,18 +8,21 @@ import numpy as np
 
 from flexviz.importing.formats.arrays import as_in_python
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
+from flexviz.limits import check_npz
 from flexviz.measurements import readable
 
 
 def read_npz(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers; arrays of Python objects are not unpickled."""
     flattening, arrays = as_in_python(), {}
-    with readable(path, ".npz archive"), np.load(path, allow_pickle=False) as content:
-        for name in content.files:
-            try:
-                arrays[name] = content[name]
-            except ValueError:
-                flattening.unusable[name] = "it holds Python objects"
+    with readable(path, ".npz archive"):
+        check_npz(path)
+        with np.load(path, allow_pickle=False) as content:
+            for name in content.files:
+                try:
+                    arrays[name] = content[name]
+                except ValueError:
+                    flattening.unusable[name] = "it holds Python objects"
     return flattening.log(path, "NumPy", arrays)
 
 

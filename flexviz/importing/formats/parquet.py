@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from flexviz.importing.formats.base import Log, LogFormat, LogTable, ReadOptions, as_numbers, check_rows
+from flexviz.limits import check_numbers
 from flexviz.measurements import Array, readable
 
 
@@ -17,6 +18,7 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a Parquet table."""
     with readable(path, "Parquet table"):
         schema = papq.read_schema(path)
+        check_parquet(path)
         every = [field.name for field in schema if holds_numbers(field.type)]
         table = papq.read_table(path, columns=[name for name in every if options.wants(name)])
         columns, units, unusable = columns_of(table, {})
@@ -24,6 +26,15 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
     unusable |= {f.name: f"it holds {f.type}" for f in schema if not holds_numbers(f.type)}
     unread = tuple(name for name in every if name not in table.column_names)
     return Log(path, "Parquet", (LogTable("", columns, None, units),), unusable, unread=unread)
+
+
+def check_parquet(path: Path) -> None:
+    """InputError for a table that takes too much memory; entries of lists count, too."""
+    with papq.ParquetFile(path) as table:
+        about = table.metadata
+        groups = (about.row_group(i) for i in range(about.num_row_groups))
+        numbers = sum(group.column(j).num_values for group in groups for j in range(about.num_columns))
+    check_numbers(numbers, 1, path)
 
 
 def is_list(kind: pa.DataType) -> bool:

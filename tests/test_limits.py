@@ -1,0 +1,78 @@
+"""Small files that stand for much memory are refused before they are read."""
+
+from __future__ import annotations
+
+import io
+import resource
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as papq
+import pytest
+from scipy.io import savemat
+
+from flexviz import limits, toml
+from flexviz.errors import InputError
+from flexviz.importing.formats import ReadOptions, matlab, open_log
+from flexviz.measurements import read_set
+from tests.small_set import write_small_set
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a." * 20_000 + "a = 1", "line 1: a key of more than 32 parts"),
+        ("\n[" + "a." * 20_000 + "a]", "line 2: a key of more than 32 parts"),
+        ("x = {" + '"a" . ' * 20_000 + "a = 1}", "a key of more than 32 parts"),
+        ("n = " + "9" * 5000, "4300 digits"),
+        ("x = " + "[" * 100_000, "nested too deeply"),
+        ("#" * 5_000_000, "expected a TOML file of at most"),
+    ],
+)
+def test_toml(text: str, why: str, tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text(text)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match=why):
+        toml.read(file)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # [kB]
+
+
+def test_dots_elsewhere_are_no_key(tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text('a.b.c = "' + "two words. " * 100 + '..."\nx = [' + "1.5, " * 100 + "]\n# " + "." * 100)
+    assert len(toml.read(file)["x"]) == 100
+
+
+def test_tables_with_too_many_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_small_set(tmp_path)
+    monkeypatch.setattr(limits, "LARGEST_NUMBERS", 9_000)
+    with pytest.raises(InputError, match=r"a\.csv: 12,012 numbers, expected at most 9,000"):
+        read_set(folder)
+    papq.write_table(pa.table({"x": [[1.0] * 100] * 100}), folder / "lists.parquet")
+    with pytest.raises(InputError, match=r"lists\.parquet: 10,000 numbers"):
+        open_log(folder / "lists.parquet", ReadOptions())
+
+
+def test_compressed_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    header = io.BytesIO()
+    about = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}
+    np.lib.format.write_array_header_1_0(header, about)
+    with zipfile.ZipFile(tmp_path / "x.npz", "w") as archive:
+        archive.writestr("a0.npy", header.getvalue())
+    with pytest.raises(InputError, match=r"a0\.npy: its array of shape \(1000000000000,\) does not fit"):
+        open_log(tmp_path / "x.npz", ReadOptions())
+    savemat(tmp_path / "x.mat", {"x": np.zeros((1000, 2)), "t": np.arange(1000.0)}, do_compression=True)
+    assert len(open_log(tmp_path / "x.mat", ReadOptions()).columns) == 3
+    monkeypatch.setattr(matlab, "LARGEST_MAT", 20_000)
+    with pytest.raises(InputError, match="over 20,000 bytes unpacked"):
+        open_log(tmp_path / "x.mat", ReadOptions())
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 500 + "1" + "}" * 500, "9" * 5000, "\x00"])
+def test_json(text: str, tmp_path: Path) -> None:
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(InputError, match=r"x\.json"):
+        open_log(tmp_path / "x.json", ReadOptions())
