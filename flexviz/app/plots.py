@@ -21,6 +21,7 @@ from flexviz.view import (
     map_html,
     map_of,
     model_curve_charts,
+    model_runs,
     observer_for,
     range_html,
     signals_charts,
@@ -48,9 +49,13 @@ class PlotPanel:
         )
         self.residuals = ResidualTab(store, page, panel.add_tab("Where it fails"))
         compare = panel.add_tab("Compare")
-        self._compare = ChartColumn(page.server, compare)
         with compare:
             self._steps = page.gui.add_html("")
+            hint = "shows this model everywhere: robot, residual, parameters"
+            self._models = page.choose(
+                page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint), self._show_model
+            )
+        self._compare = ChartColumn(page.server, compare)
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._stale = False  # some iterations are not drawn yet
@@ -78,11 +83,19 @@ class PlotPanel:
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
-        store, models = self._store, self._store.analysis.model_steps
+        store, models = self._store, [step for step, _ in self._store.chain]
         joints, spread = store.measurements.joints, store.measurements.torque_spread
-        result = store.analysis.identification
+        result, shown = store.analysis.identification, len(store.analysis.model_steps) - 1
+        parameters = result.parameters if result else ()
         self._compare.show(staircase_charts(models, store.joint, joints, spread))
-        self._steps.content = staircase_html(models, joints, spread, result.parameters if result else ())
+        self._steps.content = staircase_html(models, joints, spread, parameters, shown)
+        self._ends = [last for _, _, last in model_runs(models, joints)] if models else []
+        self._models.visible = len(self._ends) > 1
+        if len(self._ends) > 1:
+            self._models.options = tuple(str(k) for k in range(len(self._ends)))
+
+    def _show_model(self, number: str) -> None:
+        self._store.show_model(self._ends[int(number)])
 
     def _iterated(self) -> None:
         self._stale = True

@@ -28,12 +28,13 @@ from flexviz.app.state import (
 from flexviz.app.tasks import IdleTask, SetTask, open_set
 from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
 from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
-from flexviz.session import Analysis, Session
+from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
 
 KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
@@ -130,6 +131,20 @@ class Store(ChangeSignal):
         if after.diagnosis is not before.diagnosis or after.model_steps != before.model_steps:
             change |= Changed.DIAGNOSIS
         self.tell(change)
+
+    @property
+    def chain(self) -> list[tuple[ModelStep, Analysis | None]]:
+        """The models of the staircase, also those beyond the present one, with the states that show them."""
+        return model_chain(self.session)
+
+    def show_model(self, index: int) -> None:
+        """Show an earlier or later model of the staircase everywhere; its results are known."""
+        chain = self.chain
+        if self.may_start("Another model") and 0 <= index < len(chain):
+            state = chain[index][1]
+            if state is None:
+                raise InputError("the results of this model are not kept: press Undo, or diagnose again")
+            self.change(f"model {index} shown", state)
 
     def note_recording(self, file: Path) -> None:
         self.session = self.session.with_recording(file)

@@ -49,6 +49,12 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-finding { margin-top: 0.2em; padding-top: 0.4em; border-top: 1px solid rgba(128, 128, 128, 0.3); }
 .fv-bar { height: 5px; border-radius: 3px; background: rgba(128, 128, 128, 0.25); margin: 2px 0; }
 .fv-bar span { display: block; height: 100%; border-radius: 3px; background: #999; }
+.fv-stair { position: relative; padding: 1px 0 6px; }
+.fv-stair span { display: block; min-width: 2px; height: 9px; border-radius: 0 2px 2px 0; }
+.fv-stair .fit { height: 5px; margin-top: 1px; }
+.fv-stair i { position: absolute; top: 0; bottom: 3px; border-left: 2px dotted var(--mantine-color-text); }
+.held { background: #009E73; } .fit { background: #0072B2; }
+.fv-stair-key span { display: inline-block; width: 1.6em; height: 0.7em; margin-left: 0.5em; }
 .fv-likely .fv-bar span { background: #0072B2; }
 .fv-card summary { color: #0072B2; } [data-mantine-color-scheme="dark"] .fv-card summary { color: #56B4E9; }
 .fv-card p { margin: 0.4em 0; } .fv-card svg { max-width: 100%; height: auto; }

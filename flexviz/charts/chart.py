@@ -82,7 +82,7 @@ class Ribbon:
 
 
 @dataclass(frozen=True)
-class Stage:
+class ShadedStage:
     """A shaded interval of x with a name."""
 
     name: str
@@ -123,7 +123,7 @@ class Chart:
     note: str = ""
     highlights: tuple[tuple[float, float], ...] | None = None
     marker: float | None = None
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[ShadedStage, ...] = ()
     playhead: bool = False
     height: int = 190
 

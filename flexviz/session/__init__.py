@@ -5,7 +5,7 @@ from flexviz.session.comparing import ParameterRow, SessionComparison, SessionSu
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.loading import OpenedSession, is_session, open_session, relocate
 from flexviz.session.saving import SessionChanged, save_session, zipped
-from flexviz.session.staircase import DiagnosedModel, diagnosed_models
+from flexviz.session.staircase import DiagnosedModel, diagnosed_models, model_chain
 from flexviz.session.state import (
     HISTORY,
     ROLES,
@@ -45,6 +45,7 @@ __all__ = [
     "find_unsaved",
     "identified_errors",
     "is_session",
+    "model_chain",
     "now",
     "open_session",
     "relocate",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from flexviz.diagnosis import Diagnosis
+from flexviz.session.state import Analysis, ModelStep, Session
 from flexviz.wording import text_runs
 
 OF_THE_FINAL_MODEL: dict[str, Any] = {
@@ -45,3 +46,21 @@ def diagnosed_models(diagnosis: Diagnosis, joints: Sequence[str]) -> list[Diagno
         answer = replace(answer, verdict=steps[last].verdict, findings=findings, steps=(steps[last],))
         out.append(DiagnosedModel(f"added {name}" if texts else "", tuple(texts), answer))
     return out
+
+
+def model_chain(session: Session) -> list[tuple[ModelStep, Analysis | None]]:
+    """The models of the present staircase and those beyond it, each with the last state that shows it."""
+    states = [one.analysis for one in (*session.steps, *session.future)]
+    now = _keys(session.analysis.model_steps)
+    chains = [state.model_steps for state in states if now and _keys(state.model_steps)[: len(now)] == now]
+    out: list[tuple[ModelStep, Analysis | None]] = []
+    for k, one in enumerate(max(chains, key=len, default=())):
+        key = _keys(max(chains, key=len)[: k + 1])
+        shown = [state for state in states if _keys(state.model_steps) == key and state.diagnosis_up_to_date]
+        out.append((one, shown[-1] if shown else None))
+    return out
+
+
+def _keys(steps: Sequence[ModelStep]) -> list[tuple[tuple[str, ...], tuple[float, ...]]]:
+    """What tells models apart, also in a session that was read."""
+    return [(one.effects, tuple(one.step.rms)) for one in steps]

@@ -39,7 +39,7 @@ from flexviz.view.residuals import (
     stretches_of,
     time_residual,
 )
-from flexviz.view.staircase import staircase_chart, staircase_charts, staircase_html
+from flexviz.view.staircase import model_runs, staircase_chart, staircase_charts, staircase_html
 from flexviz.view.status import (
     error_text,
     next_step,
@@ -93,6 +93,7 @@ __all__ = [
     "map_html",
     "map_of",
     "model_curve_charts",
+    "model_runs",
     "more_effects",
     "next_step",
     "notable",

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, Stage, no_chart
+from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, ShadedStage, no_chart
 from flexviz.identification import SweepResult
 from flexviz.progress import Iteration
 from flexviz.wording import SYMBOLS, escape, number
@@ -66,11 +66,14 @@ def convergence_charts(
     count = max(len(iterations), 2)
     x, axis, found = np.arange(1.0, count + 1.0), ChartAxis("iteration"), solver_stages(iterations)
     bands = tuple(
-        Stage(f"{k}. {name}", first + 0.5, (count if last == len(iterations) - 1 else last + 1) + 0.5)
+        ShadedStage(f"{k}. {name}", first + 0.5, (count if last == len(iterations) - 1 else last + 1) + 0.5)
         for k, (name, first, last) in enumerate(found, 1)
     )
     if len(bands) > MAX_STAGES:
-        bands = (*bands[: MAX_STAGES - 1], Stage("later stages", bands[MAX_STAGES - 1].first, bands[-1].last))
+        bands = (
+            *bands[: MAX_STAGES - 1],
+            ShadedStage("later stages", bands[MAX_STAGES - 1].first, bands[-1].last),
+        )
     falling = np.resize(np.maximum(falling_cost(iterations), COST_FLOOR), count)
     falling[len(iterations) :] = falling[len(iterations) - 1]
     cost = Chart(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -36,6 +37,10 @@ COMPARED_IN = (
     "model and observer"
 )
 HELD_OUT = "validation"
+KEY = (
+    '<div class="fv-stair-key"><span class="held"></span> validation <span class="fit"></span> fit '
+    "┊ noise floor</div>"
+)
 MAX_GROUPS = 10  # drawn
 NOT_PHYSICS = "hatched: not physics"
 HATCH_POINTS = 26  # of the zigzag in a hatched step
@@ -180,17 +185,24 @@ def staircase_html(
     joints: Sequence[str],
     spread: Sequence[float] = (),
     parameters: Sequence[ParameterEstimate] = (),
+    shown: int = -1,
 ) -> str:
-    """The errors of the steps as a table; a family of effects unfolds to its values per joint."""
+    """The errors of the steps as bars and numbers; a family of effects unfolds to its values per joint.
+
+    `shown` is the model that the rest of the page shows.
+    """
     if not model_steps:
         return ""
     rows = []
+    top = max(one_error(row, None, spread) for one in model_steps for row in _judged(one.step))
     for count, (name, texts, last) in enumerate(model_runs(model_steps, joints)):
         step = model_steps[last].step
         own = [effect_text_name(text) for text in model_steps[0].effects]
         what = f"+ {name}" if texts else ", ".join(own) or "the model itself"
         found = "".join(f"<div>{escape(text)}</div>" for text in effect_values(texts, parameters))
         label = f"{count}. {escape(what)}"
+        if last == shown:
+            label = f"<b>{label}</b> ● shown"
         if any(map(is_stopgap, texts)):
             label = f'<span class="fv-hatched">{label}</span>'
         if found:
@@ -198,6 +210,7 @@ def staircase_html(
         held_out = step.rms_validation
         cells = (step.rms, held_out)
         rows.append(f"<tr><td>{label}</td>{''.join(_error_cell(row, spread) for row in cells)}</tr>")
+        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top)}</td></tr>')
     last_step = model_steps[-1].step
     if last_step.noise_floor:
         floor = _error_cell(last_step.noise_floor, spread)
@@ -207,8 +220,25 @@ def staircase_html(
     left = f"Largest: {left_text(joints, judged, spread, last_step.noise_floor)}. " if spread else ""
     return (
         f'<div class="fv"><table class="fv-table"><tr><th>Error [{unit}]</th><th>fit</th><th>validation</th>'
-        f'</tr>{"".join(rows)}</table><div class="fv-dim">{escape(left)}{COMPARED_IN}.</div></div>'
+        f'</tr>{"".join(rows)}</table><div class="fv-dim">{KEY}{escape(left)}{COMPARED_IN}.</div></div>'
     )
+
+
+def _judged(step: Step) -> list[Sequence[float]]:
+    """Errors of the validation and of the fitted groups, as far as they are known."""
+    return [row for row in (step.rms_validation, step.rms) if row]
+
+
+def _bars(step: Step, spread: Sequence[float], top: float) -> str:
+    """Bars from zero: held out above fit; the dotted line is the noise floor."""
+    floor = one_error(step.noise_floor, None, spread) if step.noise_floor else math.nan
+    line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
+    kinds = ("held", "fit")[-len(_judged(step)) :]
+    bars = "".join(
+        f'<span class="{kind}" style="width:{100 * one_error(row, None, spread) / top:.2f}%"></span>'
+        for kind, row in zip(kinds, _judged(step), strict=True)
+    )
+    return f'<div class="fv-stair">{bars}{line}</div>'
 
 
 def _error_cell(row: Sequence[float] | None, spread: Sequence[float]) -> str:

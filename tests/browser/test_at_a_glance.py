@@ -72,6 +72,24 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     # now both are at the noise: dark on the robot and in the legend
     until(lambda: max(sum(swatch(page, joint)) for joint in ("joint1", "joint2")) < 250, what="dark links")
     until(lambda: yellow(page) < 20, what="a dark robot")
+    # the staircase: a bar per model, and a click shows that model everywhere
+    tab(page, "Compare").click()
+    bars = page.locator(".fv-stair .held")
+    widths = [bars.nth(k).bounding_box()["width"] for k in range(until(lambda: bars.count() == 2 and 2))]
+    assert widths[1] < widths[0] / 10, widths
+    assert "1. + Coulomb friction on joint2 ● shown" in page.inner_text("body").replace("\n", " ")
+    assert (
+        bars.last.bounding_box()["y"]
+        < page.locator(".uplot").filter(has_text="all joints").bounding_box()["y"]
+    )
+    shot(page, f"stairs-{'dark' if dark else 'light'}")
+    after = percent(page)
+    page.get_by_role("button", name="0", exact=True).click()
+    until(lambda: percent(page) == before, 60, "the error of the first model")
+    until(lambda: yellow(page) > 150, 60, "its colours")
+    assert verdict.inner_text().startswith("Missing") and bars.count() == 2
+    page.get_by_role("button", name="1", exact=True).click()
+    until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
     # the map: where nothing is explained the cell is as the page
     tab(page, "Where it fails").click()
     cells = page.locator(".fv-heat td[title]")
