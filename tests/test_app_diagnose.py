@@ -172,7 +172,9 @@ def test_a_change_meanwhile_wins(app: Application) -> None:
     assert app.store.analysis.diagnosis is None and "have changed in the meantime" in status(app)
 
 
-def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_path: Path) -> None:
+def test_free_curve_is_added_hatched_saved_and_taken_back(
+    app: Application, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not physics, but with Coulomb friction left out it lowers the error; the history holds it."""
     reopen(app, sessions_dir() / DEMO)
     measurements, start = app.store.measurements, app.store.analysis
@@ -203,6 +205,13 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(app: Application, tmp_
     first, last = (one.step.rms_validation for one in added.model_steps)
     assert first and last and last[1] < 0.2 * first[1]
     assert "(not physics) on joint2" in app.store.session.undoes
+    sent: list[tuple[str, bytes]] = []
+    monkeypatch.setattr(app.page, "send_file", lambda client, name, content: sent.append((name, content)))
+    assert shown._draft.visible
+    use(app, "Draft an effect file")
+    ((name, content),) = sent  # Coulomb friction, found again
+    assert name == "constant_of_velocity.py" and b"class ConstantOfVelocity" in content
+    assert "a step of 3" in status(app) and "where the motion reverses" in status(app)
     assert "fv-hatched" in app.plots._steps.content and "(not physics)" in app.plots._steps.content
     charts = staircase_charts(added.model_steps, 1, measurements.joints, measurements.torque_spread)
     assert all(chart.series[0].label == "hatched: not physics" for chart in charts)

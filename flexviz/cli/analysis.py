@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -19,6 +19,9 @@ from flexviz.cli.options import (
 )
 from flexviz.cli.terminal import Reporter, interruptible
 from flexviz.errors import InputError
+
+if TYPE_CHECKING:
+    from flexviz.diagnosis import Diagnosis
 
 GuardOption = Annotated[
     bool | None,
@@ -55,6 +58,12 @@ def diagnose(
         help='With --apply, after a last verdict of "unknown": add a free curve of what is left. '
         "It is not physics.",
     ),
+    draft_effect: Path | None = typer.Option(
+        None,
+        "--draft-effect",
+        metavar="FILE.py",
+        help="Where the free curve resembles a simple law: write a user-defined effect with it to this file.",
+    ),
 ) -> int:
     """Determine whether the model is complete, and if not, which effect is missing and where."""
     from flexviz.diagnosis import diagnose as search
@@ -65,6 +74,7 @@ def diagnose(
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply beside it")
     terminal.check_output_file(json_file, ".json")
+    check_draft_file(draft_effect)
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         measurements = with_plausibility_warnings(read_set(measurement_set))
         result = search(
@@ -77,9 +87,35 @@ def diagnose(
         )
     if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
+    if draft_effect is not None:
+        write_draft(result, draft_effect)
     terminal.write_json(json_file, result.to_dict(steps=apply))
     terminal.show(result.document())
     return 130 if result.stopped else 0
+
+
+def check_draft_file(file: Path | None) -> None:
+    """Refuse an unusable file for a drafted effect: an existing one may have been edited."""
+    terminal.check_output_file(file)
+    if file is not None and file.suffix != ".py":
+        raise InputError("expected a file name that ends in .py", file=file)
+    if file is not None and file.exists():
+        raise InputError("exists already, expected a new file", file=file)
+
+
+def write_draft(result: Diagnosis, file: Path) -> None:
+    """Write the effect drafted from the free curve of a diagnosis, and say how to use it."""
+    from flexviz.diagnosis import draft_from_curve
+
+    draft = draft_from_curve(result)
+    if draft is None:
+        terminal.note("note: no effect is drafted: there is no free curve that resembles a simple law")
+        return
+    file.write_text(draft.content, encoding="utf-8")
+    name = draft.name.removesuffix(".py")
+    terminal.note(
+        f"{file}: {draft.form.text}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"
+    )
 
 
 def record(

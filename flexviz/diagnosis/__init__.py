@@ -1,6 +1,7 @@
 """Diagnosis: is the model complete, and if not, what is missing and where."""
 
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.curve_draft import CurveDraft, draft_from_curve
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
@@ -32,6 +33,7 @@ __all__ = [
     "DIRECTION_GAIN",
     "Absorbed",
     "BandwidthCheck",
+    "CurveDraft",
     "Diagnosis",
     "EffectParameter",
     "Evidence",
@@ -47,6 +49,7 @@ __all__ = [
     "Tie",
     "check_bandwidth",
     "diagnose",
+    "draft_from_curve",
     "fit_free_curve",
     "maps_of",
     "prediction_errors",

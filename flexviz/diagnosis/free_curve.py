@@ -8,7 +8,7 @@ from the response of the splines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
     cov = _covariance(shown, hessian, prior, residual - shown @ coefficients, folds)
     centres: Array = np.linspace(*splines.range, CURVE_POINTS)
     value, std = _drawn(data, joint, variable, values, centres, splines, coefficients, cov)
-    return FreeCurve(
+    curve = FreeCurve(
         joint=place.joint,
         variable=variable,
         unit=UNITS[variable],
@@ -80,6 +80,8 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
         explained_std=found.std,
         smoothing=chosen.weight,
     )
+    form = curve.simple_form()
+    return replace(curve, form=form.text if form else "")
 
 
 def _drawn(

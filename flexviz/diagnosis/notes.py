@@ -62,6 +62,7 @@ def notes(
         text = (
             f"a free curve against the {curve.variable}{sides} of {curve.joint} explains "
             f"{100 * max(curve.explained, 0.0):.0f} % of its residual: a stopgap, not a model"
+            + (f"; its form is that of {curve.form}" if curve.form else "")
         )
         out.append(Note("free-curve", text))
     if bandwidths is not None:

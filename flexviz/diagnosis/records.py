@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import CURVES
+from flexviz.effects import CURVES, CurveForm, curve_points, simple_form
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -81,6 +81,7 @@ class FreeCurve:
         explained_std: its standard error.
         smoothing: penalty weight, chosen by cross-validation.
         note: one-sentence caveat.
+        form: the simple law that the curve resembles, in words; empty if there is none.
     """
 
     joint: str
@@ -94,6 +95,12 @@ class FreeCurve:
     explained_std: float
     smoothing: float
     note: str = FREE_CURVE_NOTE
+    form: str = ""
+
+    def simple_form(self) -> CurveForm | None:
+        """The simple law that the curve resembles."""
+        points = curve_points(self.variable, self.centres.tolist(), self.value.tolist(), self.std.tolist())
+        return simple_form(points, self.variable, self.unit)
 
     @property
     def effects(self) -> tuple[str, ...]:

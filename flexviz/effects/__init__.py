@@ -1,6 +1,8 @@
 """Physical effects beyond the base model: library, user-defined effects, and the selection for a model."""
 
+from flexviz.effects.curve_forms import CurveForm, curve_points, simple_form
 from flexviz.effects.effect import Effect, EffectEvidence, ElasticStart, JointScale
+from flexviz.effects.effect_draft import draft_effect
 from flexviz.effects.free_curve import CURVES, FreeCurveEffect, free_curve
 from flexviz.effects.free_curve import DIRECTIONS as FREE_CURVE_DIRECTIONS
 from flexviz.effects.law import LawEffect, LinearEffect, LoadedEffect
@@ -29,6 +31,7 @@ __all__ = [
     "SIGN_VELOCITY",
     "ChosenEffect",
     "Context",
+    "CurveForm",
     "Effect",
     "EffectEvidence",
     "EffectTarget",
@@ -44,6 +47,8 @@ __all__ = [
     "ParameterSpec",
     "Terms",
     "choose_effects",
+    "curve_points",
+    "draft_effect",
     "forget_effects",
     "free_curve",
     "is_user_defined",
@@ -51,5 +56,6 @@ __all__ = [
     "load_effects",
     "loaded_files",
     "neighbour",
+    "simple_form",
     "smooth_sign",
 ]

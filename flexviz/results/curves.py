@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import model_validator
 
-from flexviz.effects import FREE_CURVE_DIRECTIONS, free_curve
+from flexviz.effects import FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
 from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows
 
 
@@ -43,6 +43,7 @@ class FreeCurveEntry(ResultEntry):
     explained_std: Nullable
     smoothing: Nullable
     note: str
+    form: str = ""
 
 
 class CurveTableEntry(ResultEntry):
@@ -60,6 +61,13 @@ class CurveTableEntry(ResultEntry):
     at: Column
     value: Rows
     std: Rows
+    form: str = ""
+
+    def simple_form(self) -> CurveForm | None:
+        """The simple law that the curve resembles."""
+        return simple_form(
+            curve_points(self.variable, self.at, self.value, self.std), self.variable, self.unit
+        )
 
 
 class EstimateLike(Protocol):
@@ -89,18 +97,18 @@ def curve_tables(parameters: Iterable[EstimateLike]) -> list[CurveTableEntry]:
         known = {p.name.partition(".")[2]: p for p in own}
         values = np.array([known[spec.name].value for spec in curve.parameters])
         std = [[known[spec.name].std for spec in side] for side in curve.node_parameters]
-        out.append(
-            CurveTableEntry(
-                effect=name,
-                joint=joint,
-                variable=curve.variable,
-                unit=curve.unit,
-                directions=list(FREE_CURVE_DIRECTIONS if curve.each_way else ("",)),
-                at=curve.node_places(values).tolist(),
-                value=curve.node_values(values).tolist(),
-                std=std,
-            )
+        table = CurveTableEntry(
+            effect=name,
+            joint=joint,
+            variable=curve.variable,
+            unit=curve.unit,
+            directions=list(FREE_CURVE_DIRECTIONS if curve.each_way else ("",)),
+            at=curve.node_places(values).tolist(),
+            value=curve.node_values(values).tolist(),
+            std=std,
         )
+        form = table.simple_form()
+        out.append(table.model_copy(update={"form": form.text}) if form else table)
     return out
 
 

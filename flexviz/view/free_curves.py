@@ -52,9 +52,10 @@ def free_html(curve: FreeCurve | None) -> str:
         return ""
     share = f"{100 * max(curve.explained, 0.0):.0f} ± {100 * NORMAL_95 * curve.explained_std:.0f} %"
     sides = " and the direction of motion" if len(curve.directions) > 1 else ""
+    form = f" Its form is that of {escape(curve.form)}." if curve.form else ""
     return (
         f'<div class="fv fv-warn"><b>Stopgap.</b> A free curve against the {escape(curve.variable)}{sides} '
-        f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.</div>"
+        f"of {escape(curve.joint)} would explain {share} of its residual: {escape(curve.note)}.{form}</div>"
     )
 
 
@@ -85,7 +86,8 @@ def model_curve_charts(parameters: Sequence[ParameterEstimate], height: int = 19
                 ChartAxis("torque", "Nm"),
                 tuple(series),
                 tuple(ribbons),
-                description=f"{title}: {number(value.min(), 3)} to {number(value.max(), 3)} Nm.",
+                description=f"{title}: {number(value.min(), 3)} to {number(value.max(), 3)} Nm"
+                + (f"; its form is that of {table.form}." if table.form else "."),
                 height=height,
             )
         )

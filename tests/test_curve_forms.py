@@ -1,0 +1,110 @@
+"""Simple laws behind a free curve, and the effect files drafted from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS, CurveForm, curve_points, draft_effect, forget_effects, load_effects
+from flexviz.effects import simple_form as form_of
+from flexviz.effects.curve_forms import DIRECTIONS, FAMILIES
+
+X = np.linspace(-1.0, 1.4, 40)
+SPEED = np.linspace(0.0, 2.0, 40)
+SIZES = {
+    "constant": {"size": 2.0},
+    "line": {"size": 1.0, "slope": 3.0},
+    "bump": {"size": 4.0, "centre": 0.2, "width": 0.3},
+    "exponential": {"size": 2.0, "rate": -1.5},
+    "sine": {"size": 1.0, "order": 7.0, "phase": 0.4},
+}
+LAWS = {
+    "constant": lambda x, v: v["size"] + 0 * x,
+    "line": lambda x, v: v["size"] + v["slope"] * x,
+    "bump": lambda x, v: v["size"] * np.exp(-(((x - v["centre"]) / v["width"]) ** 2)),
+    "exponential": lambda x, v: v["size"] * np.exp(v["rate"] * x),
+    "sine": lambda x, v: v["size"] * np.sin(v["order"] * x + v["phase"]),
+}
+
+
+@pytest.fixture
+def own_effects() -> Iterator[None]:
+    yield
+    forget_effects()
+
+
+def named(variable: str, x: np.ndarray, rows: list[np.ndarray], std: float = 0.02) -> CurveForm | None:
+    points = curve_points(variable, x.tolist(), rows, [np.full(len(x), std)] * len(rows))
+    return form_of(points, variable, "rad")
+
+
+@pytest.mark.parametrize("kind", list(FAMILIES))
+@pytest.mark.parametrize("direction", list(DIRECTIONS))
+def test_a_law_is_recognised(kind: str, direction: str) -> None:
+    rng = np.random.default_rng(3)
+    clean = LAWS[kind](X, SIZES[kind])
+    rows = [factor * clean + 0.02 * rng.normal(size=len(X)) for factor in DIRECTIONS[direction]]
+    found = named("position", X, rows)
+    assert found is not None and (found.kind, found.direction) == (kind, direction)
+    assert found.explained > 0.95
+    for name, value in SIZES[kind].items():
+        assert found.values[name] == pytest.approx(value, rel=0.05, abs=0.03)
+    assert "%" in found.text and "(99 % of the curve)" in found.text
+
+
+def test_what_no_simple_law_explains_has_no_name() -> None:
+    rng = np.random.default_rng(1)
+    assert named("position", X, [rng.normal(size=len(X))]) is None
+    saw = np.array([(7 * x) % 1.0 for x in X]) * np.sign(np.sin(11 * X))
+    assert named("position", X, [saw]) is None
+    assert named("position", X, [0 * X]) is None
+    assert named("position", X, [np.full(len(X), np.nan)]) is None
+
+
+def test_points_that_are_not_known_do_not_count() -> None:
+    bump = LAWS["bump"](X, SIZES["bump"])
+    std = np.where(X > 0.9, 3.0, 0.02)
+    spoilt = np.where(X > 0.9, 2.0, bump)
+    found = form_of(curve_points("position", X.tolist(), [spoilt], [std]), "position", "rad")
+    assert (
+        found is not None and found.kind == "bump" and found.values["centre"] == pytest.approx(0.2, abs=0.01)
+    )
+
+
+def test_of_velocity_both_directions_are_one_law() -> None:
+    signed = np.linspace(-2.0, 2.0, 81)
+    forward, backward = (
+        np.where(side, 3.0 * sign, np.nan) for sign, side in ((1, signed > 0), (-1, signed < 0))
+    )
+    found = named("velocity", signed, [forward, backward])
+    assert found is not None and (found.kind, found.direction) == ("constant", "against")
+    assert found.text.startswith("a step of 3 Nm where the motion reverses")
+    viscous = 0.7 * signed  # the model's own viscous friction takes as much of the curve as it likes
+    beside = named("velocity", signed, [forward + viscous, backward + viscous])
+    assert beside is not None and beside.values["size"] == pytest.approx(3.0) and beside.kind == "constant"
+    fading = 2.0 * np.exp(-2.0 * SPEED)
+    stribeck = named("velocity", SPEED, [fading, -fading])
+    assert (
+        stribeck is not None and stribeck.kind == "exponential" and "falls by a factor of e" in stribeck.text
+    )
+
+
+@pytest.mark.parametrize("kind", list(FAMILIES))
+@pytest.mark.parametrize("variable", ["position", "velocity", "load", "time"])
+@pytest.mark.usefixtures("own_effects")
+def test_every_draft_passes_the_checks(kind: str, variable: str, tmp_path: Path) -> None:
+    """Slopes by finite differences, simulation against the law, texts: `load_effects` refuses what fails."""
+    units = {"position": "rad", "velocity": "rad/s", "load": "Nm", "time": "s"}
+    for direction in DIRECTIONS:
+        for on_link in (False, True):
+            values = SIZES[kind] | ({"rate": 0.02} if variable == "load" and kind == "exponential" else {})
+            form = CurveForm(kind, direction, variable, units[variable], values, 0.9)
+            file = tmp_path / f"{direction}_{on_link}.py"
+            file.write_text(draft_effect(form, 'a "joint"\\', "set\n{x}", on_link), encoding="utf-8")
+            (effect,) = load_effects(file)
+            assert effect.name == f"{kind}_of_{variable}" and effect.where == ("link" if on_link else "motor")
+            np.testing.assert_allclose(EFFECTS[effect.name].sizes(), list(values.values()), rtol=1e-4)
+            forget_effects()
