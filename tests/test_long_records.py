@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
-from flexviz.estimation import noise_weighting, whitening
+from flexviz.estimation import least_squares, noise_weighting, score_test, whitening
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.recent import Recent
 from flexviz.estimation.whitening import Whitener
@@ -47,6 +50,41 @@ def dense(tool: Whitener, count: int, n: int = 2) -> np.ndarray:
         for k in range(min(t, tool.order)):
             out[t, :, t - 1 - k] = -scale[t] @ predictor[k, t]
     return out.reshape(count * n, count * n)
+
+
+def test_whitening_takes_little_more_memory_than_its_result() -> None:
+    tool, y = some_whitener(4000), np.ones((4000, 2, 100))
+    tracemalloc.start()
+    white = tool.apply(y)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1.3 * white.nbytes
+
+
+def test_normal_equations_of_some_samples_at_a_time(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, x = x_of(context)
+    now = context.two_band.with_layout(layout).narrow.evaluate(x)
+    weights = np.random.default_rng(0).uniform(0.5, 2.0, now.residual.shape)
+    prior = context.start(layout).prior
+    whole = least_squares.normal_equations(now, weights, prior, x)
+    monkeypatch.setattr(least_squares, "SAMPLES_TOGETHER", 100)
+    for part, exact in zip(least_squares.normal_equations(now, weights, prior, x), whole, strict=True):
+        np.testing.assert_allclose(part, exact, atol=1e-12 * np.abs(exact).max())
+
+
+def test_candidates_of_a_long_record_are_scored_fewer_at_a_time(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, x = x_of(context)
+    fit = context.fit(layout, x, iterations=1)
+    search = Search(context, lambda text: None)
+    whole = search.scores(fit, episodes=False).ranked
+    monkeypatch.setattr(score_test, "MAX_BATCH_NUMBERS", 1.0)
+    parts = search.scores(fit, episodes=False).ranked
+    assert [s.effect for s in parts] == [s.effect for s in whole]
+    np.testing.assert_allclose([s.gain for s in parts], [s.gain for s in whole], rtol=1e-3, atol=1e-3)
 
 
 @pytest.mark.parametrize("chunk", [3, 16, 1000])

@@ -70,8 +70,8 @@ class PredictionErrorBand:
     def errors(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> PredictionErrors:
         """Residuals of a model; `apart`, shape (n,): joints whose standstill does not count."""
         equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
-        evaluation = equation.evaluate(fit.x)
-        residual = evaluation.residual
+        point = equation.at(fit.x)
+        residual = point.residual(fit.x)
         used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
@@ -81,7 +81,7 @@ class PredictionErrorBand:
         )
         fitted = np.concatenate([self.rows[n] for n, _, validation in groups if not validation])
         held = [self.rows[n] for n, _, validation in groups if validation]
-        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, evaluation.link, self.noise))
+        floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
         return PredictionErrors(
             _rms(residual[fitted], used[fitted]),
             _rms(residual[np.concatenate(held)], used[np.concatenate(held)]) if held else None,
