@@ -3,8 +3,8 @@
     python -m benchmarks.temperature_study FOLDER [CASE ...]
 
 Each case is simulated in FOLDER with temperatures stated, diagnosed with `apply`, and printed as one line:
-what was found, the largest error of the values, verdict and CPU seconds. A share is what is lost between 25 and
-45 °C of the friction at 15 °C.
+what was found, the largest error of the values, verdict and CPU seconds. A share is what is lost between 25
+and 45 °C of the friction at 15 °C.
 """
 
 from __future__ import annotations
