@@ -52,6 +52,8 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-stair { position: relative; padding: 1px 0 6px; }
 .fv-stair span { display: block; min-width: 2px; height: 9px; border-radius: 0 2px 2px 0; }
 .fv-stair .fit { height: 5px; margin-top: 1px; }
+.fv-stair.hatched span { background-image:
+  repeating-linear-gradient(135deg, #fffc 0 3px, transparent 3px 7px); }
 .fv-stair i { position: absolute; top: 0; bottom: 3px; border-left: 2px dotted var(--mantine-color-text); }
 .held { background: #009E73; } .fit { background: #0072B2; }
 .fv-stair-key span { display: inline-block; width: 1.6em; height: 0.7em; margin-left: 0.5em; }

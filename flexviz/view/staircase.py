@@ -203,14 +203,15 @@ def staircase_html(
         label = f"{count}. {escape(what)}"
         if last == shown:
             label = f"<b>{label}</b> ● shown"
-        if any(map(is_stopgap, texts)):
+        stopgap = any(map(is_stopgap, texts))
+        if stopgap:
             label = f'<span class="fv-hatched">{label}</span>'
         if found:
             label = f"<details><summary>{label}</summary>{found}</details>"
         held_out = step.rms_validation
         cells = (step.rms, held_out)
         rows.append(f"<tr><td>{label}</td>{''.join(_error_cell(row, spread) for row in cells)}</tr>")
-        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top)}</td></tr>')
+        rows.append(f'<tr><td colspan="3">{_bars(step, spread, top, stopgap)}</td></tr>')
     last_step = model_steps[-1].step
     if last_step.noise_floor:
         floor = _error_cell(last_step.noise_floor, spread)
@@ -229,8 +230,8 @@ def _judged(step: Step) -> list[Sequence[float]]:
     return [row for row in (step.rms_validation, step.rms) if row]
 
 
-def _bars(step: Step, spread: Sequence[float], top: float) -> str:
-    """Bars from zero: held out above fit; the dotted line is the noise floor."""
+def _bars(step: Step, spread: Sequence[float], top: float, hatched: bool) -> str:
+    """Bars from zero: held out above fit; the dotted line is the noise floor; of a free curve hatched."""
     floor = one_error(step.noise_floor, None, spread) if step.noise_floor else math.nan
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
     kinds = ("held", "fit")[-len(_judged(step)) :]
@@ -238,7 +239,8 @@ def _bars(step: Step, spread: Sequence[float], top: float) -> str:
         f'<span class="{kind}" style="width:{100 * one_error(row, None, spread) / top:.2f}%"></span>'
         for kind, row in zip(kinds, _judged(step), strict=True)
     )
-    return f'<div class="fv-stair">{bars}{line}</div>'
+    look = 'class="fv-stair hatched" title="a free curve: not physics"' if hatched else 'class="fv-stair"'
+    return f"<div {look}>{bars}{line}</div>"
 
 
 def _error_cell(row: Sequence[float] | None, spread: Sequence[float]) -> str:
