@@ -118,4 +118,5 @@ def status(app: Application) -> str:
 
 def chart(app: Application, column: str, key: str) -> tuple[np.ndarray, ...]:
     """The data of a chart in a tab of plots."""
-    return getattr(app.plots, f"_{column}")._charts[key]._handle.data
+    where = app.plots.residuals.charts if column == "residuals" else getattr(app.plots, f"_{column}")
+    return where._charts[key]._handle.data

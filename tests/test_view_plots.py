@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import time
-from dataclasses import dataclass, field
+import zipfile
+from argparse import Namespace
+from dataclasses import dataclass, field, replace
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -12,10 +16,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexviz.app.uplot import columns, nearest
+from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon, chart_csv, charts_zip, no_chart
 from flexviz.charts.chart import MAX_POINTS, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
+from flexviz.view import shape_charts
 from flexviz.view.fit_charts import convergence_charts, falling_cost, progress_text, solver_stages
 from flexviz.view.time_charts import (
     numbers_html,
@@ -265,3 +271,43 @@ def test_of_a_long_recording_a_stretch_is_filtered(measurements: MeasurementSet)
     assert len(part) == 500 and part.time[0] < 2.0 < part.time[-1] and "long recording" in note
     (end,), _ = stretch([segment], 1e9, longest=500)
     assert end.time[-1] == segment.time[-1]
+
+
+def test_torque_over_angle_and_its_spectrum(measurements: MeasurementSet) -> None:
+    group = measurements.groups[0]
+    phase, _ = shape_charts(group, 0, "joint1", None)
+    segment = max(group.segments, key=len)
+    (points,) = phase.series
+    assert points.points and points.width == 0.0 and np.all(np.diff(points.x) >= 0)
+    nearest = [
+        np.argmin(np.hypot(segment.theta[:, 0] - x, segment.tau[:, 0] - y))
+        for x, y in zip(points.x[::50], points.y[::50], strict=True)
+    ]
+    assert np.allclose(segment.tau[nearest, 0], points.y[::50], atol=0.02 * np.ptp(segment.tau[:, 0]))
+    # a sine of known frequency and amplitude: the peak stands there and holds its power
+    time = np.arange(0.0, 20.0, 0.005)
+    tau = np.zeros((len(time), 1))
+    tau[:, 0] = 3.0 * np.sin(2 * np.pi * 4.0 * time)
+    sine: Any = Namespace(segments=[replace(segment, time=time, theta=tau / 10, tau=tau)], name="g")
+    (line,) = shape_charts(sine, 0, "joint1", None)[1].series
+    assert line.x[np.argmax(line.y)] == pytest.approx(4.0, abs=0.2)
+    assert np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(3.0 / np.sqrt(2), rel=0.05)
+
+
+def test_plots_are_saved_as_pictures_and_tables() -> None:
+    x = np.arange(3.0)
+    line = ChartSeries("torque", "#0072B2", x, np.array([0.5, -1.25, 2.0]))
+    chart = Chart(
+        "k",
+        "Torque, joint 1",
+        y=ChartAxis(unit="Nm"),
+        series=(line,),
+        ribbons=(Ribbon("noise", "#777777", x, -x, x),),
+    )
+    assert chart_csv(chart).splitlines()[:2] == [
+        'time [s],torque [Nm],"noise, low [Nm]","noise, high [Nm]"',
+        "0,0.5,-0,0",
+    ]
+    with zipfile.ZipFile(io.BytesIO(charts_zip([no_chart("empty"), chart]))) as file:
+        assert file.namelist() == ["1-torque-joint-1.svg", "1-torque-joint-1.csv"]
+        assert ElementTree.fromstring(file.read("1-torque-joint-1.svg")).tag.endswith("svg")

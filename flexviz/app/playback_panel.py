@@ -9,6 +9,8 @@ from typing import Any
 
 from flexviz.app.page import Page, off
 from flexviz.app.playback import SPEEDS
+from flexviz.app.plot_clicks import HTML as PLOT_CLICKS
+from flexviz.app.plot_clicks import TIME_LABEL
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half, no_label
@@ -32,7 +34,7 @@ class PlaybackPanel:
         panel = gui.add_panel()
         with panel.add_tab("Playback"):
             buttons = page.choose(gui.add_button_group("", BUTTONS), self._press)
-            self._time = page.watch(gui.add_slider("Time [s]", 0.0, 1.0, 0.01, 0.0), self._scrub)
+            self._time = page.watch(gui.add_slider(TIME_LABEL, 0.0, 1.0, 0.01, 0.0), self._scrub)
             speed = page.dropdown("Speed", SPEED_NAMES, self._set_speed, initial_value="1×")
             self._layout = page.dropdown("Layout", LAYOUTS, self._set("layout"))
             hint = "0 shows the motor side θ, 1 the link side q, larger values exaggerate θ − q"
@@ -41,6 +43,7 @@ class PlaybackPanel:
             hint = "exaggerates simulated − measured motor angle of the identified robot"
             page.watch(gui.add_slider("Error ×", 1, 500, 1, 1, hint=hint), self._set("error"))
             self._legend = gui.add_html("")
+            gui.add_html(PLOT_CLICKS)
         with panel.add_tab("View"):
             self._side = page.dropdown("Side", SIDES, lambda side: self._change(link_side=side == SIDES[1]))
             hint = "turn with the measured torque; a full turn is its largest value"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
+from flexviz.charts import charts_zip
+from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.view import (
     VARIABLES,
@@ -24,6 +27,7 @@ from flexviz.view import (
     model_runs,
     observer_for,
     range_html,
+    shape_charts,
     signals_charts,
     staircase_charts,
     staircase_html,
@@ -42,7 +46,7 @@ class PlotPanel:
     """Signals, States, Convergence, Where it fails, Compare."""
 
     def __init__(self, store: Store, page: Page) -> None:
-        self._store = store
+        self._store, self._page = store, page
         panel = page.gui.add_panel()
         self._signals, self._states, self._convergence = (
             ChartColumn(page.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
@@ -56,6 +60,13 @@ class PlotPanel:
                 page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint), self._show_model
             )
         self._compare = ChartColumn(page.server, compare)
+        columns = (self._signals, self._states, self._convergence, self.residuals.charts, self._compare)
+        for name, column in zip(
+            ("signals", "states", "convergence", "residuals", "compare"), columns, strict=True
+        ):
+            with column.folder:
+                hint = "a zip with every plot of this tab as picture (SVG) and table (CSV), as drawn"
+                page.client_button("Save plots", partial(self._save, name, column), hint=hint)
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._stale = False  # some iterations are not drawn yet
@@ -70,6 +81,12 @@ class PlotPanel:
         )
         store.subscribe(Changed.TICK, self._move)
 
+    def _save(self, name: str, column: ChartColumn, client: int) -> None:
+        """Send the plots of a tab to a browser."""
+        if not any(chart.series for chart in column.shown):
+            raise InputError("there are no plots in this tab yet")
+        self._page.send_file(client, f"{self._store.measurements.name}-{name}.zip", charts_zip(column.shown))
+
     def _draw_states(self) -> None:
         store, analysis = self._store, self._store.analysis
         observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
@@ -79,7 +96,8 @@ class PlotPanel:
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
-        self._signals.show(signals_charts(store.group, store.joint, store.joint_name, result, store.motion))
+        which = store.group, store.joint, store.joint_name, result
+        self._signals.show((*signals_charts(*which, store.motion), *shape_charts(*which)))
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
@@ -140,7 +158,7 @@ class ResidualTab:
                 lambda _: self._draw(),
             )
             self._about = gui.add_html("")
-        self._charts = ChartColumn(page.server, tab)
+        self.charts = ChartColumn(page.server, tab)
         store.subscribe(Changed.OPENED, self._opened)
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
@@ -164,12 +182,12 @@ class ResidualTab:
             residual = replace(residual, highlights=stretches_of(marked.time, marked.marked))
         self._stopgap.content = free_html(store.free_curve)
         own = model_curve_charts(result.parameters) if result else ()
-        self._charts.show((*own, free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
+        self.charts.show((*own, free_chart(store.free_curve), residual, *map_charts(store.maps, name)))
         self._move()
         store.set_highlight(marked)
 
     def _move(self) -> None:
-        self._charts.move(self._store.clock.time)
+        self.charts.move(self._store.clock.time)
 
     def _marked(self) -> Highlight | None:
         key = self._variable.value

@@ -14,8 +14,8 @@ from flexviz.diagnosis import (
     PredictionErrors,
     ResidualMap,
     diagnose,
+    errors_along,
     maps_of,
-    prediction_errors,
     with_free_curve,
 )
 from flexviz.errors import Cancelled, InputError
@@ -242,7 +242,7 @@ class JudgeErrors(IdleTask["tuple[PredictionErrors, ...]"]):
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> tuple[PredictionErrors, ...]:
         analysis = self.analysis
-        found = prediction_errors(chosen_set(analysis), self.model, analysis.effects, self.ends)
+        found = errors_along(chosen_set(analysis), self.model, analysis.effects, self.ends)
         return tuple(replace(errors, residual=errors.residual[:0]) for errors in found)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from flexviz.app.plot_clicks import PLAYHEAD_LABEL
 from flexviz.charts import COLOURS, Chart, ChartAxis
 from flexviz.wording import escape
 
@@ -84,11 +85,13 @@ class ChartColumn:
         self._server = server
         self.folder = tab  # what holds the charts
         self._charts: dict[str, UplotChart] = {}
+        self.shown: tuple[Chart, ...] = ()  # as given last
         with tab:
             self._notes = server.gui.add_html("")
 
     def show(self, charts: tuple[Chart, ...]) -> None:
         """Show these charts; a chart without series shows only its note."""
+        self.shown = charts
         notes = "".join(f'<div class="fv fv-dim">{escape(c.note)}</div>' for c in charts if c.note)
         self._notes.content = notes
         drawn = {chart.key: chart for chart in charts if chart.series and len(columns(chart)[0]) > 1}
@@ -170,7 +173,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         fill = f"{SHADES[number % len(SHADES)]}30"
         entries.append({"label": stage.name, "fill": fill, "width": 0, **FLAGS})
     if chart.playhead:
-        entries.append({"label": "now", **line})
+        entries.append({"label": PLAYHEAD_LABEL, **line})
     return tuple(entries)
 
 

@@ -13,6 +13,7 @@ from flexviz.charts.chart import (
     thin,
     time_chart,
 )
+from flexviz.charts.files import chart_csv, charts_zip
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
 from flexviz.charts.svg import FILE, draw_svg
 
@@ -27,6 +28,8 @@ __all__ = [
     "ChartSeries",
     "Ribbon",
     "ShadedStage",
+    "chart_csv",
+    "charts_zip",
     "cividis",
     "css",
     "draw_svg",

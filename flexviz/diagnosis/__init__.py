@@ -6,7 +6,7 @@ from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.pipeline import diagnose
-from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, prediction_errors
+from flexviz.diagnosis.prediction_errors import BAND_HERTZ, PredictionErrors, errors_along, prediction_errors
 from flexviz.diagnosis.records import (
     DIRECTED,
     DIRECTION_GAIN,
@@ -50,6 +50,7 @@ __all__ = [
     "check_bandwidth",
     "diagnose",
     "draft_from_curve",
+    "errors_along",
     "fit_free_curve",
     "maps_of",
     "prediction_errors",

@@ -98,14 +98,21 @@ class _Known:
 
 
 def prediction_errors(
+    measurements: MeasurementSet, model: FlexibleModel, effects: Sequence[str] = ()
+) -> PredictionErrors:
+    """Errors of a model with the set's effects and additional `effects`, as the diagnosis states them."""
+    return errors_along(measurements, model, effects, ())[0]
+
+
+def errors_along(
     measurements: MeasurementSet,
     model: FlexibleModel,
-    effects: Sequence[str] = (),
-    iterations: Sequence[Iteration] = (),
+    effects: Sequence[str],
+    iterations: Sequence[Iteration],
 ) -> tuple[PredictionErrors, ...]:
-    """Errors of a model with the set's effects and additional `effects`, as the diagnosis states them.
+    """Errors of a model, then those at the values of the `iterations` that led to it.
 
-    Then those at the values of the `iterations` that led to it; of other parameters, those of the model.
+    An iteration with other parameters has the errors of the model.
     """
     layout, band = layout_of(measurements, effects), PredictionErrorBand(measurements)
     points, names = [layout.vector(model)], tuple(layout.labels())

@@ -271,4 +271,4 @@ def identified_errors(measurements: MeasurementSet, analysis: Analysis) -> Predi
     result, fitted = analysis.identification, analysis.fitted_settings
     if result is None or fitted is None:
         return None
-    return prediction_errors(with_roles(measurements, dict(fitted.roles)), result.model, fitted.effects)[0]
+    return prediction_errors(with_roles(measurements, dict(fitted.roles)), result.model, fitted.effects)

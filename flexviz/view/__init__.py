@@ -39,6 +39,7 @@ from flexviz.view.residuals import (
     stretches_of,
     time_residual,
 )
+from flexviz.view.shape_charts import shape_charts
 from flexviz.view.staircase import model_runs, staircase_chart, staircase_charts, staircase_html
 from flexviz.view.status import (
     error_text,
@@ -106,6 +107,7 @@ __all__ = [
     "progress_text",
     "range_html",
     "set_html",
+    "shape_charts",
     "shown_errors",
     "signals_charts",
     "solver_stages",

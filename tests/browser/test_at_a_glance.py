@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.browser.page import button, node, status, tab, until
+from tests.browser.page import button, chart, charts, node, row, status, tab, until
 
 pytestmark = pytest.mark.browser
 BRIGHT = (254, 232, 56)  # the end of the scale
@@ -142,3 +143,58 @@ def test_unwatched_it_costs_nothing(
     page.evaluate(SHOW)
     before = at()
     until(lambda: at() != before, 60, "motion again")
+
+
+SPANS = """() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots).map(u =>
+    [u.chart.root.querySelector('.u-title').textContent, [u.chart.scales.x.min, u.chart.scales.x.max]]))"""
+
+
+def test_plots_are_zoomed_clicked_read_and_saved(
+    serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
+) -> None:
+    page = open_page(serve(), 1440, 900)
+    button(page, "Pause").click()
+    button(page, "Identify").click()
+    button(page, "Run").click()
+    until(lambda: any(title.startswith("Simulated −") for title in charts(page)), what="the model's motion")
+    over = page.locator(".uplot").filter(has_text="Torque, joint1").first.locator(".u-over").bounding_box()
+    y = over["y"] + over["height"] / 2
+
+    # a click moves the robot; values stand under the cursor
+    still = node(page, "/measured/joint2")
+    page.mouse.click(over["x"] + 0.25 * over["width"], y)
+    until(lambda: node(page, "/measured/joint2") != still, 60, "the robot at the clicked instant")
+    low, high = page.evaluate(SPANS)["Torque, joint1 [Nm]"]
+    typed = float(row(page, "Time [s]").locator("input:not([type=hidden])").first.input_value())
+    assert typed == pytest.approx(low + 0.25 * (high - low), abs=0.05)
+    values = page.locator(".uplot").filter(has_text="Torque, joint1").first.locator(".u-value")
+    assert float(values.nth(1).inner_text().replace("−", "-")) and "--" not in values.nth(2).inner_text()
+
+    # dragging zooms all plots over time alike, and moving the playhead keeps that
+    page.mouse.move(over["x"] + 0.3 * over["width"], y)
+    page.mouse.down()
+    page.mouse.move(over["x"] + 0.6 * over["width"], y, steps=5)
+    page.mouse.up()
+    button(page, "Step ▶").click()
+    page.wait_for_timeout(800)
+    spans = {
+        t: s for t, s in page.evaluate(SPANS).items() if t.startswith(("Torque, ", "Residual, ", "Simulated"))
+    }
+    assert len(spans) == 3
+    for first, last in spans.values():
+        assert first == pytest.approx(low + 0.3 * (high - low), abs=0.1)
+        assert last == pytest.approx(low + 0.6 * (high - low), abs=0.1)
+
+    # torque over angle and the spectrum are there, and everything can be saved
+    assert len(chart(page, "Torque against motor angle")) == 3
+    assert max(chart(page, "Spectrum of the torque")[0]) <= 40
+    shot(page, "signals")
+    with page.expect_download(timeout=60_000) as download:
+        page.locator("button:visible", has_text="Save plots").click()
+    file = tmp_path / "plots.zip"
+    download.value.save_as(file)
+    with zipfile.ZipFile(file) as packed:
+        names = packed.namelist()
+        assert "1-torque-joint1.svg" in names and len(names) == 10
+        head, *rows = packed.read("1-torque-joint1.csv").decode().splitlines()
+    assert head == "time [s],measured [Nm],model [Nm]" and len(rows) > 100
