@@ -25,6 +25,8 @@ LIMITS = THRESHOLDS.evidence
 
 def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
     """Covariance of a fit, from the residual's own spectra."""
+    if fit.covariance is not None:
+        return fit.covariance
     prior = context.start(fit.layout).prior
     normal = fit.point.normal_equations(prior)
     return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)

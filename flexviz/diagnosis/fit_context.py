@@ -14,6 +14,7 @@ from flexviz.equation import Chain, Equation, Layout, Signals, build_signals
 from flexviz.estimation import (
     WIDE_HERTZ,
     Bounds,
+    Covariance,
     Point,
     Solved,
     Start,
@@ -74,6 +75,7 @@ class Fit:
         noise_objective: the first term alone.
         converged: the last step was negligible.
         noise_at: noise shapes for which the whiteners of `point` and `held_out` were computed.
+        covariance: of the parameters, of fits that are only reported (`reported`).
     """
 
     layout: Layout
@@ -86,6 +88,11 @@ class Fit:
     noise_objective: float
     converged: bool
     noise_at: tuple[Array, Array]
+    covariance: Covariance | None = None
+
+    def reported(self, covariance: Covariance) -> Fit:
+        """The fit without what another fit or its covariance would need, most of its memory."""
+        return replace(self, point=replace(self.point, weightings=[]), held_out=None, covariance=covariance)
 
     @property
     def torque(self) -> Array:

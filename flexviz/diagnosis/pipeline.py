@@ -190,7 +190,7 @@ class _Pipeline:
             gained = self.reference.objective - fit.objective
             refitted = self.search.refits(fit, scores, gained)
             if number == 0:
-                self.tried = refitted
+                self.tried = [self.reported(r) for r in refitted if r.fit.objective < fit.objective]
             best = self.search.acceptable(fit, refitted, gained)
             if best is None:
                 break
@@ -198,9 +198,17 @@ class _Pipeline:
                 self.replace_final(again)
                 continue
             self.steps.append(SearchStep(fit, best, objectives(refitted), scores.shortened()))
+            del fit, best, refitted, scores  # the next round needs as much memory
             if not apply:
                 break
             self.drop_superfluous()
+
+    def reported(self, refitted: RefittedCandidate) -> RefittedCandidate:
+        """A refit with its covariance, without what takes memory."""
+        fit = refitted.fit
+        covariance = fit_covariance(self.context, fit)
+        scored = replace(refitted.scored, signature=np.zeros(0), rows=None)
+        return RefittedCandidate(scored, fit.reported(covariance))
 
     def replace_final(self, fit: Fit) -> None:
         """Replace the fit of the final model by a better one from other start values."""
