@@ -336,6 +336,6 @@ def test_a_range_marks_time_and_path(app: Application) -> None:
     where = app.plots.residuals
     use(app, "Highlight", "velocity")
     assert where._range.visible and app.display.scene.measured._marked is not None  # type: ignore[union-attr]
-    assert {bool(value) for value in where._charts._charts["time"]._handle.data[4]} == {False, True}
+    assert {bool(value) for value in where.charts._charts["time"]._handle.data[4]} == {False, True}
     use(app, "Highlight", "nothing")
     assert app.display.scene.measured._marked is None and not where._range.visible  # type: ignore[union-attr]

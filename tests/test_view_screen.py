@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,15 @@ from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
 from flexviz.scene.shape import MAX_FACES, robot_shape, scene_layout, thinned_mesh
-from flexviz.view import legend_html, link_colours, status
+from flexviz.view import (
+    joint_effects,
+    joints_with,
+    legend_html,
+    link_colours,
+    matrix_html,
+    status,
+    with_joints,
+)
 from flexviz.view.tables import parameters_html, set_html, truth_html, truth_values
 from flexviz.wording import escape, number, plain_name, short_names
 from flexviz.wording.numbers import with_error
@@ -275,3 +284,26 @@ def test_truth_is_told_only_when_asked_for() -> None:
     assert truth_html(None) == ""
     assert "coulomb friction of j1 3" in truth_html(truth)
     assert "no effect was hidden" in truth_html({("stiffness", "j1"): 900.0})
+
+
+def test_effects_joint_by_joint() -> None:
+    joints = ("a", "b", "c")
+    one = with_joints("coulomb_friction", ("b",), ("torque_offset",), joints)
+    assert one == ("torque_offset", "coulomb_friction:b") and joints_with(
+        "coulomb_friction", one, joints
+    ) == ("b",)
+    every = with_joints("coulomb_friction", joints, one, joints)  # ticked on all joints it has one name
+    assert every == ("torque_offset", "coulomb_friction")
+    assert with_joints("coulomb_friction", ("a", "c"), every, joints)[1:] == (
+        "coulomb_friction:a",
+        "coulomb_friction:c",
+    )
+    assert with_joints("coulomb_friction", (), every, joints) == ("torque_offset",)
+    text = matrix_html(("torque_ripple",), one, joints)
+    rows = {row[0]: row[1:] for row in (re.findall(r"<td>(.*?)</td>", row) for row in text.split("<tr>")[2:])}
+    assert rows == {
+        "torque_ripple": ["●"] * 3,
+        "torque_offset": ["✓"] * 3,
+        "coulomb_friction": ["·", "✓", "·"],
+    }
+    assert matrix_html((), (), joints) == "" and "base_tilt" not in joint_effects()

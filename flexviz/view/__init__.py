@@ -1,5 +1,6 @@
 """Charts, tables and sentences of results as plain data, for app, report and recording; no browser code."""
 
+from flexviz.view.effect_matrix import joint_effects, joints_with, matrix_html, with_joints
 from flexviz.view.effects import (
     COMMON_EFFECTS,
     addable_effects,
@@ -86,6 +87,8 @@ __all__ = [
     "free_html",
     "groups_html",
     "heading_html",
+    "joint_effects",
+    "joints_with",
     "leading_map",
     "legend_html",
     "link_colours",
@@ -93,6 +96,7 @@ __all__ = [
     "map_charts",
     "map_html",
     "map_of",
+    "matrix_html",
     "model_curve_charts",
     "model_runs",
     "more_effects",
@@ -128,4 +132,5 @@ __all__ = [
     "truth_values",
     "verdict_html",
     "why_fixed",
+    "with_joints",
 ]

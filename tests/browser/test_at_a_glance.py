@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.browser.page import button, chart, charts, node, row, status, tab, until
+from tests.browser.page import button, chart, charts, node, row, status, tab, tick, until, well_laid_out
 
 pytestmark = pytest.mark.browser
 BRIGHT = (254, 232, 56)  # the end of the scale
@@ -198,3 +198,31 @@ def test_plots_are_zoomed_clicked_read_and_saved(
         assert "1-torque-joint1.svg" in names and len(names) == 10
         head, *rows = packed.read("1-torque-joint1.csv").decode().splitlines()
     assert head == "time [s],measured [Nm],model [Nm]" and len(rows) > 100
+
+
+def test_effects_are_ticked_on_all_joints_or_one(
+    serve: Callable[..., str], open_page: Any, shot: Any
+) -> None:
+    page = open_page(serve(), 1440, 900)
+    button(page, "Pause").click()
+    button(page, "Identify").click()
+    matrix = page.locator(".fv-matrix tr")
+
+    def model() -> dict[str, str]:
+        rows = [text.split("\t") for text in matrix.all_inner_texts()[1:]]
+        return {name: "".join(cells) for name, *cells in rows}
+
+    tick(page, "coulomb_friction")  # the name: on all joints
+    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the effect on both joints")
+    page.get_by_text("Joint by joint", exact=True).click()
+    page.get_by_role("button", name="joint1", exact=True).click()  # one joint less
+    until(lambda: model() == {"coulomb_friction": "·✓"}, 60, "the effect on joint2 only")
+    assert not row(page, "coulomb_friction").get_by_role("checkbox").is_checked()
+    shot(page, "matrix")
+    page.get_by_role("button", name="joint1", exact=True).click()
+    until(lambda: row(page, "coulomb_friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
+    tick(page, "coulomb_friction", False)
+    until(lambda: model() == {}, 60, "the model without it")
+    button(page, "Undo").click()
+    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the undo")
+    well_laid_out(page)

@@ -9,6 +9,7 @@ from typing import Any
 
 from flexviz.app.page import CTRL, Page, dim, off, warning
 from flexviz.app.state import Changed, FitProgress, Turn
+from flexviz.app.steps.effect_matrix import EffectMatrix
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
 from flexviz.app.style import wide_label
@@ -22,13 +23,17 @@ from flexviz.view import (
     check_html,
     effect_hint,
     effects_note,
+    joint_effects,
+    joints_with,
     more_effects,
     parameters_html,
     truth_html,
     why_fixed,
+    with_joints,
 )
 from flexviz.wording import escape, number, plural
 
+JOINT_EFFECTS = joint_effects()
 SETTLE = 0.7  # [s] without another change before the next check
 
 
@@ -131,6 +136,7 @@ class EffectList:
                     gui.add_html(f'<div class="fv fv-dim fv-kind">{escape(kind)}</div>')
                     for name in names:
                         self._add(name)
+            self.matrix = EffectMatrix(store, page)
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
 
@@ -149,11 +155,15 @@ class EffectList:
 
     def _refresh(self) -> None:
         own, added = self._store.measurements.effects, self._store.analysis.effects
+        joints = self._store.measurements.joints
         chosen = (*own, *added)
         for name, box in self.boxes.items():
-            box.value = name in chosen
+            everywhere = name in JOINT_EFFECTS and joints_with(name, chosen, joints) == joints
+            box.value = name in chosen or everywhere
         hidden = [name for name in addable_effects() if name in chosen and name not in COMMON_EFFECTS]
-        hidden += [name for name in chosen if name not in self.boxes]
+        hidden += [
+            name for name in chosen if name not in self.boxes and name.partition(":")[0] not in JOINT_EFFECTS
+        ]
         text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
         text = f"{text} {effects_note(added, own)}".strip()
         self._note.content = dim(escape(text))
@@ -161,6 +171,10 @@ class EffectList:
 
     def _set(self, name: str, on: bool) -> None:
         analysis = self._store.analysis.with_effect(name, on)
+        if name in JOINT_EFFECTS:  # on all joints or on none, wherever it was before
+            joints = self._store.measurements.joints
+            effects = with_joints(name, joints if on else (), analysis.effects, joints)
+            analysis = replace(analysis, effects=effects)
         self._store.change(f"{'with' if on else 'without'} {name}", analysis)
 
 

@@ -1,0 +1,49 @@
+"""The effects of the model as a matrix of joints and effects, and a row of controls that changes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from flexviz.app.page import Page
+from flexviz.app.state import Changed, Turn
+from flexviz.app.store import Store
+from flexviz.view import joint_effects, joints_with, matrix_html, with_joints
+from flexviz.wording import short_names
+
+
+class EffectMatrix:
+    """Shows which joint has which effect; a press on a joint adds the chosen effect there, or removes it."""
+
+    def __init__(self, store: Store, page: Page) -> None:
+        self._store = store
+        gui = page.gui
+        self._table = gui.add_html("")
+        with gui.add_folder("Joint by joint", expand_by_default=False):
+            self._effect = page.dropdown("Effect", joint_effects())
+            hint = "adds the effect above to this joint, or takes it away"
+            self._buttons = page.choose(gui.add_button_group("on joint", ("–",), hint=hint), self._toggle)
+        store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
+        store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
+
+    def _opened(self) -> None:
+        self._names = dict(
+            zip(short_names(self._store.measurements.joints), self._store.measurements.joints, strict=True)
+        )
+        self._buttons.options = tuple(self._names)
+
+    def _refresh(self) -> None:
+        measurements = self._store.measurements
+        self._table.content = matrix_html(
+            measurements.effects, self._store.analysis.effects, measurements.joints
+        )
+
+    def _toggle(self, short: str) -> None:
+        store, effect, joint = self._store, self._effect.value, self._names[short]
+        joints, own = store.measurements.joints, store.measurements.effects
+        if joint in joints_with(effect, own, joints):
+            store.say(f"{effect} on {joint} is named by the set and stays in", "bad")
+            return
+        chosen = set(joints_with(effect, store.analysis.effects, joints)) ^ {joint}
+        effects = with_joints(effect, tuple(chosen), store.analysis.effects, joints)
+        what = "with" if joint in chosen else "without"
+        store.change(f"{what} {effect} on {joint}", replace(store.analysis, effects=effects))
