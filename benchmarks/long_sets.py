@@ -14,11 +14,12 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from flexviz.simulation import Plan, inject, make_plan, random_fourier, simulate
 
 HIDDEN = {"friction": ("coulomb_friction:panda_joint2", "coulomb_friction:panda_joint4"), "clean": ()}
 PERIOD = 12.0  # [s] of the preset's motions, which have six harmonics
+T = TypeVar("T")
 HEAD = "| set | found | last verdict | CPU [s] | MB |\n|---|---|---|---|---|"
 
 
@@ -80,6 +82,12 @@ def peak_megabytes() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
+def alone(work: Callable[..., T], *arguments: object) -> T:
+    """The result of some work in a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        return pool.submit(work, *arguments).result()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description="Memory and time of a diagnosis by the length of its records."
@@ -94,9 +102,9 @@ def main() -> None:
         rows = []
         for kind in arguments.hidden:
             for minutes in map(float, arguments.minutes.split(",")):
-                folder = made(work, minutes, kind)
-                with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-                    rows.append(pool.submit(examine, folder, arguments.verbose).result())
+                # in a process each: a process begins with the largest memory of the one that started it
+                folder = alone(made, work, minutes, kind)
+                rows.append(alone(examine, folder, arguments.verbose))
     print("\n".join((HEAD, *rows)))
 
 
