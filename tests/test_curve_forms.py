@@ -64,6 +64,13 @@ def test_what_no_simple_law_explains_has_no_name() -> None:
     assert named("position", X, [np.full(len(X), np.nan)]) is None
 
 
+def test_a_law_beside_what_coulomb_friction_took() -> None:
+    clean = LAWS["bump"](X, SIZES["bump"])
+    found = named("position", X, [clean - 1.0, 1.0 - clean])
+    assert found is not None and (found.kind, found.direction) == ("bump", "against")
+    assert found.values["size"] == pytest.approx(4.0, rel=0.02)
+
+
 def test_points_that_are_not_known_do_not_count() -> None:
     bump = LAWS["bump"](X, SIZES["bump"])
     std = np.where(X > 0.9, 3.0, 0.02)

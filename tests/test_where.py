@@ -311,6 +311,10 @@ def test_free_form_draws_the_hidden_law(patched):
         # a part that does not change along the way is the model's own Coulomb friction
         assert error.std() < 0.12 and abs(error.mean()) < 0.5
         assert 0.003 < np.median(std[seen]) < 0.1
+    form = curve.simple_form()
+    assert form is not None and form.text == curve.form and (form.kind, form.direction) == ("bump", "against")
+    assert abs(form.values["centre"] - 0.1) < 0.03 and abs(form.values["width"] - 0.25) < 0.05
+    assert abs(form.values["size"] - 2.0) < 0.3
 
 
 def test_free_form_of_noise_is_nothing(clean):

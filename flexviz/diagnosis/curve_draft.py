@@ -40,7 +40,7 @@ def draft_from_curve(diagnosis: Diagnosis) -> CurveDraft | None:
             link = EFFECTS[table.effect].where == "link"
             return CurveDraft(form, table.joint, draft_effect(form, table.joint, diagnosis.set_name, link))
     curve = diagnosis.free_curve
-    form = None if curve is None else curve.simple_form()
+    form = curve.simple_form() if curve is not None and curve.form else None
     if curve is None or form is None or not curve.effects:
         return None
     return CurveDraft(form, curve.joint, draft_effect(form, curve.joint, diagnosis.set_name))

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 PENALTY_WEIGHTS = tuple(np.logspace(-4, 4, 9))  # relative to the mean square of the splines
 RIDGE = 1e-3  # likewise; fixes coefficients that neither data nor penalty determine
+LEAST_SHARE_OF_FORM = 0.2  # of the residual: the form of a curve that explains less is not named
 CURVE_POINTS = 81  # of a plotted curve
 
 
@@ -80,7 +81,7 @@ def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> Fr
         explained_std=found.std,
         smoothing=chosen.weight,
     )
-    form = curve.simple_form()
+    form = curve.simple_form() if found.share >= LEAST_SHARE_OF_FORM else None
     return replace(curve, form=form.text if form else "")
 
 

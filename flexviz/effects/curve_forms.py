@@ -123,12 +123,14 @@ def simple_form(points: CurvePoints, variable: str, unit: str) -> CurveForm | No
     best: CurveForm | None = None
     most = -np.inf
     for direction in DIRECTIONS if points.each_way else ("both",):
-        for kind, family in FAMILIES.items():
-            found = family.fit(points, DIRECTIONS[direction])
+        for (kind, family), shifted in product(FAMILIES.items(), (False, True)):
+            if shifted and kind in ("constant", "line"):
+                continue
+            found = family.fit(points, DIRECTIONS[direction], shifted)
             if found is None:
                 continue
             values, explained = found
-            worth = explained - PRICE * (len(values) - 1)
+            worth = explained - PRICE * (len(values) - 1 + shifted)
             if worth > most:
                 best, most = CurveForm(kind, direction, variable, unit, values, explained), worth
     return best if best is not None and best.explained >= MIN_EXPLAINED else None
@@ -150,16 +152,24 @@ class FormFamily:
     possible: Callable[[Array, float, float], bool]
     named: Callable[[Array, Array], dict[str, float]]
 
-    def fit(self, points: CurvePoints, factors: tuple[float, float]) -> tuple[dict[str, float], float] | None:
-        """Parameters and explained share of the best curve of the family, or None."""
+    def fit(
+        self, points: CurvePoints, factors: tuple[float, float], shifted: bool
+    ) -> tuple[dict[str, float], float] | None:
+        """Parameters and explained share of the best curve of the family, or None.
+
+        With `shifted` beside a constant, in each direction of its sign, that other effects may have taken:
+        Coulomb friction in the model leaves a curve of position known up to a step.
+        """
         low, high = float(points.x.min()), float(points.x.max())
         factor = np.where(points.backward, factors[1], factors[0]) * points.weight
+        constant = np.where(points.backward, -1.0, 1.0)[None] * points.weight
         wanted = points.counted(points.torque * points.weight)
 
         def project(inner: Array) -> tuple[float, Array]:
-            columns = points.counted((self.basis(points.x, inner) * factor).T)
+            rows = self.basis(points.x, inner) * factor
+            columns = points.counted(np.vstack((rows, constant)[: 1 + shifted]).T)
             sizes = np.asarray(np.linalg.lstsq(columns, wanted, rcond=1e-9)[0], float)
-            return float(np.sum((wanted - columns @ sizes) ** 2)), sizes
+            return float(np.sum((wanted - columns @ sizes) ** 2)), sizes[: len(rows)]
 
         def cost(inner: Array) -> float:
             return project(inner)[0] if self.possible(inner, low, high) else np.inf
