@@ -13,7 +13,7 @@ import pytest
 from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
-from flexviz.scene.shape import MAX_FACES, robot_shape, scene_layout, thinned_mesh
+from flexviz.scene.shape import FIELD_OF_VIEW, MAX_FACES, VIEWS, robot_shape, scene_layout, thinned_mesh
 from flexviz.view import (
     joint_effects,
     joints_with,
@@ -267,6 +267,21 @@ def test_a_planar_motion_is_looked_at_squarely() -> None:
     left, right = placed.offsets("Side by side")
     assert np.linalg.norm(right - left) > placed.width
     assert np.array_equal(*placed.offsets("Overlaid"))
+    for view in VIEWS:  # the labels and the whole motion are in the picture, above the panel
+        camera, look = placed.camera("Side by side", 0.7, 0.27, view)
+        forward = (look - camera) / np.linalg.norm(look - camera)
+        across = np.cross(forward, [0.0, 0.0, 1.0])
+        across /= np.linalg.norm(across)
+        for base, label in zip(
+            placed.offsets("Side by side"), placed.label_places("Side by side"), strict=True
+        ):
+            assert np.linalg.norm((label - base)[:2]) < 1e-9 and label[2] < base[2]  # at its robot
+            for point in (base, label, base + placed.centre):
+                away = point - camera
+                height = away @ np.cross(across, forward) / (away @ forward) / np.tan(FIELD_OF_VIEW / 2)
+                assert -1.0 + 2 * 0.27 < height < 1.0 and abs(
+                    away @ across / (away @ forward)
+                ) < 0.7 * np.tan(FIELD_OF_VIEW / 2)
     near, _ = placed.camera("Overlaid", 1.0)
     far, _ = placed.camera("Side by side", 0.5)
     assert np.linalg.norm(far) > np.linalg.norm(near)

@@ -31,7 +31,7 @@ class Display:
         self._cameras = cameras = Cameras(server)
         self.watched = cameras.watched  # whether a page is shown
         self.playback = Playback(store.clock, lambda: self.watched())
-        self._layout = ""  # as placed
+        self._placed: tuple[str, tuple[str, int]] | None = None  # layout and camera
         store.subscribe(Changed.OPENED, self._build)
         store.subscribe(Changed.OPENED | Changed.GROUP, self._carry)
         store.subscribe(
@@ -73,10 +73,10 @@ class Display:
         self._place()
 
     def _place(self) -> None:
-        self._layout = self._store.view.layout
+        layout, camera = self._placed = self._store.view.layout, self._store.view.camera
         with self.playback.lock:
-            self.scene.place(self._layout)
-            self._cameras.show(self._stage, self._layout)
+            self.scene.place(layout)
+            self._cameras.show(self._stage, layout, camera[0])
 
     def _carry(self) -> None:
         for nodes in (self.scene.measured, self.scene.identified):
@@ -94,7 +94,7 @@ class Display:
 
     def _draw(self) -> None:
         store, scene, motion, view = self._store, self.scene, self._store.motion, self._store.view
-        if view.layout != self._layout:
+        if (view.layout, view.camera) != self._placed:
             self._place()
         poses = self._poses()
 

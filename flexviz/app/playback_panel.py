@@ -14,7 +14,7 @@ from flexviz.app.plot_clicks import TIME_LABEL
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.style import half, no_label
-from flexviz.scene import LAYOUTS
+from flexviz.scene import LAYOUTS, VIEWS
 from flexviz.view import legend_html
 
 PLAY, PAUSE, BACK, FORWARD = BUTTONS = ("Play", "Pause", "◀ Step", "Step ▶")
@@ -46,6 +46,7 @@ class PlaybackPanel:
             gui.add_html(PLOT_CLICKS)
         with panel.add_tab("View"):
             self._side = page.dropdown("Side", SIDES, lambda side: self._change(link_side=side == SIDES[1]))
+            page.choose(gui.add_button_group("Camera", VIEWS), self._aim)
             hint = "turn with the measured torque; a full turn is its largest value"
             page.checkbox("Torque arrows", False, self._set("torque"), hint=hint)
             page.checkbox("Loop", True, self._loop, hint="starts again at the group's end")
@@ -57,6 +58,8 @@ class PlaybackPanel:
         page.command("Step back", lambda: self._press(BACK), "arrowleft", shared=True)
         page.command("Step forward", lambda: self._press(FORWARD), "arrowright", shared=True)
         page.command("Change the layout of the robots", self._other_layout)
+        for view in VIEWS:
+            page.command(f"Camera: {view.lower()}", lambda view=view: self._aim(view))
         store.subscribe(Changed.OPENED | Changed.GROUP, self._span, Turn.CONTROLS)
         shown = (
             Changed.OPENED
@@ -75,6 +78,10 @@ class PlaybackPanel:
 
     def _change(self, **fields: Any) -> None:
         self._store.set_view(replace(self._store.view, **fields))
+
+    def _aim(self, view: str) -> None:
+        """Point the cameras from this side, also if they were moved since."""
+        self._change(camera=(view, self._store.view.camera[1] + 1))
 
     def _span(self) -> None:
         segments = self._store.group.segments

@@ -171,7 +171,7 @@ class Scene:
         for name, text, at in (("measured", measured, left), ("identified", identified, right)):
             if name not in self._labels:
                 self._labels[name] = self._server.scene.add_label(
-                    f"/labels/{name}", text, anchor="bottom-center", font_screen_scale=0.95
+                    f"/labels/{name}", text, anchor="top-center", font_screen_scale=0.95
                 )
             self._labels[name].text = text
             self._labels[name].position = at
@@ -205,10 +205,10 @@ class Cameras:
         server.scene.set_up_direction("+z")
         server.scene.configure_default_lights(cast_shadow=False)
 
-    def show(self, stage: SceneLayout, layout: str) -> None:
-        """Point all cameras at the robots placed by `layout`."""
-        self._stage, self._layout = stage, layout
-        self._begin, look = stage.camera(layout)
+    def show(self, stage: SceneLayout, layout: str, view: str) -> None:
+        """Point all cameras at the robots placed by `layout`, from the side that `view` names."""
+        self._stage, self._layout, self._view = stage, layout, view
+        self._begin, look = stage.camera(layout, view=view)
         self._server.initial_camera.position = tuple(self._begin)  # type: ignore[assignment]
         self._server.initial_camera.look_at = tuple(look)  # type: ignore[assignment]
         self._server.initial_camera.fov = FIELD_OF_VIEW
@@ -219,7 +219,7 @@ class Cameras:
         """Point one browser's camera at both robots, as close as its window allows."""
         self._aimed[client.client_id] = aspect = _aspect(client)
         self._answered.setdefault(client.client_id, time.monotonic())
-        camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE)
+        camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE, self._view)
         self._views[client.client_id] = camera
         with client.atomic():
             client.camera.position = camera

@@ -15,7 +15,7 @@ from flexviz.identification import Identification
 from flexviz.jobs import Task
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import Iteration
-from flexviz.scene import LAYOUTS, RobotShape
+from flexviz.scene import LAYOUTS, VIEWS, RobotShape
 from flexviz.session import Session
 from flexviz.simulation import Run
 
@@ -67,6 +67,7 @@ class ViewSettings:
     error: float = 1.0  # factor of simulated − measured
     link_side: bool = False  # compare link sides instead of motor sides
     torque: bool = False  # draw arrows for the measured torque
+    camera: tuple[str, int] = (VIEWS[0], 0)  # one of VIEWS, and how often it was asked for
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from flexviz.scene.motion import (
 from flexviz.scene.shape import (
     FIELD_OF_VIEW,
     LAYOUTS,
+    VIEWS,
     RobotShape,
     SceneLayout,
     geometry_mesh,
@@ -25,6 +26,7 @@ __all__ = [
     "ARROW_RADIUS",
     "FIELD_OF_VIEW",
     "LAYOUTS",
+    "VIEWS",
     "RobotMotion",
     "RobotShape",
     "SceneLayout",

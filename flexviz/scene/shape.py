@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
 FIELD_OF_VIEW = np.radians(50.0)  # vertical
 LAYOUTS = ("Side by side", "Overlaid")
+VIEWS = ("Front", "Oblique", "Above")  # of the camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,22 +193,30 @@ class SceneLayout:
         return -apart, apart
 
     def label_places(self, layout: str) -> tuple[Array, Array]:
-        """Label positions (3,) of the measured and the identified robot [m]: above them, side by side."""
+        """Label positions (3,) of the measured and the identified robot [m]: under their bases."""
         apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
-        above = self.centre + np.array([0.0, 0.0, 1.2 * self.size])
-        return above - apart, above + apart
+        below = np.array([0.0, 0.0, max(self.floor, -0.75 * self.size) - 0.02 * self.size])
+        return below - apart, below + apart
 
-    def camera(self, layout: str, aspect: float = 0.75, hidden: float = 0.25) -> tuple[Array, Array]:
+    def camera(
+        self, layout: str, aspect: float = 0.75, hidden: float = 0.25, view: str = VIEWS[0]
+    ) -> tuple[Array, Array]:
         """Camera position and target (3,) that fit both robots into a canvas of width / height `aspect`.
 
-        The playback panel covers the lowest share `hidden` of the canvas.
+        The playback panel covers the lowest share `hidden` of the canvas; `view` is one of VIEWS.
         """
+        up = np.array([0.0, 0.0, 1.0])
+        turns = {"Oblique": self.towards + 0.8 * self.right + 0.4 * up, "Above": 0.25 * self.towards + up}
+        towards = turns.get(view, self.towards)
+        towards = towards / np.linalg.norm(towards)
         half_width = self.width * (2.35 if layout != "Overlaid" else 1.15)
-        half_height = 1.35 * self.size / (1.0 - hidden)  # with the labels
+        tall = self.size if view == VIEWS[0] else max(self.size, self.depth)
+        half_height = 1.3 * tall / (1.0 - hidden)  # with the labels
         half_height = max(half_height, half_width / aspect)
         distance = half_height / np.tan(FIELD_OF_VIEW / 2) + self.depth
-        look = self.centre + np.array([0.0, 0.0, 0.12 * self.size - hidden * half_height])
-        return look + distance * self.towards, look
+        upward = up - (up @ towards) * towards
+        look = self.centre - (0.1 * tall + hidden * half_height) * upward / np.linalg.norm(upward)
+        return look + distance * towards, look
 
 
 def scene_layout(robot: Robot, shape: RobotShape, theta: Array) -> SceneLayout:

@@ -226,3 +226,19 @@ def test_effects_are_ticked_on_all_joints_or_one(
     button(page, "Undo").click()
     until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the undo")
     well_laid_out(page)
+
+
+def test_the_camera_has_presets(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
+    page = open_page(serve(), 1440, 900)
+    button(page, "Pause").click()
+    page.wait_for_timeout(1500)
+    shot(page, "labels")
+    tab(page, "View").click()
+    before = pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
+    for view in ("Oblique", "Above", "Front"):
+        button(page, view).click()
+        page.wait_for_timeout(2500)
+        shot(page, f"camera-{view.lower()}")
+        seen = pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
+        changed = np.mean(np.abs(seen - before).max(axis=2) > 40)
+        assert (changed > 0.01) == (view != "Front"), (view, changed)
