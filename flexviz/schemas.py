@@ -31,7 +31,7 @@ _EXPECTED = {
     "finite_number": "a finite number",
     "greater_than": "a number above {gt:g}",
     "greater_than_equal": "a number of at least {ge:g}",
-    "less_than_equal": "a number of at most {le:g} s (is the unit right?)",
+    "less_than_equal": "a number of at most {le:g} (is the unit right?)",
     "literal_error": "{expected}",
 }
 

@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as papq
 from mcap_ros2.writer import Writer
-from small_set import URDF
 
 from flexviz._pinocchio import pin
+from tests.small_set import URDF
 
 JOINTS = ("joint1", "joint2")
 START = 1_700_000_000_123_456_789  # [ns] since 1970: more digits than a float has

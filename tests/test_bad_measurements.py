@@ -65,6 +65,16 @@ def scale(prefix: str, factor: float) -> Callable[[dict[str, np.ndarray]], objec
     return lambda data: data.update({name: x * factor for name, x in data.items() if name.startswith(prefix)})
 
 
+def still(prefix: str) -> Spoil:
+    def spoil(folder: Path) -> None:
+        for seed, name in enumerate(("a.csv", "b.parquet", "sub/c.csv")):
+            data = columns(seed)
+            constant = {key: np.full_like(x, 0.3) for key, x in data.items() if key.startswith(prefix)}
+            write_table(folder / name, data | constant)
+
+    return spoil
+
+
 def content(name: str, data: str | bytes) -> Spoil:
     """Write a file of the set."""
     return lambda folder: (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
@@ -144,6 +154,12 @@ BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
         table(lambda d: d.update(time=d["time"] + 5.0 * np.floor(np.arange(2000) / 20))),
         ("a.csv", "gap", "32 samples"),
     ),
+    "nothing moves": (still("theta"), ("groups", "no joint moves", "theta_<joint>")),
+    "no torque": (still("tau"), ("groups", "no torque changes")),
+    "huge stiffness": (
+        edit("stiffness = [2000", "stiffness = [1e300"),
+        ("initial.stiffness", "at most 1e+12"),
+    ),
     # the units
     "time in ms": (
         table(scale("time", 1e3)),
@@ -161,7 +177,7 @@ BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "one torque in mNm": (table(scale("tau_joint2", 1e3)), ("column tau_joint2", "mNm", "Nm")),
     "torque in kNm": (table(scale("tau", 1e-3)), ("a.csv", "column tau_joint", "kNm", "Nm")),
     "link encoder in degrees": (table(scale("q_", 57.3)), ("a.csv", "column q_joint1", "times", "rad")),
-    "hold in ms": (edit("torque_hold = 0.001", "torque_hold = 1"), ("torque_hold", "0.1 s")),
+    "hold in ms": (edit("torque_hold = 0.001", "torque_hold = 1"), ("torque_hold", "at most 0.1")),
     "com in mm": (
         edit("[0.3, 0.0, 0.0]", "[300.0, 0.0, 0.0]"),
         ("payloads.p2.bodies, entry 1, com", "metres"),
@@ -254,7 +270,7 @@ BAD: dict[str, tuple[Spoil, tuple[str, ...]]] = {
     "negative mass": (edit("mass = 2.0", "mass = -2.0"), ("mass", "at least 0")),
     "negative stiffness": (
         edit("[2000, 1500.0]", "[-2000, 1500.0]"),
-        ("initial.stiffness, entry 1", "above 0"),
+        ("initial.stiffness, entry 1", "at least 0.001"),
     ),
     "negative hold": (edit("torque_hold = 0.001", "torque_hold = -0.1"), ("torque_hold", "at least 0")),
     "nan hold": (edit("torque_hold = 0.001", "torque_hold = nan"), ("torque_hold", "nan")),

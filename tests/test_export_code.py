@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import ctypes
 import importlib.util
 import shutil
@@ -393,26 +392,6 @@ def test_the_pattern_itself_runs() -> None:
     )
     np.testing.assert_allclose(slow.tau_joint, template.link_torque([0.3, -0.2], [0, 0], [0, 0]))
     assert np.abs(slow.tau - rest).max() < 1.0  # the ripple sees another angle
-
-
-@needs_gcc
-def test_names_of_joints_stay_in_comments(tmp_path: Path) -> None:
-    measurements = short_set("planar-2r", tmp_path)
-    names = ("*/ #error injected /*", 'j\nimport injected\n"""')
-    model = replace(plan("planar-2r").model, joints=names)
-    measurements = replace(measurements, joints=names, robot=replace(measurements.robot, joints=names))
-    found = identified(measurements, model)
-    code = {
-        name: text for made in (c_code(found), python_code(found)) for name, text in made.contents.items()
-    }
-    for name, text in code.items():
-        (tmp_path / name).write_bytes(text)
-    for name, text in code.items():
-        if name.endswith(".c"):
-            subprocess.run([str(GCC), "-fsyntax-only", "-Werror", name], cwd=tmp_path, check=True)
-        if name.endswith(".py"):
-            imported = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import)]
-            assert [name.name for node in imported for name in node.names] == ["numpy"]
 
 
 def test_sections() -> None:

@@ -8,7 +8,6 @@ import re
 import shutil
 import tempfile
 import zipfile
-import zlib
 from pathlib import Path, PurePosixPath
 
 from flexviz import toml
@@ -92,7 +91,9 @@ def unpack(name: str, content: bytes, parent: Path) -> Path:
                 target = new / path
                 target.parent.mkdir(parents=True, exist_ok=True)
                 _copy(archive, info, target)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except InputError:
+        raise
+    except Exception as error:  # whatever a damaged zip makes the library raise
         raise InputError(f"{safe_name(name)} is not a usable zip ({error})") from None
     return folder
 

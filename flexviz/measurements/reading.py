@@ -59,6 +59,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
     )
     if changed := present_fingerprint(folder, robot, paths).changes_since(files):
         raise InputError(f"{', '.join(changed)} changed while the set was read", file=file)
+    check_signals(groups, file)
     for text in clock_warnings(clocks):
         warn(text)
     controller = content.controller
@@ -216,6 +217,14 @@ def read_group(
     return Group(
         *names, bodies, entry.validation, file, found.segments, time, **compared, temperature=degrees
     )
+
+
+def check_signals(groups: Sequence[Group], file: Path) -> None:
+    """InputError if nothing moves, or no torque acts, in any group."""
+    for name, what in (("theta", "no joint moves"), ("tau", "no torque changes")):
+        if not any(np.ptp(getattr(s, name), axis=0).any() for group in groups for s in group.segments):
+            message = f"{what}: every column {name}_<joint> is constant, expected recorded motion"
+            raise InputError(message, file=file, place="groups")
 
 
 def clock_warnings(clocks: Mapping[Path, Segmented]) -> list[str]:

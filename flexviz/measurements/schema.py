@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from flexviz.errors import InputError, choose_from
-from flexviz.schemas import NotNegative, Number, Positive, StrictTable, Text, first_repeated, validate
+from flexviz.schemas import Number, StrictTable, Text, first_repeated, validate
 
 FILE_NAME = "measurements.toml"
 FORMAT = 1
@@ -19,18 +19,22 @@ Temperatures = Annotated[list[Number], BeforeValidator(lambda x: x if isinstance
 """[°C] one per joint; a single number holds for all joints."""
 
 
+Gain = Annotated[float, Field(ge=0.0, le=1e12)]
+Inertia = Annotated[float, Field(ge=-1e9, le=1e9)]  # [kg m²]
+
+
 class Initial(StrictTable):
     """Rough start values, one per joint."""
 
-    stiffness: list[Positive] | None = None  # [Nm/rad]
-    motor_inertia: list[Positive] | None = None  # [kg m²]
+    stiffness: list[Annotated[float, Field(ge=1e-3, le=1e12)]] | None = None  # [Nm/rad]
+    motor_inertia: list[Annotated[float, Field(ge=1e-12, le=1e6)]] | None = None  # [kg m²]
 
 
 class Controller(StrictTable):
     """Gains of the controller that ran during the recording, one per joint."""
 
-    kp: list[NotNegative]  # [Nm/rad]
-    kd: list[NotNegative]  # [Nm s/rad]
+    kp: list[Gain]  # [Nm/rad]
+    kd: list[Gain]  # [Nm s/rad]
 
 
 class StartingModel(StrictTable):
@@ -43,9 +47,9 @@ class Body(StrictTable):
     """A rigid body on a link; com and inertia are in the link's frame."""
 
     link: Text
-    mass: NotNegative  # [kg]
+    mass: Annotated[float, Field(ge=0.0, le=1e6)]  # [kg]
     com: Annotated[list[Number], Field(min_length=3, max_length=3)]  # [m]
-    inertia: Annotated[list[Number], Field(min_length=6, max_length=6)]  # Ixx Iyy Izz Ixy Ixz Iyz [kg m²]
+    inertia: Annotated[list[Inertia], Field(min_length=6, max_length=6)]  # Ixx Iyy Izz Ixy Ixz Iyz [kg m²]
 
 
 class Payload(StrictTable):

@@ -68,7 +68,7 @@ class Target:
         tidy = hidden(place, "tidy")
         try:
             rewrite(self.now, tidy, layout)
-            checked = check_recording(tidy)
+            checked = check_recording(tidy, own=True)
             if missing := entities - set(checked.entities):
                 raise OSError(f"{len(missing)} entities were not written, {min(missing)} among them")
             sidecar(place).unlink(missing_ok=True)
@@ -163,7 +163,7 @@ def repair_recording(path: str | Path) -> Recorded:
             empty = file.stat().st_size < SMALLEST_RECORDING
             raise InputError(NOTHING_TO_SAVE if empty else "is damaged and cannot be repaired", file=file)
         try:
-            checked = check_recording(part)
+            checked = check_recording(part, own=True)
         except InputError:
             raise InputError(NOTHING_TO_SAVE, file=file) from None
         os.replace(part, target)

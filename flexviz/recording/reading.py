@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,6 +23,11 @@ ROW = "rerun.controls.RowId"
 TEXT = "TextDocument:text"
 PROPERTIES = "/__properties/flexviz"
 VIEW = "/__properties/view"
+_DECODE = """import sys
+from rerun.chunk import RrdReader
+for chunk in RrdReader(sys.argv[1]).stream():
+    chunk.to_record_batch()
+RrdReader(sys.argv[1]).store().summary()"""
 
 
 @dataclass(frozen=True)
@@ -54,11 +61,13 @@ def sidecar(file: Path) -> Path:
     return file.with_name(file.name + ".sha256")
 
 
-def check_recording(path: str | Path) -> Recorded:
+def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
     """Read a recording back.
 
     The viewer's own check accepts empty files and garbage, so every chunk is decoded here and counted against
-    the footer, and the SHA-256 is compared with the .sha256 file if it exists.
+    the footer, and the SHA-256 is compared with the .sha256 file if it exists. A file that this does not
+    confirm is decoded in a child process first, because a damaged one may end Rerun's reader; not so where
+    this program has just written it (`own`).
 
     Raises:
         TruncatedRecording: the end is missing; `repair_recording` saves the rest.
@@ -72,6 +81,11 @@ def check_recording(path: str | Path) -> Recorded:
     except (OSError, IndexError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "its .sha256 file cannot be read"
         raise InputError(f"cannot be read ({reason})", file=file) from None
+    if not own and not (beside and found == expected):
+        run = subprocess.run([sys.executable, "-c", _DECODE, str(file)], capture_output=True)
+        if run.returncode < 0:
+            message = f"is damaged: Rerun's reader ended with signal {-run.returncode}"
+            raise InputError(message, file=file)
     with _read_errors(file):
         chunks, rows, entities = _content(file)
         promised = _promised(file)

@@ -17,7 +17,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, reduce
 from itertools import pairwise
 from pathlib import Path
-from types import UnionType
+from types import GenericAlias, UnionType
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -202,7 +202,7 @@ def _instances(hint: Any) -> Any:
         return InstanceOf[hint]
     origin, inside = get_origin(hint), get_args(hint)
     if origin in (tuple, dict):
-        return origin[tuple(map(_instances, inside))]
+        return GenericAlias(origin, tuple(map(_instances, inside)))
     return reduce(operator.or_, map(_instances, inside)) if origin in (Union, UnionType) else hint
 
 
