@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
@@ -151,6 +152,21 @@ def test_the_pulses_of_a_long_stretch_take_memory_with_its_length(
     assert sum(p.columns.size for p in parts) < 0.8 * sum(p.columns.size for p in whole)
     error = np.sqrt(np.mean((white_in_parts - white) ** 2) / np.mean(white**2))
     assert error < 0.05
+
+
+def test_residuals_for_inspection_of_a_long_stretch(
+    context: FitContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layout, x = x_of(context)
+    fit = context.fit(layout, x, iterations=3)
+    whole = joint_residuals(context, fit)
+    monkeypatch.setattr(reversal_nuisance, "LONGEST", 6.0)
+    monkeypatch.setattr(reversal_nuisance, "PART", 3.0)
+    for one, other in zip(joint_residuals(context, fit), whole, strict=True):
+        for name, close in {"white": 0.1, "slow": 0.2}.items():  # they differ at the borders of the parts
+            exact = getattr(other, name)
+            error = getattr(one, name) - exact
+            assert np.sqrt(np.mean(error**2)) < close * np.sqrt(np.mean(exact**2))
 
 
 def test_only_the_last_instruments_are_kept_and_made_again_alike(context: FitContext) -> None:

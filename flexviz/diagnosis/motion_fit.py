@@ -8,8 +8,8 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from flexviz.estimation import (
     Covariance,
     Prior,
     Projection,
+    Recent,
     Start,
     bounded_minimum,
     residual_noise,
@@ -76,6 +77,7 @@ class MotionFit:
     eliminated: tuple[Eliminated, ...]
     objective: float
     converged: bool
+    _whitened: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "weighted", 2), init=False)
 
     @cached_property
     def prior_derivatives(self) -> tuple[Array, Array]:
@@ -87,10 +89,12 @@ class MotionFit:
         """Shape (P, P)."""
         return self.prior_derivatives[1]
 
-    @cached_property
+    @property
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
-        return self.residual * self.weights, self.jacobian * self.weights[:, :, None]
+        return self._whitened.get(
+            lambda: (self.residual * self.weights, self.jacobian * self.weights[:, :, None])
+        )
 
     @property
     def torque(self) -> Array:
@@ -106,10 +110,10 @@ class MotionFit:
     @cached_property
     def projection(self) -> Projection:
         """Projection of weighted signatures onto the complement of the model's own parameters."""
-        residual, jacobian = self.whitened
-        flat = jacobian.reshape(-1, self.layout.size)
+        again = lambda: self.whitened[1].reshape(-1, self.layout.size)  # noqa: E731
         gradient, hessian = self.prior_derivatives
-        return Projection(residual.ravel(), flat, self.information + hessian, gradient)
+        residual, precision = self.whitened[0].ravel(), self.information + hessian
+        return Projection(residual, again(), precision, gradient, again)
 
     @cached_property
     def covariance(self) -> Covariance:

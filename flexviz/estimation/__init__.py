@@ -8,6 +8,7 @@ from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_s
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
+from flexviz.estimation.recent import Recent
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
@@ -27,6 +28,7 @@ __all__ = [
     "Point",
     "Prior",
     "Projection",
+    "Recent",
     "Refined",
     "ScoredCandidate",
     "Solution",
