@@ -184,7 +184,7 @@ def test_free_curve_is_added_hatched_saved_and_taken_back(
         "joint2", "velocity", "rad/s", ("forward", "backward"), np.linspace(-1, 1, 5), np.ones((2, 5)),
         np.ones((2, 5)), 0.9, 0.01, 1.0,
     )  # fmt: skip
-    known = prediction_errors(measurements, result.model)[0]
+    known = prediction_errors(measurements, result.model)
     step = Step(
         None, known.rms, known.rms_validation, "unknown", known.groups, known.noise_floor, result.model
     )
