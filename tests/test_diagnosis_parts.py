@@ -12,12 +12,13 @@ import pytest
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.confidence import probability
 from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve_test import best_free_curve
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.search import RefittedCandidate, Search
+from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals

@@ -25,6 +25,17 @@ class ModelStart:
     x: Array
 
 
+@dataclass(frozen=True)
+class NearNoise(ModelStart):
+    """A model near the noise of every joint: the set's own one, or that with one effect.
+
+    Attributes:
+        rivals: effects that score best, its own among them; none if the set's own model needs no effect.
+    """
+
+    rivals: frozenset[ChosenEffect] = frozenset()
+
+
 def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
     """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
 

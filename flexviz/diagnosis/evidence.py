@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import held_out_share
+from flexviz.diagnosis.comparison import CandidateScores, SearchStep
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Finding, Step, Tie
-from flexviz.diagnosis.search import CandidateScores, SearchStep
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout

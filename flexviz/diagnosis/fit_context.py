@@ -36,6 +36,7 @@ PLAIN_HERTZ = 7.0
 COMPLIANCE_SPREAD = 0.5  # relative prior standard deviation of 1/K around the set's rough stiffness
 STIFFNESS_RANGE = 20.0  # a stiffness is bounded to within this factor of its rough value
 NEGLIGIBLE_STEP = 0.05  # [standard deviations] step length that ends a fit
+PATIENCE = 2  # steps without a better objective that end a fit far above the noise
 DAMPING_RISE = 100.0  # rise of the objective above the best point after which a fit is repeated with damping
 
 # sufficient to distinguish models
@@ -73,7 +74,7 @@ class Fit:
         chi_held_out: shape (n,), the same for the validation groups; NaN without any.
         objective: Σ_j N log max(χ_j, 1) + cost of nuisance pulses + k log N, over all groups.
         noise_objective: the first term alone.
-        converged: the last step was negligible.
+        converged: the last step was negligible, or further ones would not improve the objective.
         noise_at: noise shapes for which the whiteners of `point` and `held_out` were computed.
         covariance: of the parameters, of fits that are only reported (`reported`).
     """
@@ -152,6 +153,7 @@ class FitContext:
         iterations: int = 10,
         check: Callable[[], None] = lambda: None,
         near: Fit | None = None,
+        beat: float = np.inf,
     ) -> Fit:
         """Gauss–Newton on Zᵀ W r = b from x.
 
@@ -161,6 +163,7 @@ class FitContext:
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
             near: fit with nearly the same stiffness and motor inertia, whose whiteners can be reused.
+            beat: objective of the fit groups to reach; a fit that will not reach it ends early.
         """
         two_band = self.two_band.with_layout(layout)
         whitening = TrackingWhitening(two_band, _noise_of(near))
@@ -169,7 +172,8 @@ class FitContext:
         def run(x: Array, damped: bool) -> Solved:
             return solve(
                 whitening, start.prior, start.bounds, x,
-                iterations=iterations, negligible=NEGLIGIBLE_STEP, least=1, damped=damped, check=check,
+                iterations=iterations, negligible=NEGLIGIBLE_STEP, least=1, damped=damped, beat=beat,
+                patience=PATIENCE, check=check,
             )  # fmt: skip
 
         solved = run(x, damped=False)
@@ -178,7 +182,8 @@ class FitContext:
             again = run(solved.best.x, damped=True)
             if again.end.objective < solved.end.objective:
                 solved = again
-        return self._judged(layout, solved.end, solved.converged, near, whitening.noise_at)
+        finished = solved.converged or solved.hopeless
+        return self._judged(layout, solved.end, finished, near, whitening.noise_at)
 
     def _judged(
         self, layout: Layout, point: Point, converged: bool, near: Fit | None, noise_at: Array

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.comparison import CandidateScores
 from flexviz.diagnosis.curves import equally_filled_splines
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import DIRECTED
-from flexviz.diagnosis.search import CandidateScores, Search
+from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect, JointMotion, smooth_sign
 from flexviz.estimation import Projection, Weigh, explained

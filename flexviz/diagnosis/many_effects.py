@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
@@ -21,6 +24,8 @@ from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.results import Note
+
+Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
@@ -45,17 +50,25 @@ class ManyEffects:
     ) -> None:
         self.measurements, self.layout, self.band, self.say = measurements, layout, band, say
         self.context = MotionContext(measurements, layout.joints)
+        self.search = RichSearch(self.context, layout, say)
+
+    def own_start(self) -> Array:
+        """Parameters (P,) of the set's own model, fitted without a stop."""
+        return self.context.fit(self.layout, self.context.start(self.layout).x).x
 
     def find(self) -> RichModel | None:
         """The smallest model found.
 
-        None for a set that hides few effects: one after the other they are found more surely.
+        None for a set that hides few effects: one after the other they are found more surely. A law of no
+        library alone is one if nothing else is left beside it.
         """
-        search = RichSearch(self.context, self.layout, self.say)
-        survey = search.survey()
-        if not search.hides_many(survey):
+        survey = self.search.survey()
+        if not self.search.hides_many(survey):
             return None
-        rich = search.run(survey)
+        rich = self.search.run(survey)
+        if rich.curves and not rich.added(self.layout):
+            near = np.all(rich.fit.rms < LIMITS.near_noise * self.context.noise_floor)
+            return rich if near else None
         return rich if len(rich.added(self.layout)) >= LIMITS.many else None
 
     def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep, by_objective
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
-from flexviz.diagnosis.search import CandidateScores, RefittedCandidate, Search, SearchStep, by_objective
+from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,8 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.candidates import NearNoise
+from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance, made_step
 from flexviz.diagnosis.final_refit import final_refit
@@ -25,12 +26,11 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding
-from flexviz.diagnosis.search import RefittedCandidate, Search, SearchStep
+from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import ChosenEffect
 from flexviz.equation import layout_of
 from flexviz.estimation import Covariance
-from flexviz.identification import identify, parameter_estimates
+from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.progress import Pace, ProgressCallback, StopCallback
@@ -39,8 +39,8 @@ from flexviz.results import Verdict
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-# progress, by runs on sets of 2 to 7 joints: the first stage takes about a quarter of the time
-FIRST_STAGE, LEAST_REST = 4.0, 1.2
+# progress, by runs on sets of 2 to 7 joints with a single effect: the first stage takes a sixth of the time
+FIRST_STAGE, LEAST_REST = 6.0, 1.2
 SECONDS_PER_SIZE = 3.0  # first guess: times joints^1.6, the samples hardly matter
 
 
@@ -137,18 +137,28 @@ class _Pipeline:
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
+        near = rich = own = None
         try:
-            rich = many.find()
+            near, own = many.search.near_noise(), many.search.bare.x
+            if near is not None:
+                many.search.forget()
+                self.prepare(own, LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+                self.add_effects(apply, near)
+            if near is None or verdict(self.final, self.reference) == "unknown":
+                rich = many.find()
         except Interrupted:
-            rich = None  # nothing is found yet
+            pass
         if rich is not None:
             result = many.result(rich, apply, bool(guarded), self.tell)
             return replace(result, seconds=time.perf_counter() - self.began)
-        del many  # its fits take as much memory as what follows
-        self.prepare()
+        if near is None:
+            own = many.own_start() if own is None else own
+            del many  # its fits take as much memory as what follows
+            self.prepare(own)
         try:
             self.check_stop()
-            self.add_effects(apply)
+            if near is None:
+                self.add_effects(apply)
             if verdict(self.final, self.reference) == "unknown":
                 self.continue_beside_model_error(apply)
         except Interrupted:
@@ -165,15 +175,12 @@ class _Pipeline:
 
     # -- one after the other
 
-    def prepare(self) -> None:
-        """Fit the set's own model in units of the noise."""
+    def prepare(self, x: Array, iterations: int = LIMITS.first_iterations) -> None:
+        """Fit the set's own model in units of the noise from x, shape (P,), or where the caller starts."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        identified = identify(self.measurements, should_stop=self.should_stop) if self.start is None else None
-        model = self.start if identified is None else identified.model
-        assert model is not None
-        x = self.layout.vector(model)
-        self.base = self.context.fit(self.layout, x, iterations=LIMITS.first_iterations)
+        x = x if self.start is None else self.layout.vector(self.start)
+        self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 
     def check_stop(self) -> None:
@@ -181,24 +188,24 @@ class _Pipeline:
 
     # -- the search -------------------------------------------------------------------------------------
 
-    def add_effects(self, apply: bool) -> None:
-        """Add effects until no candidate is acceptable."""
+    def add_effects(self, apply: bool, near: NearNoise | None = None) -> None:
+        """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
         for number in range(LIMITS.rounds):
             fit = self.final
             self.say("scoring candidate effects")
-            scores = self.search.scores(fit)
             gained = self.reference.objective - fit.objective
-            refitted = self.search.refits(fit, scores, gained)
+            scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
             if number == 0:
-                self.tried = [self.reported(r) for r in refitted if r.fit.objective < fit.objective]
-            best = self.search.acceptable(fit, refitted, gained)
+                lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
+                self.tried = [self.reported(r) for r in lower]
+            best = self.search.acceptable(fit, compared.refitted, gained)
             if best is None:
                 break
             if (again := self.search.restarted(fit, best, gained)) is not None:
                 self.replace_final(again)
                 continue
-            self.steps.append(SearchStep(fit, best, objectives(refitted), scores.shortened()))
-            del fit, best, refitted, scores  # the next round needs as much memory
+            self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
+            del fit, best, compared, scores  # the next round needs as much memory
             if not apply:
                 break
             self.drop_superfluous()
@@ -330,7 +337,7 @@ class _Pipeline:
         """Candidates for the set's own model: the one added first, then the others that were refitted."""
         out = list(first)
         named = {(f.effect, f.joint, f.group, f.payload) for f in out}
-        results = objectives(self.tried)
+        results = Comparison(self.tried).objectives
         for tried in self.tried:
             effect = tried.effect
             key = (effect.effect, self.base.layout.joint_name(effect), effect.group, effect.payload)
@@ -340,11 +347,3 @@ class _Pipeline:
             most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
             out.append(replace(other, confidence=min(other.confidence, most)))
         return out
-
-
-def objectives(refitted: Iterable[RefittedCandidate]) -> dict[ChosenEffect, float]:
-    """Objective of each candidate's best refit, kept instead of the fits (hundreds of MB on long records)."""
-    best: dict[ChosenEffect, float] = {}
-    for r in refitted:
-        best[r.effect] = min(best.get(r.effect, np.inf), r.fit.objective)
-    return best

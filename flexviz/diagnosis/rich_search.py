@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.candidates import NearNoise, candidates
 from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
@@ -60,7 +61,47 @@ class RichSearch(ModelFamily):
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         super().__init__(context, own, say)
         self._refused: set[ChosenEffect] = set()
+        self._singles: dict[ChosenEffect, MotionFit] = {}
         self._lawful: set[int] = set()  # joints on which a free curve does not help
+
+    @cached_property
+    def bare(self) -> MotionFit:
+        """Fit of the set's own model."""
+        return self.fit(self.own, self.context.start(self.own).x)
+
+    @cached_property
+    def alone(self) -> list[ScoredCandidate]:
+        """Scores of all effects beside the set's own model, the best first."""
+        return self.scores(self.bare)
+
+    def single(self, scored: ScoredCandidate) -> MotionFit:
+        """Fit of the set's own model with one effect."""
+        if scored.effect not in self._singles:
+            self._singles[scored.effect] = self.with_candidates(self.bare, [scored])
+        return self._singles[scored.effect]
+
+    def forget(self) -> None:
+        """Release the fits and scores of single effects, which take as much memory as what follows."""
+        self._singles.clear()
+        for name in ("bare", "alone"):
+            self.__dict__.pop(name, None)
+
+    def near_noise(self) -> NearNoise | None:
+        """The set's own model, or that with one effect, if it is near the noise of every joint."""
+        self.say("fitting the set's own model and scoring candidates")
+        floor = self.context.noise_floor
+        if np.all(self.bare.rms < LIMITS.quiet_model * floor):
+            return NearNoise(self.own, self.bare.x)
+        excess = np.maximum(1 - (floor / self.bare.sigma) ** 2, 0.0).sum() * len(self.bare.weights)
+        for scored in self.alone[: LIMITS.singles]:
+            if scored.gain < LIMITS.single_share * excess:
+                break
+            self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
+            if np.all(self.single(scored).rms < LIMITS.near_noise * floor):
+                rivals = (s.effect for s in self.alone[: THRESHOLDS.search.kept_signatures])
+                found = self.single(scored)
+                return NearNoise(found.layout, found.x, frozenset(rivals))
+        return None
 
     def survey(self) -> RichModel:
         """The rich model of usual effects, thinned out once."""
@@ -77,12 +118,10 @@ class RichSearch(ModelFamily):
         if len(weighty) >= LIMITS.surely_many:
             return True
         self.say("checking whether one effect explains all")
-        bare = self.fit(self.own, self.context.start(self.own).x)
         floor = self.context.noise_floor
         enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
-        leading = [s for s in self.scores(bare) if EFFECTS[s.effect.effect].scope != "episode"]
-        singles = (self.with_candidates(bare, [s]) for s in leading[: LIMITS.singles])
-        return not any(np.all(single.rms < enough) for single in singles)
+        leading = [s for s in self.alone if EFFECTS[s.effect.effect].scope != "episode"]
+        return not any(np.all(self.single(s).rms < enough) for s in leading[: LIMITS.singles])
 
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ from flexviz.diagnosis.acceptance import (
     removed_share,
     structured,
 )
-from flexviz.diagnosis.candidates import ModelStart, candidates, with_effect, without_effect
+from flexviz.diagnosis.candidates import ModelStart, NearNoise, candidates, with_effect, without_effect
+from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, by_objective
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -25,62 +26,7 @@ from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_interval
 
 Array = NDArray[np.float64]
 
-ACCEPTANCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.search
-
-
-@dataclass(frozen=True, eq=False)
-class CandidateScores:
-    """Scores of all candidates at a fit, best first, and the projection used."""
-
-    ranked: list[ScoredCandidate]
-    projection: Projection
-
-    def shortened(self) -> CandidateScores:
-        """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""
-        kept = LIMITS.kept_signatures
-        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[kept:]]
-        return CandidateScores([*self.ranked[:kept], *rest], self.projection)
-
-
-@dataclass(frozen=True, eq=False)
-class RefittedCandidate:
-    """A candidate and the model refitted with it."""
-
-    scored: ScoredCandidate
-    fit: Fit
-
-    @property
-    def effect(self) -> ChosenEffect:
-        return self.scored.effect
-
-
-@dataclass(frozen=True, eq=False)
-class SearchStep:
-    """One added effect.
-
-    Attributes:
-        before: the model without it.
-        chosen: the effect with its refit.
-        objectives: objectives of all refitted candidates.
-        scores: scores of all candidates at `before`; None for candidates that were not added.
-        adapted: refit with the remaining model error; None without a model error.
-    """
-
-    before: Fit
-    chosen: RefittedCandidate
-    objectives: Mapping[ChosenEffect, float]
-    scores: CandidateScores | None = None
-    adapted: Fit | None = None
-
-    @property
-    def after(self) -> Fit:
-        """The model with the effect."""
-        return self.adapted or self.chosen.fit
-
-
-def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
-    """Refitted candidates, the best first."""
-    return sorted(refitted, key=lambda r: r.fit.objective)
+ACCEPTANCE, EVIDENCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.evidence, THRESHOLDS.search
 
 
 class Search:
@@ -100,8 +46,10 @@ class Search:
 
     # -- scores -----------------------------------------------------------------------------------------
 
-    def scores(self, fit: Fit, episodes: bool = True) -> CandidateScores:
-        """Scores of all candidates at a fit."""
+    def scores(
+        self, fit: Fit, only: Collection[ChosenEffect] | None = None, episodes: bool = True
+    ) -> CandidateScores:
+        """Scores of all candidates at a fit, or of those in `only`."""
         layout, point = fit.layout, fit.point
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
         prior = self.context.start(layout).prior
@@ -111,6 +59,9 @@ class Search:
         projection = Projection(point.r.ravel(), flat, hessian, again=again)
         weigh = self.weigh(fit)
         wanted = candidates(layout, self.context.measurements.groups)
+        if only is not None:
+            wanted = [e for e in wanted if e in only]
+            episodes = any(EFFECTS[e.effect].scope == "episode" for e in only)
         scored = score(narrow, self.context.chain(fit), wanted, weigh, projection)
         if episodes:
             have = set(layout.effects)
@@ -147,12 +98,29 @@ class Search:
 
     # -- refits -----------------------------------------------------------------------------------------
 
-    def refits(self, fit: Fit, scores: CandidateScores, gained: float) -> list[RefittedCandidate]:
+    def compare(
+        self, fit: Fit, gained: float, near: NearNoise | None = None
+    ) -> tuple[CandidateScores, Comparison]:
+        """Scores of the candidates for the next place in the model, and the leading ones refitted.
+
+        Args:
+            fit: the present model.
+            gained: gain of earlier effects.
+            near: a model with one more effect that may explain everything.
+        """
+        if near is not None and near.rivals:
+            scores = self.scores(fit, near.rivals)
+            if (confirmed := self.confirmed(fit, scores, near)) is not None:
+                return scores, confirmed
+        scores = self.scores(fit)
+        return scores, self.refits(fit, scores, gained)
+
+    def refits(self, fit: Fit, scores: CandidateScores, gained: float) -> Comparison:
         """The leading candidates refitted, best first; earlier effects gained `gained`."""
         chosen = [s for s in self.leading(scores) if optimistic_gain(s) > needed_gain(s.effect, gained)]
         first = self.refit_leader(fit, chosen[0]) if chosen else None
         if first is not None and self.explains_everything(fit, first.fit):
-            return by_objective([first, *self.rivals(fit, first, chosen[1:])])
+            return self.rivals(fit, first, chosen[1:])
         refitted = [*([first] if first else []), *self.short_refits(fit, chosen[1:])]
         hidden = excess(fit) > LIMITS.hidden_excess  # more than the scores explain
         started = gained >= ACCEPTANCE.least_gain
@@ -162,7 +130,20 @@ class Search:
         if hidden and started and self.acceptable(fit, refitted, gained) is None:
             more = self.halving(self.underrated(fit, scores))
             refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
-        return by_objective(refitted)
+        return Comparison(by_objective(refitted))
+
+    def confirmed(self, fit: Fit, scores: CandidateScores, guess: ModelStart) -> Comparison | None:
+        """A guessed model with one more effect and its rivals; None if it leaves something."""
+        scored = [s for s in scores.ranked if (*fit.layout.effects, s.effect) == guess.layout.effects]
+        if not scored:
+            return None
+        self.say(f"testing candidate: {EFFECTS[scored[0].effect.effect].title}")
+        first = RefittedCandidate(scored[0], self.fit_from(guess, LIMITS.full_refit, near=fit))
+        if not self.explains_everything(fit, first.fit):
+            return None
+        first = self.converged(first)
+        others = [s for s in self.leading(scores) if s.effect != first.effect]
+        return self.rivals(fit, first, others)
 
     def explains_everything(self, before: Fit, after: Fit) -> bool:
         """Whether hardly any excess is left to explain."""
@@ -181,11 +162,15 @@ class Search:
         x = self.context.plain_fit(start.layout, start.x, self.check)
         return RefittedCandidate(scored, self.fit_from(ModelStart(start.layout, x), iterations))
 
-    def fit_from(self, start: ModelStart, iterations: int, near: Fit | None = None) -> Fit:
-        return self.context.fit(start.layout, start.x, iterations=iterations, check=self.check, near=near)
+    def fit_from(
+        self, start: ModelStart, iterations: int, near: Fit | None = None, beat: float = np.inf
+    ) -> Fit:
+        return self.context.fit(
+            start.layout, start.x, iterations=iterations, check=self.check, near=near, beat=beat
+        )
 
-    def continued(self, fit: Fit, iterations: int) -> Fit:
-        return self.fit_from(ModelStart(fit.layout, fit.x), iterations, near=fit)
+    def continued(self, fit: Fit, iterations: int, beat: float = np.inf) -> Fit:
+        return self.fit_from(ModelStart(fit.layout, fit.x), iterations, near=fit, beat=beat)
 
     def refit_leader(self, fit: Fit, scored: ScoredCandidate) -> RefittedCandidate:
         """Full refit of the candidate with the best score; also from a plain fit if much excess is left."""
@@ -212,7 +197,8 @@ class Search:
         torque = fit.point.torque
         ranked = {s.effect: s for s in scores.ranked}
         out = []
-        for j in np.argsort(-fit.chi)[: LIMITS.hidden_joints]:
+        loud = fit.chi > LIMITS.hidden_share * fit.chi.max()
+        for j in np.argsort(-fit.chi)[: min(LIMITS.hidden_joints, np.count_nonzero(loud))]:
             compliance = float(fit.x[fit.layout.compliance][j])
             rough = float(self.context.rough_compliance[j])
             for effect in candidates(fit.layout, self.context.measurements.groups):
@@ -235,23 +221,34 @@ class Search:
                 out.append(RefittedCandidate(scored, min(fits, key=lambda f: f.objective)))
         return out
 
-    def rivals(
-        self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]
-    ) -> list[RefittedCandidate]:
-        """Refits of the other candidates from the values of a leader that explains everything."""
+    def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:
+        """The other candidates from the values of a leader that explains everything.
+
+        Only those are refitted that come close in closed form, at the leader's values without its effect.
+        """
         gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
-        out = []
-        for s in others:
-            if s.gain < LIMITS.close_score * leader.scored.gain:
+        tied = leader.fit.point.objective + max(EVIDENCE.tied_gain, EVIDENCE.tied_share * gain)
+        close = [s for s in others if s.gain >= LIMITS.close_score * leader.scored.gain]
+        there = self.fit_from(ModelStart(fit.layout, _common_values(leader.fit, fit)), 0, near=leader.fit)
+        again = self.scores(there, {leader.effect, *(s.effect for s in close)})
+        gains = {s.effect: s.gain for s in again.ranked}
+        out, ruled_out = [], {}
+        for s in close:
+            left = gains[leader.effect] - gains.get(s.effect, 0.0)
+            deficit = there.point.r.size * float(np.log1p(max(left, 0.0) / there.point.r.size))
+            linear = EFFECTS[s.effect.effect].linear and deficit > LIMITS.rival_deficit * gain
+            if linear or left > LIMITS.close_alone * gains[leader.effect]:
+                ruled_out[s.effect] = leader.fit.objective + deficit
                 continue
             self.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
             start = with_effect(fit.layout, _common_values(leader.fit, fit), s.effect, s.values)
-            rival = self.fit_from(start, LIMITS.short_refit, near=leader.fit)
-            close = rival.objective < leader.fit.objective + LIMITS.rival_deficit * gain
-            if not rival.converged and close:
-                rival = self.continued(rival, LIMITS.full_refit)
+            limit = leader.fit.objective + LIMITS.rival_deficit * gain
+            rival = self.fit_from(start, LIMITS.short_refit, near=leader.fit, beat=limit)
+            lagging = rival.objective > limit
+            if not rival.converged and not lagging:
+                rival = self.continued(rival, LIMITS.full_refit, beat=tied)
             out.append(RefittedCandidate(s, rival))
-        return out
+        return Comparison(by_objective([leader, *out]), ruled_out)
 
     def halving(self, refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
         """Best refit of each effect; successively fewer leading ones are continued for longer."""
@@ -307,8 +304,9 @@ class Search:
             return None
         self.say(stages.NEED)
         start = ModelStart(fit.layout, _common_values(best.fit, fit))
-        again = self.fit_from(start, LIMITS.full_refit, near=best.fit)
-        return again if again.objective < best.fit.objective + needed_gain(best.effect, gained) else None
+        needed = needed_gain(best.effect, gained)
+        again = self.fit_from(start, LIMITS.full_refit, near=best.fit, beat=best.fit.point.objective + needed)
+        return again if again.objective < best.fit.objective + needed else None
 
     def converged(self, refitted: RefittedCandidate) -> RefittedCandidate:
         """The candidate with a converged fit: the residual of an unfinished fit looks like another effect."""

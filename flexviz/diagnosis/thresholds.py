@@ -37,6 +37,7 @@ class SearchThresholds:
     refitted_episodes: int = 2  # maximum number of episodes among them
     kept_signatures: int = 12  # number of signatures kept for correlations
     close_score: float = 0.03  # share of the best score, refitted when the best explains everything
+    close_alone: float = 0.5  # share of what that best one explains, which a rival lacks in closed form
     explained_excess: float = 0.2  # share of the excess left by a candidate that explains everything
     # the same in absolute terms, since noise alone scatters by as much; verdicts and values of five two-joint
     # sets are equal to 1e-9 for 0.02, 0.05, 0.1 and 0.2
@@ -45,7 +46,8 @@ class SearchThresholds:
     far_off: float = 5.0  # excess above which candidates are also refitted from a plain fit
     hidden_excess: float = 0.5  # excess above which effects with a low score are also tried
     hidden_removed: float = 0.3  # share of the excess that such an effect has to remove later in the search
-    hidden_joints: int = 2  # number of joints, by residual, on which they are tried
+    hidden_joints: int = 2  # number of joints, by residual, on which they are tried ...
+    hidden_share: float = 0.01  # ... if their residual is this share of the largest
     longest_episode: float = 0.6  # share of a group; a torque that acts longer is not an episode
     rival_deficit: float = 0.3  # share of the leader's gain by which a rival may lag to be continued
     first_iterations: int = 12  # iterations of the initial fit
@@ -134,6 +136,11 @@ class MotionThresholds:
     weighty_share: float = 0.03  # share of a joint's torque spread
     as_well: float = 1.5  # factor on the survey's residual that one effect alone may leave
     singles: int = 4  # effects that are tried alone before: one that reaches the noise explains all
+    single_share: float = 0.3  # of the excess over the noise that such an effect promises to explain
+    # times the noise: a joint of a model that lacks one effect, or a hidden state of it, in this band; single
+    # effects end below 10, the best of an effect among many above 17
+    near_noise: float = 12.0
+    quiet_model: float = 3.0  # times the noise: the set's own model is near it without any effect
     stair_iterations: int = 15  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find
 

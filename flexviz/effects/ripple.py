@@ -38,8 +38,10 @@ class Ripple(LawEffect):
 
     def waves(self, context: Context, joint: int) -> Array:
         """Sine and cosine of every order, filtered: shape (2 · orders, 3, N, 1); the same for every model."""
-        parts = [
-            np.concatenate([(np.sin(n * m.position), np.cos(n * m.position)) for n in self.orders])
-            for m in context.motions(joint)
-        ]
+        parts = []
+        for motion in context.motions(joint):
+            turning = np.exp(1j * motion.position)
+            powers = np.cumprod(np.broadcast_to(turning, (max(self.orders), len(turning))), axis=0)
+            chosen = powers[np.array(self.orders) - 1]
+            parts.append(np.stack((chosen.imag, chosen.real), axis=1).reshape(-1, len(turning)))
         return context.filtered(parts, joint, 3)[..., None]

@@ -10,7 +10,7 @@ the mean contribution of noise that Z and r share (`instrument_bias`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from flexviz.estimation.weighted_point import (
 Array = NDArray[np.float64]
 
 MAX_HALVINGS = 4  # of a step in a damped fit
+PREDICTED = 4.0  # decrease of Σ r² over all further steps, relative to that predicted for the next one
+IMPROVED = 0.997  # factor on the objective, below which a step has improved it
+FAR_ABOVE_NOISE = 4.0  # mean χ² per sample
 MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
 
 
@@ -44,6 +47,7 @@ class Solved:
         normal: normal equations of the last full step.
         at_bound: shape (P,), parameters held at a bound by this step.
         converged: this step was negligible.
+        hopeless: further steps are not worth while (`beat`, `patience`).
     """
 
     point: Point
@@ -51,6 +55,7 @@ class Solved:
     normal: WeightedNormalEquations
     at_bound: NDArray[np.bool_]
     converged: bool
+    hopeless: bool = False
 
     @property
     def end(self) -> Point:
@@ -73,6 +78,8 @@ def solve(
     negligible: float,
     least: int = 0,
     damped: bool = False,
+    beat: float = np.inf,
+    patience: int | None = None,
     check: Callable[[], None] = lambda: None,
     report: Callable[[Array, float, float], None] = lambda x, cost, step: None,
 ) -> Solved:
@@ -88,11 +95,15 @@ def solve(
         least: minimum number of steps.
         damped: halve steps that raise the objective. Off by default: Zᵀ W r is not exactly the gradient of
             the objective, so that steps towards the solution may lead slightly uphill.
+        beat: objective to reach; the fit ends where its next steps are too short for that.
+        patience: steps without a better objective that end a fit far above the noise. There Zᵀ W r = b and
+            the minimum of the objective differ, and steps of many standard deviations say nothing.
         check: called before each point; may raise to stop.
         report: called with x, cost and step length of each step; may raise to stop.
     """
     x = bounds.clip(x)
     solved, step, halvings = None, np.zeros(len(x)), 0
+    outlook = _Outlook(beat, patience)
     for iteration in range(iterations + 1):
         check()
         point = whitening.point(x)
@@ -111,11 +122,29 @@ def solve(
         length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
         report(x, 0.5 * float((point.r**2).sum()), length)
         solved = Solved(point, best, normal, at_bound, length < negligible and iteration >= least)
-        if solved.converged or iteration == iterations:
+        solved = replace(solved, hopeless=outlook.hopeless(point, best, length))
+        if solved.converged or solved.hopeless or iteration == iterations:
             break
         x = feasible_step(prior, bounds, x, step)
     assert solved is not None
     return solved
+
+
+class _Outlook:
+    """Whether further steps of a fit are worth while; arguments as in `solve`."""
+
+    def __init__(self, beat: float, patience: int | None) -> None:
+        self._beat, self._patience = beat, patience
+        self._idle, self._least = 0, np.inf
+
+    def hopeless(self, point: Point, best: Point, length: float) -> bool:
+        """Whether to end at a point from which the next step has this length [standard deviations]."""
+        self._idle = 0 if best.objective < IMPROVED * self._least else self._idle + 1
+        self._least = best.objective
+        impatient = self._patience is not None and self._idle >= self._patience
+        if impatient and float(point.chi.mean()) > FAR_ABOVE_NOISE:
+            return True
+        return point.objective_after(PREDICTED * length**2) > self._beat
 
 
 def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:

@@ -116,6 +116,11 @@ class Point:
         """`noise_objective` plus the cost of nuisance pulses."""
         return self.noise_objective + sum(m.log_determinant for m in self.weightings)
 
+    def objective_after(self, decrease: float) -> float:
+        """Lower limit of the objective after a decrease of Σ r², which no joint shares with the others."""
+        count = max(np.count_nonzero(self.used), 1)
+        return count * float(np.log(np.maximum(self.chi - decrease / count, 1.0)).sum())
+
     def within(self, window: Bools) -> Point:
         """The point restricted to the samples of a window, shape (N,)."""
         part = replace(self, r=self.r * window[:, None], used=self.used & window)

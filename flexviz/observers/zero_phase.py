@@ -16,6 +16,8 @@ from flexviz.observers.base import Observer
 
 Array = NDArray[np.float64]
 
+NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
+
 
 class _Continued:
     """A record continued by reflection about its trend, on a grid that may be decimated.
@@ -89,8 +91,8 @@ class ZeroPhaseObserver(Observer):
         stride: int = 1,
     ) -> Array:
         # samples are taken from a grid fine enough for the pass band: truncating a spectrum that is amplified
-        # by ω⁴ would cause ringing over the whole segment
-        inner, band = 1, self.cutoff()
+        # by powers of ω would cause ringing over the whole segment
+        inner, band = 1, self.cutoff(count - 1)
         if band is not None:
             wide = (
                 d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band)
@@ -114,8 +116,8 @@ class ZeroPhaseObserver(Observer):
             out[1] += continued.slope
         return out
 
-    def cutoff(self) -> float | None:
-        """Frequency above which the gain times ω⁴ is negligible [rad/s]; None when it never is."""
+    def cutoff(self, order: int) -> float | None:
+        """Frequency above which the gain times ω^order is negligible [rad/s]; None when it never is."""
         return None
 
 
@@ -130,8 +132,8 @@ class ButterworthZeroPhase(ZeroPhaseObserver):
     def gain(self, omega: Array, bandwidth: Array) -> Array:
         return 1.0 / (1.0 + (omega[:, None] / bandwidth) ** (2 * self.order))
 
-    def cutoff(self) -> float:
-        return 60.0 * float(self._bandwidth.max())  # (ω/w)⁻⁸⁺⁴ = 1e-7
+    def cutoff(self, order: int) -> float:
+        return NEGLIGIBLE ** (1 / (order - 8)) * float(self._bandwidth.max())  # (ω/w)^(order − 8)
 
     def memory(self) -> float:
         # the slowest poles of the fourth-order filter decay at 0.38 w: e^(−0.38·25) = 7e-5, 0.8 s at 5 Hz
@@ -148,8 +150,8 @@ class EsoZeroPhase(ZeroPhaseObserver):
     def gain(self, omega: Array, bandwidth: Array) -> Array:
         return (1.0 + (omega[:, None] / bandwidth) ** 2) ** -6
 
-    def cutoff(self) -> float:
-        return 60.0 * float(self._bandwidth.max())  # ω⁻⁸ of the gain and ω⁴: 1e-7
+    def cutoff(self, order: int) -> float:
+        return NEGLIGIBLE ** (1 / (order - 12)) * float(self._bandwidth.max())  # (ω/w)^(order − 12)
 
     def memory(self) -> float:
         return 18.0 / float(self._bandwidth.min())
@@ -174,7 +176,7 @@ class FlatZeroPhase(ZeroPhaseObserver):
         rise = 1.0 / (1.0 + np.exp(np.clip(1 / (1 - u) - 1 / u, -500, 500)))
         return np.where(place <= 0, 1.0, np.where(place >= 1, 0.0, rise))
 
-    def cutoff(self) -> float:
+    def cutoff(self, order: int) -> float:
         return self.ratio * float(self._bandwidth.max())
 
     def memory(self) -> float:

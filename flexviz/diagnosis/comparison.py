@@ -1,0 +1,91 @@
+"""Candidates for a place in the model: scored, refitted, compared, added."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from flexviz.diagnosis.fit_context import Fit
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import ChosenEffect
+from flexviz.estimation import Projection, ScoredCandidate
+
+LIMITS = THRESHOLDS.search
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateScores:
+    """Scores of all candidates at a fit, best first, and the projection used."""
+
+    ranked: list[ScoredCandidate]
+    projection: Projection
+
+    def shortened(self) -> CandidateScores:
+        """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""
+        kept = LIMITS.kept_signatures
+        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[kept:]]
+        return CandidateScores([*self.ranked[:kept], *rest], self.projection)
+
+
+@dataclass(frozen=True, eq=False)
+class RefittedCandidate:
+    """A candidate and the model refitted with it."""
+
+    scored: ScoredCandidate
+    fit: Fit
+
+    @property
+    def effect(self) -> ChosenEffect:
+        return self.scored.effect
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Candidates for a place in the model.
+
+    Attributes:
+        refitted: those that were refitted, the best first.
+        ruled_out: predicted objectives of those that cannot come close to the best.
+    """
+
+    refitted: list[RefittedCandidate]
+    ruled_out: Mapping[ChosenEffect, float] = field(default_factory=dict)
+
+    @property
+    def objectives(self) -> dict[ChosenEffect, float]:
+        """Objective of each candidate's best refit, or the predicted one."""
+        best = dict(self.ruled_out)
+        for r in self.refitted:
+            best[r.effect] = min(best.get(r.effect, np.inf), r.fit.objective)
+        return best
+
+
+@dataclass(frozen=True, eq=False)
+class SearchStep:
+    """One added effect.
+
+    Attributes:
+        before: the model without it.
+        chosen: the effect with its refit.
+        objectives: objectives of the candidates compared, kept instead of their fits (hundreds of MB).
+        scores: scores of all candidates at `before`; None for candidates that were not added.
+        adapted: refit with the remaining model error; None without a model error.
+    """
+
+    before: Fit
+    chosen: RefittedCandidate
+    objectives: Mapping[ChosenEffect, float]
+    scores: CandidateScores | None = None
+    adapted: Fit | None = None
+
+    @property
+    def after(self) -> Fit:
+        """The model with the effect."""
+        return self.adapted or self.chosen.fit
+
+
+def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
+    """Refitted candidates, the best first."""
+    return sorted(refitted, key=lambda r: r.fit.objective)
