@@ -85,7 +85,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     monkeypatch.setattr(sets, "make_plan", short_plan)
 
     def known(measurements: Any, **options: Any) -> Any:
-        assert not options.keys() - {"apply", "guarded", "progress", "should_stop", "start"}
+        assert not options.keys() - {"apply", "guarded", "free_curve", "progress", "should_stop", "start"}
         return replace(found, set_name=measurements.name)
 
     monkeypatch.setattr(flexviz.diagnosis, "diagnose", known)

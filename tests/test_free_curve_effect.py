@@ -203,6 +203,8 @@ def test_step_of_a_diagnosis(
     file.write_text(json.dumps(document))
     assert read_result(file).curves == ResultDocument.from_dict(document).curves
     assert "not physics" in longer.summary()
+    (note,) = (note.text for note in longer.notes if note.kind == "other")
+    assert note.startswith(f"not physics, but in the model: {last.added.text}")
 
 
 def test_why_there_is_no_curve(bumpy: MeasurementSet, plain: Identification) -> None:

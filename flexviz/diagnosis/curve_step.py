@@ -111,7 +111,8 @@ def _extended(
     places, maps = locate_residual(at_noise, fit)
     left = fit_free_curve(at_noise, fit, places[0])
     prior = context.start(layout).prior
-    kept = (note for note in diagnosis.notes if note.kind not in OF_THE_LAST_MODEL)
+    last = diagnosis.notes
+    kept = (n for n in last if n.kind not in OF_THE_LAST_MODEL and not n.text.startswith("not physics"))
     return replace(
         diagnosis,
         where=places,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
+from flexviz.effects import EFFECTS
 from flexviz.results import Note
 
 RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
@@ -65,6 +66,12 @@ def notes(
             + (f"; its form is that of {curve.form}" if curve.form else "")
         )
         out.append(Note("free-curve", text))
+    stopgaps = [e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap]
+    if stopgaps:
+        text = (
+            f"not physics, but in the model: {', '.join(stopgaps)}; it stands for a law that is still unknown"
+        )
+        out.append(Note("other", text))
     if bandwidths is not None:
         out += [Note("bandwidth", text) for text in bandwidths.texts()]
     return tuple(out)
