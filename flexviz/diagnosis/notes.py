@@ -9,6 +9,7 @@ from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.prediction_errors import PredictionErrors
 from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
 from flexviz.effects import EFFECTS
+from flexviz.equation import Layout
 from flexviz.results import Note
 
 RMS_RATIO_EXPLAINED = 5.0  # rms relative to the noise floor above which "nothing-missing" needs a note
@@ -66,12 +67,14 @@ def notes(
             + (f"; its form is that of {curve.form}" if curve.form else "")
         )
         out.append(Note("free-curve", text))
-    stopgaps = [e.text(joints) for e in final.layout.effects if EFFECTS[e.effect].stopgap]
-    if stopgaps:
-        text = (
-            f"not physics, but in the model: {', '.join(stopgaps)}; it stands for a law that is still unknown"
-        )
-        out.append(Note("other", text))
+    out += stopgap_notes(final.layout)
     if bandwidths is not None:
         out += [Note("bandwidth", text) for text in bandwidths.texts()]
     return tuple(out)
+
+
+def stopgap_notes(layout: Layout) -> list[Note]:
+    """A note on the free curves in a model."""
+    curves = ", ".join(e.text(layout.joints) for e in layout.effects if EFFECTS[e.effect].stopgap)
+    text = f"not physics, but in the model: {curves}; it stands for a law that is still unknown"
+    return [Note("other", text)] if curves else []
