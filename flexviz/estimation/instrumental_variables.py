@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 MAX_HALVINGS = 4  # of a step in a damped fit
 PREDICTED = 4.0  # decrease of Σ r² over all further steps, relative to that predicted for the next one
 IMPROVED = 0.997  # factor on the objective, below which a step has improved it
-FAR_ABOVE_NOISE = 4.0  # mean χ² per sample
+FAR_ABOVE_NOISE = 100.0  # mean χ² per sample; nearer, an uphill step may well lead to the solution
 MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
 
 
