@@ -2,11 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, diagnose
+from flexviz.diagnosis import Diagnosis, acceptance, diagnose
+from flexviz.diagnosis.acceptance import fit_covariance
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -38,6 +41,16 @@ def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
     assert diagnosed.steps[-1].verdict == "nothing-missing"
     assert diagnosed.steps[0].rms_validation is not None and diagnosed.steps[-1].rms_validation is not None
     assert sum(diagnosed.steps[-1].rms_validation) < 0.3 * sum(diagnosed.steps[0].rms_validation)
+
+
+def test_an_effect_that_its_interval_holds_to_be_zero_is_not_found(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wide(*fit: Any) -> Any:
+        return SimpleNamespace(standard_errors=1e6 * fit_covariance(*fit).standard_errors)
+
+    monkeypatch.setattr(acceptance, "fit_covariance", wide)
+    assert diagnose(demo).verdict != "missing"  # although the gain is large
 
 
 def test_json_is_the_contract(diagnosed: Diagnosis) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.evidence import fit_covariance
+from flexviz.diagnosis.acceptance import fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import held_out_share
+from flexviz.diagnosis.acceptance import fit_covariance, held_out_share
 from flexviz.diagnosis.comparison import CandidateScores, SearchStep
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext, Fitted
@@ -14,22 +14,13 @@ from flexviz.diagnosis.result import Absorbed, EffectParameter, Evidence, Findin
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import Covariance, ScoredCandidate, sandwich
+from flexviz.estimation import ScoredCandidate
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
 
 
 LIMITS = THRESHOLDS.evidence
-
-
-def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
-    """Covariance of a fit, from the residual's own spectra."""
-    if fit.covariance is not None:
-        return fit.covariance
-    prior = context.start(fit.layout).prior
-    normal = fit.point.normal_equations(prior)
-    return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
 
 def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence | None = None) -> Finding:

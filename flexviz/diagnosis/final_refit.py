@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.evidence import fit_covariance
+from flexviz.diagnosis.acceptance import fit_covariance
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.estimation import Covariance

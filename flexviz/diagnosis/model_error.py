@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import credible
+from flexviz.diagnosis.acceptance import credible, held_to_be_zero
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep, by_objective
 from flexviz.diagnosis.fit_context import Fit
@@ -96,7 +96,8 @@ class ModelErrorSearch:
                 refitted.append(RefittedCandidate(scored, refit))
             for r in by_objective(refitted):
                 improves = self.improves(fit, r.fit, r.effect.joint)
-                if improves and credible(r.fit, r.effect, search.raw_step):
+                possible = credible(r.fit, r.effect, search.raw_step)
+                if improves and possible and not held_to_be_zero(self.context, r.fit, r.effect):
                     return r
         return None
 

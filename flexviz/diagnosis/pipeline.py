@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import excess, verdict
+from flexviz.diagnosis.acceptance import excess, fit_covariance, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import NearNoise
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
-from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, fit_covariance, made_step
+from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, made_step
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve

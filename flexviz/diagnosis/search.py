@@ -12,6 +12,7 @@ from flexviz.diagnosis import stages
 from flexviz.diagnosis.acceptance import (
     credible,
     excess,
+    held_to_be_zero,
     needed_gain,
     only_an_offset,
     removed_share,
@@ -269,15 +270,20 @@ class Search:
     def acceptable(
         self, fit: Fit, refitted: list[RefittedCandidate], gained: float
     ) -> RefittedCandidate | None:
-        """The best refitted candidate if its gain is sufficient after earlier effects gained `gained`."""
+        """The best refitted candidate not held to be zero, if it gains enough after earlier `gained`."""
         possible = [r for r in refitted if credible(r.fit, r.effect, self.raw_step)]
-        if not possible:
-            return None
-        best = self.simplest(possible)
-        gain = fit.objective - best.fit.objective
-        removes = removed_share(fit, best.fit) > ACCEPTANCE.least_excess_share
-        worth = removes or gain > ACCEPTANCE.large_gain_share * fit.noise_objective
-        return self.converged(best) if gain >= needed_gain(best.effect, gained) and worth else None
+        while possible:
+            best = self.simplest(possible)
+            gain = fit.objective - best.fit.objective
+            removes = removed_share(fit, best.fit) > ACCEPTANCE.least_excess_share
+            worth = removes or gain > ACCEPTANCE.large_gain_share * fit.noise_objective
+            if gain < needed_gain(best.effect, gained) or not worth:
+                return None
+            found = self.converged(best)
+            if not held_to_be_zero(self.context, found.fit, found.effect):
+                return found
+            possible = [r for r in possible if r is not best]
+        return None
 
     def simplest(self, possible: list[RefittedCandidate]) -> RefittedCandidate:
         """The best candidate, or a simpler one that fits nearly as well.
