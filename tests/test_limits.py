@@ -13,7 +13,8 @@ import pyarrow.parquet as papq
 import pytest
 from scipy.io import savemat
 
-from flexviz import limits, toml
+from flexviz import files, limits, toml
+from flexviz.cli.terminal import write_json
 from flexviz.errors import InputError
 from flexviz.importing.formats import ReadOptions, matlab, open_log
 from flexviz.measurements import read_set
@@ -69,6 +70,16 @@ def test_compressed_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(matlab, "LARGEST_MAT", 20_000)
     with pytest.raises(InputError, match="over 20,000 bytes unpacked"):
         open_log(tmp_path / "x.mat", ReadOptions())
+
+
+def test_a_full_disk_names_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(files.os, "fsync", full)
+    with pytest.raises(InputError, match=r"r\.json: cannot be written \(No space left on device\)"):
+        write_json(tmp_path / "r.json", {})
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 500 + "1" + "}" * 500, "9" * 5000, "\x00"])

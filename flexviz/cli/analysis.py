@@ -40,8 +40,8 @@ def identify(
     terminal.check_output_file(json_file, ".json")
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
         _, result = run_identification(measurement_set, options, report, should_stop)
-    terminal.write_json(json_file, result.to_dict())
     terminal.show(result.document())
+    terminal.write_json(json_file, result.to_dict())
     return exit_code(result)
 
 
@@ -89,8 +89,8 @@ def diagnose(
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     if draft_effect is not None:
         write_draft(result, draft_effect)
-    terminal.write_json(json_file, result.to_dict(steps=apply))
     terminal.show(result.document())
+    terminal.write_json(json_file, result.to_dict(steps=apply))
     return 130 if result.stopped else 0
 
 

@@ -60,7 +60,10 @@ def show(result: ResultDocument) -> None:
 def write_json(path: Path | None, data: Any) -> None:
     """Write JSON atomically, if a file is named; NaN and infinities become null."""
     if path is not None:
-        write_whole(path, as_json(data).encode())
+        try:
+            write_whole(path, as_json(data).encode())
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
 
 
 def check_output_file(path: Path | None, suffix: str = "") -> None:
