@@ -24,6 +24,7 @@ from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_g
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, best_intervals, score
+from flexviz.wording import effect_title, plural, where_text
 
 Array = NDArray[np.float64]
 
@@ -100,6 +101,8 @@ class RichSearch(ModelFamily):
             if np.all(self.single(scored).rms < LIMITS.near_noise * floor):
                 rivals = (s.effect for s in self.alone[: THRESHOLDS.search.kept_signatures])
                 found = self.single(scored)
+                joint = None if scored.effect.joint is None else self.own.joints[scored.effect.joint]
+                self.say(f"best so far: {effect_title(scored.effect.effect)}{where_text(joint)}")
                 return NearNoise(found.layout, found.x, frozenset(rivals))
         return None
 
@@ -148,7 +151,7 @@ class RichSearch(ModelFamily):
         """The model with all that is found in what it leaves, thinned out after each round."""
         idle = 0
         for _ in range(LIMITS.rounds):
-            self.say("scoring what is left")
+            self.say(f"scoring what {plural(len(needed), 'effect')} leave")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
                 self.say(f"eliminating an unknown law on {self.own.joints[unknown.joint]}")
