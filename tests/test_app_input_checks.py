@@ -377,6 +377,8 @@ def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, s
         ("127.0.0.1", "robot.example:8080", None, False),
         ("127.0.0.1", None, None, False),
         ("127.0.0.1", "[:8080", None, False),
+        ("127.0.0.1", "localhost:99999", None, False),
+        ("0.0.0.0", "192.168.1.5:http", None, False),
         ("127.0.0.1", "192.168.1.5:8080", None, False),
         ("0.0.0.0", "192.168.1.5:8080", "http://192.168.1.5:8080", True),
         ("0.0.0.0", "192.168.1.5:8080", "http://evil.example", False),

@@ -64,7 +64,8 @@ def admitted(bound_to: str, host: str | None, origin: str | None) -> bool:
     rebinding), of loopback if the server listens on that, and an Origin must equal the Host.
     """
     try:
-        name = (urlsplit(f"//{host}").hostname or "") if host else ""
+        parts = urlsplit(f"//{host or ''}")
+        name, _ = parts.hostname or "", parts.port  # ValueError where there is no such port
         own = is_loopback(name) or (not is_loopback(bound_to) and is_own(name, bound_to))
         return own and (origin is None or urlsplit(origin).netloc.lower() == str(host).lower())
     except ValueError:  # no host: "[", a port of letters
