@@ -11,12 +11,13 @@ import pytest
 
 from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
-from flexviz.diagnosis.candidates import with_effect
-from flexviz.diagnosis.comparison import RefittedCandidate
+from flexviz.diagnosis.candidates import with_effect, without_effect
+from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
 from flexviz.diagnosis.confidence import probability
 from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve_test import best_free_curve
+from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -190,6 +191,53 @@ def test_an_effect_that_only_led_out_of_a_wrong_place_is_not_needed(
     without = fit_context.fit(plain, x[: plain.size], iterations=0)
     scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
     assert search.restarted(without, RefittedCandidate(scored, right), 0.0) is None
+
+
+def test_rivals_are_compared_where_the_leader_scores_nothing_and_by_their_best_stretch(
+    base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fit_context, fit = base
+    search = Search(fit_context, lambda _: None)
+
+    def scored(effect: ChosenEffect, gain: float, values: list[float]) -> ScoredCandidate:
+        return ScoredCandidate(effect, gain, np.array(values), np.zeros(1))
+
+    friction = scored(ChosenEffect("coulomb_friction", 1), 100.0, [2.0])
+    group = fit_context.fit_groups[0].name
+    contact = scored(ChosenEffect("external_contact", 1, group), 90.0, [1.0, 2.0, 3.0])
+    leader = RefittedCandidate(friction, search.refit(fit, friction, 3).fit)
+    elsewhere = scored(contact.effect, 1.0, [0.1, 4.0, 5.0])  # in another stretch of the group
+    for ranked in ([contact], [friction, contact, elsewhere]):
+        found = CandidateScores(ranked, search.scores(fit, {friction.effect}).projection)
+        monkeypatch.setattr(search, "scores", lambda *_, found=found: found)
+        compared = search.rivals(fit, leader, [contact])
+        monkeypatch.undo()
+        assert {r.effect for r in compared.refitted} == {friction.effect, contact.effect}
+        assert not compared.ruled_out
+
+
+def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
+    demo: Any, base: tuple[FitContext, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context, fit = base
+    effects = [ChosenEffect(name, 1) for name in ("torque_offset", "coulomb_friction", "backlash")]
+    steps = []
+    for effect in effects:
+        added = with_effect(fit.layout, fit.x, effect, np.zeros(len(EFFECTS[effect.effect].parameters)))
+        before, fit = fit, replace(fit, layout=added.layout, x=added.x)
+        scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
+        steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
+    answers = iter((True, False))  # a stop that is said once
+    pipeline = _Pipeline(demo, None, None, lambda: next(answers))
+    pipeline.search, pipeline.steps = Search(context, pipeline.say), list(steps)
+    fewer = without_effect(fit.layout, fit.x, effects[0])
+    smaller = replace(fit, layout=fewer.layout, x=fewer.x)
+    monkeypatch.setattr(pipeline.search, "without_superfluous", lambda *_: smaller)
+    with pytest.raises(Interrupted):
+        pipeline.drop_superfluous()
+    assert pipeline.steps == steps
+    with pytest.raises(Interrupted):
+        pipeline.check_stop()
 
 
 def test_confidence_follows_what_speaks_for_it() -> None:

@@ -74,7 +74,7 @@ def diagnose(
         measurements: the measurement set.
         apply: add the effects found one by one and refit after each. Otherwise only the first missing effect
             is named and the result describes the set's own model.
-        start: start values; default: a plain identification.
+        start: start values; default: those of a fit in the band of the motion.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise.
         free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
@@ -126,8 +126,8 @@ class _Pipeline:
 
     def say(self, text: str) -> None:
         """Report progress; raise `Interrupted` if the user has stopped the diagnosis."""
-        if self.should_stop is not None and self.should_stop():
-            self.stopped = True
+        self.stopped = self.stopped or (self.should_stop is not None and self.should_stop())
+        if self.stopped:
             raise Interrupted
         self.tell(text)
 
@@ -233,13 +233,12 @@ class _Pipeline:
         if not dropped:
             return
         *kept, last = (step for step in self.steps if step.chosen.effect not in dropped)
-        before = self.steps[0].before
-        self.steps = []
+        before, steps = self.steps[0].before, []
         for step in kept:
             again = self.search.refit(before, step.chosen.scored, LIMITS.first_iterations)
-            self.steps.append(replace(step, before=before, chosen=again))
+            steps.append(replace(step, before=before, chosen=again))
             before = again.fit
-        self.steps.append(replace(last, before=before, chosen=replace(last.chosen, fit=simpler)))
+        self.steps = [*steps, replace(last, before=before, chosen=replace(last.chosen, fit=simpler))]
 
     def continue_beside_model_error(self, apply: bool) -> None:
         """Withdraw imitations, then add effects that held-out groups confirm, allowing for a model error."""

@@ -232,13 +232,14 @@ class Search:
         close = [s for s in others if s.gain >= LIMITS.close_score * leader.scored.gain]
         there = self.fit_from(ModelStart(fit.layout, _common_values(leader.fit, fit)), 0, near=leader.fit)
         again = self.scores(there, {leader.effect, *(s.effect for s in close)})
-        gains = {s.effect: s.gain for s in again.ranked}
+        gains = {s.effect: s.gain for s in reversed(again.ranked)}  # of an episode in its best stretch
+        all_of_it = gains.get(leader.effect, 0.0)  # missing if none of its guesses is within its bounds there
         out, ruled_out = [], {}
         for s in close:
-            left = gains[leader.effect] - gains.get(s.effect, 0.0)
+            left = all_of_it - gains.get(s.effect, 0.0)
             deficit = there.point.r.size * float(np.log1p(max(left, 0.0) / there.point.r.size))
             linear = EFFECTS[s.effect.effect].linear and deficit > LIMITS.rival_deficit * gain
-            if linear or left > LIMITS.close_alone * gains[leader.effect]:
+            if linear or left > LIMITS.close_alone * all_of_it:
                 ruled_out[s.effect] = leader.fit.objective + deficit
                 continue
             self.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
