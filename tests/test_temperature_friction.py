@@ -18,7 +18,7 @@ from flexviz.errors import InputError
 from flexviz.identification import identify
 from flexviz.importing import import_logs
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
-from flexviz.simulation import laws, make_plan, move, simulate_preset
+from flexviz.simulation import inject, laws, make_plan, move, simulate_preset
 from flexviz.wording import temperature_text
 from tests.test_import_mapping import SIMPLE
 from tests.test_import_mapping import write as write_log
@@ -127,6 +127,11 @@ def test_groups_state_what_was_simulated(warm: MeasurementSet) -> None:
     plan = make_plan("planar-2r", ["none"], temperatures=[31.0])
     assert {g.temperature for g in plan.groups} == {(31.0, 31.0)}
     assert {g.temperature for g in make_plan("planar-2r").groups} == {None}
+    groups = tuple(
+        replace(g, temperature=t) for g, t in zip(plan.groups, (None, *3 * [(31.0, 32.0)]), strict=True)
+    )
+    filled = inject(replace(plan, groups=groups), [HIDDEN])
+    assert [g.temperature for g in filled.groups] == [(25.0, 25.0), *3 * [(31.0, 32.0)]]
     for wrong in ([20.0, 30.0], [400.0]):
         with pytest.raises(InputError, match="temperature"):
             make_plan("planar-2r", temperatures=wrong)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 from math import isfinite
 
 import numpy as np
@@ -40,10 +41,12 @@ def inject(plan: Plan, wanted: Sequence[str]) -> Plan:
         if where.count(one) > 1:
             place = " ".join(str(x) for x in one[1:] if x)
             raise InputError(f'effect "{one[0]}" is given twice{f" on {place}" if place else ""}')
-    unknown = any(group.temperature is None for group in plan.groups)
-    if unknown and any(EFFECTS[e.effect].by_temperature for e in effects):
-        turns = range(len(plan.groups))
-        plan = at_temperatures(plan, [TEMPERATURES[k % len(TEMPERATURES)] for k in turns])
+    if any(EFFECTS[e.effect].by_temperature for e in effects):
+        groups = (
+            replace(group, temperature=group.temperature or (degrees,) * plan.robot.n)
+            for group, degrees in zip(plan.groups, cycle(TEMPERATURES), strict=False)
+        )
+        plan = replace(plan, groups=tuple(groups))
     return replace(plan, model=replace(plan.model, effects=(*plan.model.effects, *effects)))
 
 
