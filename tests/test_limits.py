@@ -55,6 +55,10 @@ def test_tables_with_too_many_numbers(tmp_path: Path, monkeypatch: pytest.Monkey
     papq.write_table(pa.table({"x": [[1.0] * 100] * 100}), folder / "lists.parquet")
     with pytest.raises(InputError, match=r"lists\.parquet: 10,000 numbers"):
         open_log(folder / "lists.parquet", ReadOptions())
+    both = pa.table({"x": [[1.0] * 100] * 100, "x2": range(100), "text": ["no number"] * 100})
+    papq.write_table(both, folder / "lists.parquet")
+    few = ReadOptions(wanted={"x2"})
+    assert list(open_log(folder / "lists.parquet", few).columns) == ["x2"]
 
 
 def test_compressed_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

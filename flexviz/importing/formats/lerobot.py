@@ -103,10 +103,10 @@ def read_frames(folder: Path, episode: int, options: ReadOptions) -> pa.Table:
     files = [file for file in files if file.stem == f"episode_{episode:06d}"] or files
     with readable(files[0] if len(files) == 1 else folder / "data", "Parquet table"):
         schema = papq.read_schema(files[0])
-        for file in files:
-            check_parquet(file)
         names = [field.name for field in schema if holds_numbers(field.type) and options.wants(field.name)]
         names += [x for x in ("timestamp", "frame_index", "episode_index") if x in {*schema.names} - {*names}]
+        for file in files:
+            check_parquet(file, names)
         own = [("episode_index", "=", episode)] if "episode_index" in schema.names else None
         return papq.read_table(files, columns=names, filters=own)
 

@@ -18,9 +18,10 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers of a Parquet table."""
     with readable(path, "Parquet table"):
         schema = papq.read_schema(path)
-        check_parquet(path)
         every = [field.name for field in schema if holds_numbers(field.type)]
-        table = papq.read_table(path, columns=[name for name in every if options.wants(name)])
+        names = [name for name in every if options.wants(name)]
+        check_parquet(path, names)
+        table = papq.read_table(path, columns=names)
         columns, units, unusable = columns_of(table, {})
     check_rows(table.num_rows, path)
     unusable |= {f.name: f"it holds {f.type}" for f in schema if not holds_numbers(f.type)}
@@ -28,12 +29,14 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
     return Log(path, "Parquet", (LogTable("", columns, None, units),), unusable, unread=unread)
 
 
-def check_parquet(path: Path) -> None:
-    """InputError for a table that takes too much memory; entries of lists count, too."""
+def check_parquet(path: Path, names: Sequence[str]) -> None:
+    """InputError if these columns take too much memory; entries of lists count, too."""
+    starts = tuple(f"{name}." for name in names)  # of "positions.list.element."
     with papq.ParquetFile(path) as table:
         about = table.metadata
+        used = [j for j in range(about.num_columns) if f"{about.schema.column(j).path}.".startswith(starts)]
         groups = (about.row_group(i) for i in range(about.num_row_groups))
-        numbers = sum(group.column(j).num_values for group in groups for j in range(about.num_columns))
+        numbers = sum(group.column(j).num_values for group in groups for j in used)
     check_numbers(numbers, 1, path)
 
 
