@@ -12,6 +12,7 @@ import numpy as np
 from flexviz.errors import InputError
 
 LARGEST_TEXT = 256 * 2**20  # [bytes] of a JSON file
+LARGEST_LOG = 2**30  # [bytes] of a JSON log: 7 joints at 1 kHz for 10 min are a quarter to a half of it
 LARGEST_NUMBERS = 2**28  # of a table in memory: 2 GiB
 LARGEST_UNPACKED = 2 * 2**30  # [bytes] of a compressed file
 
@@ -30,7 +31,7 @@ def check_numbers(rows: int, columns: int, file: Path) -> None:
 
 
 def read_json(file: Path, largest: int = LARGEST_TEXT) -> Any:
-    """The content of a JSON file; InputError without the file's name, or OSError."""
+    """The content of a JSON file; InputError, or OSError if it cannot be reached."""
     check_size(file, largest, "a JSON file")
     try:
         return json.loads(file.read_text(encoding="utf-8-sig"))

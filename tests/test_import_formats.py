@@ -224,7 +224,9 @@ def test_matlab(tmp_path: Path, layout: str) -> None:
 def records() -> list[dict[str, Any]]:
     """One record per instant."""
     rows = zip(DATA.time, DATA.theta, DATA.tau, strict=True)
-    return [{"t": t, "state": {"q": q.tolist()}, "tau": tau.tolist(), "mode": "run"} for t, q, tau in rows]
+    return [
+        {"t": t, "state": {"q": q.tolist()}, "tau": tau.tolist(), "mode": "run\u2028"} for t, q, tau in rows
+    ]
 
 
 def npz(file: Path) -> None:
@@ -242,7 +244,7 @@ def json_records(file: Path) -> None:
 
 
 def json_lines(file: Path) -> None:
-    file.write_text("\n".join(map(json.dumps, records())))
+    file.write_text("\n".join(json.dumps(one, ensure_ascii=False) for one in records()), encoding="utf-8")
 
 
 @pytest.mark.parametrize(

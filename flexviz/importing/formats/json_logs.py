@@ -10,7 +10,7 @@ import numpy as np
 
 from flexviz.importing.formats.arrays import as_in_python
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, ReadOptions
-from flexviz.limits import LARGEST_TEXT, check_size, read_json
+from flexviz.limits import LARGEST_LOG, check_size, read_json
 from flexviz.measurements import readable
 
 
@@ -18,11 +18,11 @@ def read_json_log(path: Path, options: ReadOptions) -> Log:
     """All columns of numbers."""
     with readable(path, "JSON log"):
         if path.suffix.lower() == ".json":
-            content = read_json(path)
+            content = read_json(path, LARGEST_LOG)
         else:
-            check_size(path, LARGEST_TEXT, "a JSON log")
-            lines = path.read_text(encoding="utf-8-sig").splitlines()
-            content = [json.loads(line) for line in lines if line.strip()]
+            check_size(path, LARGEST_LOG, "a JSON log")
+            with path.open(encoding="utf-8-sig") as lines:
+                content = [json.loads(line) for line in lines if line.strip()]
         content = arrays_of(content)
     return as_in_python().log(path, "JSON", content if isinstance(content, dict) else {"data": content})
 
