@@ -87,10 +87,10 @@ def diagnose(
         )
     if free_curve and (result.steps[-1].added is None or not result.steps[-1].added.stopgap):
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
-    if draft_effect is not None:
-        write_draft(result, draft_effect)
     terminal.show(result.document())
     terminal.write_json(json_file, result.to_dict(steps=apply))
+    if draft_effect is not None:
+        write_draft(result, draft_effect)
     return 130 if result.stopped else 0
 
 
@@ -111,7 +111,7 @@ def write_draft(result: Diagnosis, file: Path) -> None:
     if draft is None:
         terminal.note("note: no effect is drafted: there is no free curve that resembles a simple law")
         return
-    file.write_text(draft.content, encoding="utf-8")
+    terminal.write_file(file, draft.content)
     name = draft.name.removesuffix(".py")
     terminal.note(
         f"{file}: {draft.form.text}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"

@@ -60,10 +60,15 @@ def show(result: ResultDocument) -> None:
 def write_json(path: Path | None, data: Any) -> None:
     """Write JSON atomically, if a file is named; NaN and infinities become null."""
     if path is not None:
-        try:
-            write_whole(path, as_json(data).encode())
-        except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
+        write_file(path, as_json(data))
+
+
+def write_file(path: Path, text: str) -> None:
+    """Write a text atomically; InputError names a file that cannot be written."""
+    try:
+        write_whole(path, text.encode())
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
 
 
 def check_output_file(path: Path | None, suffix: str = "") -> None:
