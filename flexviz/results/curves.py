@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -65,9 +66,15 @@ class CurveTableEntry(ResultEntry):
 
     def simple_form(self) -> CurveForm | None:
         """The simple law that the curve resembles."""
-        return simple_form(
-            curve_points(self.variable, self.at, self.value, self.std), self.variable, self.unit
-        )
+        rows = (tuple(map(tuple, rows)) for rows in (self.value, self.std))
+        return _simple_form(self.variable, self.unit, tuple(self.at), *rows)
+
+
+@lru_cache(maxsize=64)  # it takes 0.2 s, and every document and chart of a model asks for it
+def _simple_form(
+    variable: str, unit: str, at: tuple[float | None, ...], *rows: tuple[tuple[float | None, ...], ...]
+) -> CurveForm | None:
+    return simple_form(curve_points(variable, at, *rows), variable, unit)
 
 
 class EstimateLike(Protocol):
