@@ -31,11 +31,9 @@ def read(file: Path) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         found = f"byte {error.start} is {error.object[error.start]:#04x}"
         raise InputError(f"not a text in UTF-8 ({found})", file=file) from None
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"not valid TOML: {error}", file=file) from None
     except InputError:
         raise
-    except ValueError as error:  # whole numbers of over 4300 digits
+    except ValueError as error:  # also whole numbers of over 4300 digits
         raise InputError(f"not valid TOML: {error}", file=file) from None
     except RecursionError:
         raise InputError("not valid TOML: its tables are nested too deeply", file=file) from None

@@ -1,4 +1,4 @@
-"""A user's own effect file, drafted from the simple law that a free curve resembles."""
+"""A user-defined effect in its file, drafted from the simple law that a free curve resembles."""
 
 from __future__ import annotations
 

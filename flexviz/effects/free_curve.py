@@ -245,8 +245,9 @@ def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
 
 KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)
 CURVES: tuple[FreeCurveEffect, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
+_BY_NAME = {curve.name: curve for curve in CURVES}
 
 
 def free_curve(effect: str) -> FreeCurveEffect | None:
     """The free curve of this name; None for a physical effect."""
-    return next((curve for curve in CURVES if curve.name == effect), None)
+    return _BY_NAME.get(effect)

@@ -47,8 +47,7 @@ class Registry(dict[str, Effect]):
         return super().__contains__(name) or free_curve(str(name)) is not None
 
     def get(self, name: str, default: object = None) -> Any:
-        curve = free_curve(name)
-        return super().get(name, default if curve is None else curve)
+        return super().get(name) or free_curve(name) or default
 
 
 EFFECTS: dict[str, Effect] = Registry(library(EFFECT_NAMES))

@@ -36,7 +36,7 @@ def json_parameters(identified: IdentifiedRobot) -> FormatFiles:
 
 
 def curve_files(identified: IdentifiedRobot) -> dict[str, bytes]:
-    """Every free curve as a table to interpolate linearly: `curve_position_joint1.csv`, in SI units."""
+    """Every free curve as a table to interpolate linearly: `free_curve_position_joint1.csv`, in SI units."""
     out = {}
     for effect in identified.model.effects:
         curve = free_curve(effect.effect)

@@ -53,9 +53,10 @@ def model_chain(session: Session) -> list[tuple[ModelStep, Analysis | None]]:
     states = [one.analysis for one in (*session.steps, *session.future)]
     now = _keys(session.analysis.model_steps)
     chains = [state.model_steps for state in states if now and _keys(state.model_steps)[: len(now)] == now]
+    longest = max(chains, key=len, default=())
     out: list[tuple[ModelStep, Analysis | None]] = []
-    for k, one in enumerate(max(chains, key=len, default=())):
-        key = _keys(max(chains, key=len)[: k + 1])
+    for k, one in enumerate(longest):
+        key = _keys(longest[: k + 1])
         shown = [state for state in states if _keys(state.model_steps) == key and state.diagnosis_up_to_date]
         out.append((one, shown[-1] if shown else None))
     return out

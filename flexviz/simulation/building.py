@@ -54,10 +54,9 @@ def make_plant(
         robot.to_pin(model.motor_viscous_friction),
     )
     degrees = np.full(robot.n, ROOM_TEMPERATURE) if temperature is None else np.asarray(temperature, float)
-    gravity, nothing = (0.0, 0.0, -STANDARD_GRAVITY), np.zeros(robot.n)
-    made = Assembly(
-        robot, plant, tuple(payload), gravity, nothing.copy(), nothing.copy(), robot.to_pin(degrees)
-    )
+    gravity = (0.0, 0.0, -STANDARD_GRAVITY)
+    no_gain_error, no_delay = np.zeros((2, robot.n))
+    made = Assembly(robot, plant, tuple(payload), gravity, no_gain_error, no_delay, robot.to_pin(degrees))
     for effect in model.effects:
         if effect.group not in (None, group) or effect.payload not in (None, payload_name):
             continue
