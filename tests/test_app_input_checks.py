@@ -384,6 +384,7 @@ def test_websockets_of_other_sites_are_refused(server: Any, headers: dict[str, s
         ("0.0.0.0", "192.168.1.5:8080", "http://evil.example", False),
         ("0.0.0.0", "lab-pc:8080", "http://lab-pc:8080", True),
         ("0.0.0.0", "lab-pc.local:8080", None, True),
+        ("0.0.0.0", "lab-pc.example.org:8080", None, True),
         ("0.0.0.0", "evil.example:8080", "http://evil.example:8080", False),
         ("robot.example", "robot.example:8080", "http://robot.example:8080", True),
     ],

@@ -15,6 +15,7 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -78,7 +79,13 @@ def is_own(name: str, bound_to: str) -> bool:
         return True
     machine = socket.gethostname().lower()
     label = machine.partition(".")[0]
-    return bool(name) and (name in (machine, label, f"{label}.local") or name == socket.getfqdn().lower())
+    return bool(name) and (name in (machine, label, f"{label}.local") or name == _full_name(machine))
+
+
+@lru_cache(maxsize=1)
+def _full_name(machine: str) -> str:
+    """Name with the domain; asked for once, because a name server may take seconds to answer."""
+    return socket.getfqdn().lower()
 
 
 @dataclass(frozen=True)
