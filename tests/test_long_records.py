@@ -118,6 +118,8 @@ def test_unknown_columns_are_kept_without_their_zeros(monkeypatch: pytest.Monkey
     values, vectors = np.linalg.eigh(matrix)
     exact = vectors @ ((vectors.T @ (dense(tool, count) @ y.reshape(-1, 3))) / np.sqrt(values)[:, None])
     np.testing.assert_allclose(found, exact, atol=1e-9)
+    by_columns = weighting.apply(np.asfortranarray(y)).reshape(-1, 3)
+    np.testing.assert_allclose(by_columns, exact, atol=1e-9)
     assert weighting.log_determinant == pytest.approx(np.log(values).sum(), rel=1e-9)
     kept = sum(part.size for _, part in weighting.unknown[0].columns)
     assert kept < 0.2 * white.size

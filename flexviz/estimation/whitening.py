@@ -71,7 +71,7 @@ class Whitener:
         `start`: sample of the stretch with which y begins; it counts as zero before.
         """
         flat = y.reshape(*y.shape[:2], -1)
-        out = np.empty_like(flat)
+        out = np.empty(flat.shape)  # C order, whatever that of y: weightings change it in place
         for first, last in _chunks(len(flat)):
             predictor, scale = self.maps(np.arange(start + first, start + last))
             rest = flat[first:last].copy()
