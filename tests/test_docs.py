@@ -29,6 +29,15 @@ def test_python_in_documents_runs(page: Path, tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
 
 
+def test_every_picture_that_a_document_shows_is_there_and_the_other_way_round() -> None:
+    shown = set()
+    for page in PAGES:
+        for alt, place in re.findall(r"!\[([^\]]*)\]\(([^)]+)\)", page.read_text(encoding="utf-8")):
+            assert len(alt) > 15, (page.name, place)
+            shown.add((page.parent / place).resolve())
+    assert shown == set((ROOT / "docs" / "images").iterdir())
+
+
 # -- the site ----------------------------------------------------------------------------------------
 
 

@@ -13,7 +13,7 @@ CSS = """
 .fv-tag { background: #56B4E9; color: #000; border-radius: 3px; padding: 0 0.4em; font-size: 11px; }
 .fv-warn { border-left: 3px solid #E69F00; padding-left: 0.5em; margin-top: 0.3em; }
 .fv-steps { padding-top: 0.6em; font-size: 12px; word-spacing: -0.06em; }
-.fv-steps span { white-space: nowrap; }
+.fv-steps span, .fv-status span { white-space: nowrap; }
 .fv-steps .fv-now { font-weight: 700; border-bottom: 2px solid #0072B2; }
 .fv-status { margin: 0 0.75em 0.5em; padding: 0.35em 0.6em; border-left: 3px solid #009E73;
   background: rgba(128, 128, 128, 0.12); overflow-wrap: anywhere; }

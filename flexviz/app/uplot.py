@@ -144,12 +144,15 @@ def _look(chart: Chart) -> dict[str, Any]:
     x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
     if chart.x.whole:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
+    y: dict[str, Any] = {"scale": "y", "size": 58}
+    if chart.y.logarithmic:  # over many decades the marks beside the axis would be a black block
+        y["ticks"] = {"show": False}
     first = 1 + len(chart.series)  # of the ribbons' edges
     pairs = [[first + 2 * i, first + 2 * i + 1] for i in range(len(chart.ribbons))]
     return {
         "series": _series(chart),
         "scales": _scales(chart),
-        "axes": (x, {"scale": "y", "size": 58}),
+        "axes": (x, y),
         "bands": tuple({"series": pair, "fill": RIBBON} for pair in pairs) or None,
     }
 

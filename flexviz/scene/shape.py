@@ -193,9 +193,9 @@ class SceneLayout:
         return -apart, apart
 
     def label_places(self, layout: str) -> tuple[Array, Array]:
-        """Label positions (3,) of the measured and the identified robot [m]: under their bases."""
+        """Label positions (3,) of the measured and the identified robot [m]: under their motions."""
         apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
-        below = np.array([0.0, 0.0, max(self.floor, -0.75 * self.size) - 0.02 * self.size])
+        below = (self.centre @ self.right) * self.right + np.array([0.0, 0.0, self.floor - 0.02 * self.size])
         return below - apart, below + apart
 
     def camera(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,8 +61,10 @@ def error_text(
 
 def status_html(step: str, message: str, error: str, tone: str = "") -> str:
     """The status line: step, message and error; `tone` is "", "busy" or "bad"."""
-    extra = f" · {escape(message)}" if message else ""
-    return f'<div class="fv fv-status {tone}">Step {escape(step)}{extra} · {escape(error)}</div>'
+    parts = (f"Step {step}", message, error)
+    text = "&nbsp;· ".join(escape(part) for part in parts if part)
+    text = re.sub(r"\(?\d[\d.]* (?:s|Nm|%)(?!\w)\)?", r"<span>\g<0></span>", text)  # unbroken
+    return f'<div class="fv fv-status {tone}">{text}</div>'
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,14 +12,9 @@ from typing import Any
 
 import pytest
 
-FLAGS = [
-    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync",
-]  # fmt: skip
+from tests.browser.page import CHROMIUM, FLAGS, close_notices
+
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
-# the same places as install_chromium.sh; None: Playwright's own
-NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
 @pytest.fixture(scope="session")
@@ -104,8 +98,7 @@ def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callabl
         page.set_default_timeout(PATIENCE)
         page.goto(address)
         page.wait_for_selector(".uplot .u-over")
-        for button in page.query_selector_all(".mantine-Notification-closeButton"):
-            button.click()
+        close_notices(page)
         return page
 
     yield open_

@@ -1,12 +1,21 @@
-"""How the tests find things on the page."""
+"""How the tests start Chromium and find things on the page."""
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
 import time
 from collections.abc import Callable
 from typing import Any
 
+FLAGS = [
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+# the same places as install_chromium.sh; None: Playwright's own
+NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
 SOON = 20.0  # [s] in which what was just asked for is on the page of a busy machine
 
 
@@ -30,6 +39,12 @@ def the_one(look: Callable[[], list[Any]], what: str) -> Any:
     found = within(SOON, look, lambda found: len(found) == 1)
     assert len(found) == 1, f"{len(found)} {what}"
     return found[0]
+
+
+def close_notices(page: Any) -> None:
+    """Close what the app announces at its start."""
+    for cross in page.query_selector_all(".mantine-Notification-closeButton"):
+        cross.click()
 
 
 def row(page: Any, label: str) -> Any:
