@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from flexviz.effects.curve_forms import DIRECTIONS, CurveForm
+from flexviz.effects.curve_forms import CurveForm
 
 VARIABLES = {"position": "position", "velocity": "velocity", "load": "torque", "time": "time"}
 STATES = {"position": "at.theta", "velocity": "abs(at.theta_velocity)", "load": "at.load", "time": "at.time"}
@@ -174,6 +174,3 @@ def draft_effect(form: CurveForm, joint: str, set_name: str, on_link: bool = Fal
         state_velocity="q_velocity" if on_link else "theta_velocity",
         state_factor=state_factor,
     )
-
-
-assert set(FACTORS) == set(DIRECTIONS)

@@ -249,8 +249,7 @@ def read_arrays(folder: Path, entry: Any) -> list[np.ndarray]:
 
 def read_npz(file: Path, count: int | None = None) -> list[np.ndarray]:
     """The arrays a0, a1, … of a file; `count`: expected number of arrays, if known."""
-    if not file.is_file():
-        raise FileNotFoundError(2, "No such file or directory", str(file))
+    file.stat()  # FileNotFoundError is left to the caller: another process may have saved meanwhile
     with readable(file, "archive of results"):
         check_npz(file)
         with np.load(file, allow_pickle=False) as npz:
