@@ -224,9 +224,7 @@ def test_matlab(tmp_path: Path, layout: str) -> None:
 def records() -> list[dict[str, Any]]:
     """One record per instant."""
     rows = zip(DATA.time, DATA.theta, DATA.tau, strict=True)
-    return [
-        {"t": t, "state": {"q": q.tolist()}, "tau": tau.tolist(), "mode": "run\u2028"} for t, q, tau in rows
-    ]
+    return [{"t": t, "state": {"q": q.tolist()}, "tau": tau.tolist(), "mode": "\u2028"} for t, q, tau in rows]
 
 
 def npz(file: Path) -> None:
