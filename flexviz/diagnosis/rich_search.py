@@ -24,7 +24,7 @@ from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_g
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, best_intervals, score
-from flexviz.wording import effect_title, plural, where_text
+from flexviz.wording import plural, where_text
 
 Array = NDArray[np.float64]
 
@@ -98,11 +98,11 @@ class RichSearch(ModelFamily):
             if scored.gain < LIMITS.single_share * excess:
                 break
             self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
-            if np.all(self.single(scored).rms < LIMITS.near_noise * floor):
+            found = self.single(scored)
+            if np.all(found.rms < LIMITS.near_noise * floor):
                 rivals = (s.effect for s in self.alone[: THRESHOLDS.search.kept_signatures])
-                found = self.single(scored)
-                joint = None if scored.effect.joint is None else self.own.joints[scored.effect.joint]
-                self.say(f"best so far: {effect_title(scored.effect.effect)}{where_text(joint)}")
+                where = where_text(self.own.joint_name(scored.effect))
+                self.say(f"best so far: {EFFECTS[scored.effect.effect].title}{where}")
                 return NearNoise(found.layout, found.x, frozenset(rivals))
         return None
 
