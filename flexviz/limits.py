@@ -41,12 +41,13 @@ def read_json(file: Path, largest: int = LARGEST_TEXT) -> Any:
         raise InputError(f"not valid JSON: {error}", file=file) from None
 
 
-def check_npz(file: Path, largest: int = LARGEST_UNPACKED) -> None:
+def check_npz(file: Path) -> None:
     """InputError for an archive of arrays that says it is larger, as a whole or in an array's header."""
     with zipfile.ZipFile(file) as archive:
         total = sum(info.file_size for info in archive.infolist())
-        if total > largest:
-            raise InputError(f"{total:,} bytes unpacked, expected at most {largest:,}", file=file)
+        if total > LARGEST_UNPACKED:
+            message = f"{total:,} bytes unpacked, expected at most {LARGEST_UNPACKED:,}"
+            raise InputError(message, file=file)
         for info in archive.infolist():
             with archive.open(info) as stream:
                 version = np.lib.format.read_magic(stream)

@@ -24,6 +24,7 @@ from flexviz.session import (
     SessionChanged,
     find_unsaved,
     open_session,
+    packing,
     relocate,
     save_session,
 )
@@ -70,6 +71,15 @@ def test_twenty_kills_lose_nothing() -> None:
     )
     assert run.returncode == 0, run.stdout + run.stderr
     assert "20 sessions open and hold what was saved last" in run.stdout
+
+
+def test_a_result_too_large_to_be_opened_is_not_saved(kept: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
+    measurements, session, folder = kept
+    before = (folder / SESSION_FILE).read_bytes()
+    monkeypatch.setattr(packing, "LARGEST_UNPACKED", 1000)
+    with pytest.raises(InputError, match="cannot be saved in a session, expected at most 1,000"):
+        save_session(session.with_note("more"), measurements, folder)
+    assert (folder / SESSION_FILE).read_bytes() == before
 
 
 @pytest.mark.parametrize("fails", ["fsync", "replace"])

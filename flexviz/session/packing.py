@@ -47,7 +47,7 @@ from flexviz.identification import (
     ResidualSeries,
     ResidualSummary,
 )
-from flexviz.limits import check_npz
+from flexviz.limits import LARGEST_UNPACKED, check_npz
 from flexviz.measurements import readable
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.progress import Iteration
@@ -226,6 +226,9 @@ def write_arrays(folder: Path, arrays: Sequence[np.ndarray]) -> dict[str, Any]:
     for array in arrays:
         if array.dtype.hasobject:
             raise InputError("an array of objects cannot be saved in a session")
+    if (total := sum(array.nbytes for array in arrays)) > LARGEST_UNPACKED:  # it could not be opened again
+        message = f"a result of {total:,} bytes cannot be saved in a session, expected at most"
+        raise InputError(f"{message} {LARGEST_UNPACKED:,}")
     name = f"{FOLDER}/{digest(arrays)}.npz"
     if not (folder / name).is_file():
         (folder / FOLDER).mkdir(exist_ok=True)
