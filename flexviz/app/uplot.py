@@ -145,8 +145,8 @@ def _look(chart: Chart) -> dict[str, Any]:
     if chart.x.whole:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
     y: dict[str, Any] = {"scale": "y", "size": 58}
-    if chart.y.logarithmic:  # over many decades the marks beside the axis would be a black block
-        y["ticks"] = {"show": False}
+    if chart.y.logarithmic:  # over many decades the marks and grid lines would be solid blocks
+        y |= {"ticks": {"show": False}, "grid": {"width": 0.5}}
     first = 1 + len(chart.series)  # of the ribbons' edges
     pairs = [[first + 2 * i, first + 2 * i + 1] for i in range(len(chart.ribbons))]
     return {
