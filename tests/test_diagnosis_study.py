@@ -92,7 +92,8 @@ def test_cases_are_many_and_different() -> None:
     assert sum(count["pair", planar] for planar in (True, False)) >= 40
     assert sum(count["clean", planar] for planar in (True, False)) >= 150
     assert sum(count["unknown", planar] for planar in (True, False)) >= 64
-    tried = {name for name in LAWS if not EFFECTS[name].only_among_many}
+    # friction of the temperature has a study of its own: these sets do not state any
+    tried = {name for name in LAWS if not EFFECTS[name].only_among_many} - {"temperature_friction"}
     assert {case.effects[0] for case in every if case.kind == "single"} == tried == set(SIZES)
     assert {case.extra_law for case in every if case.extra_law} == set(EXTRA_LAWS) and len(EXTRA_LAWS) >= 5
     assert {case.noise for case in every if case.effects == ("backlash",)} == {0.5, 1.0, 3.0}

@@ -150,7 +150,7 @@ def test_side_by_side(files: tuple[Path, Path], tmp_path: Path, capfd: Any) -> N
         "A residual [Nm] g1",
         "B residual",
         "B verdict",
-        "A cost",
+        "A relative cost",
         "Differences",
     ):
         assert words in views

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
@@ -24,8 +23,6 @@ from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.results import Note
-
-Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
@@ -51,10 +48,6 @@ class ManyEffects:
         self.measurements, self.layout, self.band, self.say = measurements, layout, band, say
         self.context = MotionContext(measurements, layout.joints)
         self.search = RichSearch(self.context, layout, say)
-
-    def own_start(self) -> Array:
-        """Parameters (P,) of the set's own model, fitted without a stop."""
-        return self.context.fit(self.layout, self.context.start(self.layout).x).x
 
     def find(self) -> RichModel | None:
         """The smallest model found.

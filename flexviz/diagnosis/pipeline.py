@@ -30,7 +30,7 @@ from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
 from flexviz.estimation import Covariance
-from flexviz.identification import parameter_estimates
+from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.progress import Pace, ProgressCallback, StopCallback
@@ -137,12 +137,12 @@ class _Pipeline:
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
-        near = rich = own = None
+        near = rich = None
         try:
-            near, own = many.search.near_noise(), many.search.bare.x
+            near = many.search.near_noise()
             if near is not None:
                 many.search.forget()
-                self.prepare(own, LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+                self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
                 self.add_effects(apply, near)
             if near is None or verdict(self.final, self.reference) == "unknown":
                 rich = many.find()
@@ -152,9 +152,8 @@ class _Pipeline:
             result = many.result(rich, apply, bool(guarded), self.tell)
             return replace(result, seconds=time.perf_counter() - self.began)
         if near is None:
-            own = many.own_start() if own is None else own
             del many  # its fits take as much memory as what follows
-            self.prepare(own)
+            self.prepare()
         try:
             self.check_stop()
             if near is None:
@@ -175,11 +174,14 @@ class _Pipeline:
 
     # -- one after the other
 
-    def prepare(self, x: Array, iterations: int = LIMITS.first_iterations) -> None:
-        """Fit the set's own model in units of the noise from x, shape (P,), or where the caller starts."""
+    def prepare(self, iterations: int = LIMITS.first_iterations) -> None:
+        """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        x = x if self.start is None else self.layout.vector(self.start)
+        identified = identify(self.measurements, should_stop=self.should_stop) if self.start is None else None
+        model = self.start if identified is None else identified.model
+        assert model is not None
+        x = self.layout.vector(model)
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 

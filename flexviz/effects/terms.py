@@ -69,8 +69,8 @@ class JointMotion:
         stiffness: current K [Nm/rad].
         motor_viscous: current f_mv [Nm s/rad].
         torque_scale: rms of s over all stretches [Nm].
-        temperature: that the group states for the joint [°C]; NaN if it states none.
         present: the joint's effects → current parameters.
+        temperature: that the group states for the joint [°C]; NaN if it states none.
         notes: cache of a law for further calls with the same motion.
     """
 
@@ -83,8 +83,8 @@ class JointMotion:
     stiffness: float
     motor_viscous: float
     torque_scale: float
-    temperature: float = np.nan
     present: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    temperature: float = np.nan
     notes: dict[str, Array] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property

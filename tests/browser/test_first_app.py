@@ -162,7 +162,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     well_laid_out(page)
     tab(page, "Signals").click()
     until(lambda: any(title.startswith("Residual") for title in charts(page)), what="the residual")
-    torque = chart(page, "Torque")
+    torque = chart(page, "Torque, ")
     assert len(torque) == 4  # time, measured, model, playhead
     until(
         lambda: any(title.startswith("Simulated − measured") for title in charts(page)),
