@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -112,8 +113,8 @@ def wait(app: Application) -> None:
 
 
 def status(app: Application) -> str:
-    """The status line (HTML)."""
-    return app.dock._status.content
+    """The status line (HTML), without the marks that keep a number with its unit."""
+    return re.sub(r"</?span>", "", app.dock._status.content)
 
 
 def chart(app: Application, column: str, key: str) -> tuple[np.ndarray, ...]:
