@@ -1,16 +1,16 @@
 """Diagnosis on sets with a hidden effect, and its parts."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import Diagnosis, acceptance, diagnose
-from flexviz.diagnosis.acceptance import fit_covariance
+from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
+from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
@@ -46,10 +46,13 @@ def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
 def test_an_effect_that_its_interval_holds_to_be_zero_is_not_found(
     demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def wide(*fit: Any) -> Any:
-        return SimpleNamespace(standard_errors=1e6 * fit_covariance(*fit).standard_errors)
+    known = FitContext.covariance
 
-    monkeypatch.setattr(acceptance, "fit_covariance", wide)
+    def wide(*fit: Any) -> Any:
+        covariance = known(*fit)
+        return replace(covariance, matrix=1e12 * covariance.matrix)
+
+    monkeypatch.setattr(FitContext, "covariance", wide)
     assert diagnose(demo).verdict != "missing"  # although the gain is large
 
 

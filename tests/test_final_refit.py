@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.acceptance import fit_covariance
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
@@ -36,7 +35,7 @@ def test_values_are_the_truth_within_smaller_intervals(made: MeasurementSet) -> 
     closer = final_refit(made, fit, lambda: None)
     assert closer is not None
     std = closer.covariance.standard_errors
-    wide = fit_covariance(context, fit).standard_errors
+    wide = context.covariance(fit).standard_errors
     known = closer.covariance.prior_share < 0.01  # by the data
     assert known.sum() >= 10
     assert np.exp(np.mean(np.log(std[known] / wide[known]))) < 0.95

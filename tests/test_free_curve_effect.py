@@ -203,7 +203,7 @@ def test_step_of_a_diagnosis(
     file.write_text(json.dumps(document))
     assert read_result(file).curves == ResultDocument.from_dict(document).curves
     assert "not physics" in longer.summary()
-    (note,) = (note.text for note in longer.notes if note.kind == "other")
+    (note,) = (note.text for note in longer.notes if note.kind == "stopgap")
     assert note.startswith(f"not physics, but in the model: {last.added.text}")
 
 

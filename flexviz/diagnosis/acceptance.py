@@ -7,7 +7,6 @@ import numpy as np
 from flexviz.diagnosis.fit_context import Fit, FitContext, Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
-from flexviz.estimation import Covariance, sandwich
 from flexviz.results import Verdict
 from flexviz.statistics import NORMAL_95
 
@@ -44,17 +43,8 @@ def held_to_be_zero(context: FitContext, fit: Fit, effect: ChosenEffect) -> bool
     """Whether the 95 % intervals of all that makes up an effect's size include zero."""
     first = fit.layout.effect_slice(effect).start
     rows = [first + k for k in EFFECTS[effect.effect].size_at]
-    std = fit_covariance(context, fit).standard_errors[rows]
+    std = context.covariance(fit).standard_errors[rows]
     return bool(np.all(~(np.abs(fit.x[rows]) >= NORMAL_95 * std)))  # also where no interval can be given
-
-
-def fit_covariance(context: FitContext, fit: Fit) -> Covariance:
-    """Covariance of a fit, from the residual's own spectra."""
-    if fit.covariance is not None:
-        return fit.covariance
-    prior = context.start(fit.layout).prior
-    normal = fit.point.normal_equations(prior)
-    return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
 
 def only_an_offset(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:

@@ -23,7 +23,8 @@ from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
 
-OF_THE_LAST_MODEL = ("free-curve", "unexplained", "bandwidth", "model-error")  # notes that are renewed
+# kinds of notes that are renewed
+OF_THE_LAST_MODEL = ("free-curve", "stopgap", "unexplained", "bandwidth", "model-error")
 
 
 def why_no_curve(diagnosis: Diagnosis) -> str:
@@ -111,8 +112,7 @@ def _extended(
     places, maps = locate_residual(at_noise, fit)
     left = fit_free_curve(at_noise, fit, places[0])
     prior = context.start(layout).prior
-    last = diagnosis.notes
-    kept = (n for n in last if n.kind not in OF_THE_LAST_MODEL and not n.text.startswith("not physics"))
+    kept = (note for note in diagnosis.notes if note.kind not in OF_THE_LAST_MODEL)
     return replace(
         diagnosis,
         where=places,

@@ -106,7 +106,7 @@ def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[tuple[Cho
     the joints, beside those before it.
     """
     # of independent errors: with it the conditional parameters are those of a fit without the effects
-    covariance = sandwich(fit.information, fit.information, fit.prior_hessian, fit.at_bound).matrix
+    covariance = sandwich(fit.information, fit.information, fit.prior_derivatives[1], fit.at_bound).matrix
     judged, jacobian = fit.judged
     left = {effect: where for effect, where in fit.layout.effect_slices() if effect in effects}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import fit_covariance, held_out_share
+from flexviz.diagnosis.acceptance import held_out_share
 from flexviz.diagnosis.comparison import CandidateScores, SearchStep
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext, Fitted
@@ -33,7 +33,7 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
         shown: residual that the effect explains; None for candidates that were not added.
     """
     before, effect, fit = step.before, step.chosen.effect, step.chosen.fit
-    std = fit_covariance(context, fit).standard_errors
+    std = context.covariance(fit).standard_errors
     where = fit.layout.effect_slice(effect)
     specs = EFFECTS[effect.effect].parameters
     evidenced = features(before, fit, final)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import fit_covariance
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.estimation import Covariance
@@ -47,4 +46,4 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
     worst = THRESHOLDS.evidence.final_refit_chi * max(float(fit.chi.max()), 1.0)
     if not closer.converged or closer.chi.max() > worst:
         return None
-    return FinalRefit(closer.x, fit_covariance(context, closer))
+    return FinalRefit(closer.x, context.covariance(closer))

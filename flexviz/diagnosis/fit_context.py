@@ -24,6 +24,7 @@ from flexviz.estimation import (
     Whitener,
     gauss_newton,
     other_effects,
+    sandwich,
     solve,
     start_values,
 )
@@ -244,6 +245,13 @@ class FitContext:
             report=lambda *_: check(),
         )  # fmt: skip
         return solution.x
+
+    def covariance(self, fit: Fit) -> Covariance:
+        """Covariance of a fit, from the residual's own spectra."""
+        if fit.covariance is not None:
+            return fit.covariance
+        normal = fit.point.normal_equations(self.start(fit.layout).prior)
+        return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
 
     def chain(self, fit: Fit) -> Chain:
         """Sensitivity of the residual to s and q at a fit."""

@@ -85,11 +85,6 @@ class MotionFit:
         return self.context.start(self.layout).prior.gradient_and_hessian(self.x)
 
     @property
-    def prior_hessian(self) -> Array:
-        """Shape (P, P)."""
-        return self.prior_derivatives[1]
-
-    @property
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
         return self._whitened.get(
@@ -101,26 +96,28 @@ class MotionFit:
         """Transmission torque of the fit groups, shape (N, n) [Nm]."""
         return self.evaluation.torque[0]
 
+    def instruments(self) -> Array:
+        """The weighted Jacobian Z, shape (N n, P)."""
+        return self.whitened[1].reshape(-1, self.layout.size)
+
     @cached_property
     def information(self) -> Array:
-        """Zᵀ Z of the weighted Jacobian Z, shape (P, P)."""
-        flat = self.whitened[1].reshape(-1, self.layout.size)
+        """Zᵀ Z, shape (P, P)."""
+        flat = self.instruments()
         return flat.T @ flat
 
     @cached_property
     def projection(self) -> Projection:
         """Projection of weighted signatures onto the complement of the model's own parameters."""
-        again = lambda: self.whitened[1].reshape(-1, self.layout.size)  # noqa: E731
         gradient, hessian = self.prior_derivatives
-        residual, precision = self.whitened[0].ravel(), self.information + hessian
-        return Projection(residual, again(), precision, gradient, again)
+        return Projection(self.whitened[0].ravel(), self.instruments, self.information + hessian, gradient)
 
     @cached_property
     def covariance(self) -> Covariance:
         """Of the parameters, from the residual's own spectra."""
         rows = [b.rows for b in self.context.signals.blocks]
         score = score_covariance(*self.whitened, rows)
-        return sandwich(self.information, score, self.prior_hessian, self.at_bound)
+        return sandwich(self.information, score, self.prior_derivatives[1], self.at_bound)
 
     @cached_property
     def rms(self) -> Array:

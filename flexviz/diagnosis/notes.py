@@ -77,4 +77,4 @@ def stopgap_notes(layout: Layout) -> list[Note]:
     """A note on the free curves in a model."""
     curves = ", ".join(e.text(layout.joints) for e in layout.effects if EFFECTS[e.effect].stopgap)
     text = f"not physics, but in the model: {curves}; it stands for a law that is still unknown"
-    return [Note("other", text)] if curves else []
+    return [Note("stopgap", text)] if curves else []

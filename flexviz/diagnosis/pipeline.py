@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
-from flexviz.diagnosis.acceptance import excess, fit_covariance, verdict
+from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import NearNoise
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
@@ -74,7 +74,7 @@ def diagnose(
         measurements: the measurement set.
         apply: add the effects found one by one and refit after each. Otherwise only the first missing effect
             is named and the result describes the set's own model.
-        start: start values; default: those of a fit in the band of the motion.
+        start: start values; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise.
         free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
@@ -215,7 +215,7 @@ class _Pipeline:
     def reported(self, refitted: RefittedCandidate) -> RefittedCandidate:
         """A refit with its covariance, without what takes memory."""
         fit = refitted.fit
-        covariance = fit_covariance(self.context, fit)
+        covariance = self.context.covariance(fit)
         scored = replace(refitted.scored, signature=np.zeros(0), rows=None)
         return RefittedCandidate(scored, fit.reported(covariance))
 
@@ -321,7 +321,7 @@ class _Pipeline:
     def conclude(self, final: Fit, apply: bool) -> Conclusion:
         """The final model, refitted if complete; the set's own model if effects are not applied."""
         if not apply and self.steps:
-            return Conclusion(self.base, "missing", fit_covariance(self.context, self.base))
+            return Conclusion(self.base, "missing", self.context.covariance(self.base))
         last = verdict(final, self.reference)
         if last == "nothing-missing":
             try:
@@ -332,7 +332,7 @@ class _Pipeline:
             if closer is not None:
                 fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
                 return Conclusion(fit, last, closer.covariance, refined=True)
-        return Conclusion(final, last, fit_covariance(self.context, final))
+        return Conclusion(final, last, self.context.covariance(final))
 
     def ranked(self, first: list[Finding]) -> list[Finding]:
         """Candidates for the set's own model: the one added first, then the others that were refitted."""

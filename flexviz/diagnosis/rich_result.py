@@ -136,7 +136,7 @@ def ties(rich: RichModel, effect: ChosenEffect) -> Iterator[Tie]:
     own = fit.layout.effect_slice(effect)
     others = np.delete(np.arange(fit.layout.size), own)
     flat = jacobian.reshape(-1, fit.layout.size)
-    precision = (fit.information + fit.prior_hessian)[np.ix_(others, others)]
+    precision = (fit.information + fit.prior_derivatives[1])[np.ix_(others, others)]
     projection = Projection(residual.ravel(), flat[:, others], precision)
 
     def outside(column: Array) -> Array:

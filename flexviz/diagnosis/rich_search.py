@@ -151,7 +151,7 @@ class RichSearch(ModelFamily):
         """The model with all that is found in what it leaves, thinned out after each round."""
         idle = 0
         for _ in range(LIMITS.rounds):
-            self.say(f"scoring what {plural(len(needed), 'effect')} leave")
+            self.say(f"scoring what is left beside {plural(len(needed), 'effect')}")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
                 self.say(f"eliminating an unknown law on {self.own.joints[unknown.joint]}")

@@ -56,8 +56,7 @@ class Search:
         prior = self.context.start(layout).prior
         flat = point.z.reshape(-1, layout.size)
         hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
-        again = lambda: point.z.reshape(-1, layout.size)  # noqa: E731
-        projection = Projection(point.r.ravel(), flat, hessian, again=again)
+        projection = Projection(point.r.ravel(), lambda: point.z.reshape(-1, layout.size), hessian)
         weigh = self.weigh(fit)
         wanted = candidates(layout, self.context.measurements.groups)
         if only is not None:
@@ -230,7 +229,8 @@ class Search:
         gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
         tied = leader.fit.point.objective + max(EVIDENCE.tied_gain, EVIDENCE.tied_share * gain)
         close = [s for s in others if s.gain >= LIMITS.close_score * leader.scored.gain]
-        there = self.fit_from(ModelStart(fit.layout, _common_values(leader.fit, fit)), 0, near=leader.fit)
+        common = _common_values(leader.fit, fit)
+        there = self.fit_from(ModelStart(fit.layout, common), 0, near=leader.fit)
         again = self.scores(there, {leader.effect, *(s.effect for s in close)})
         gains = {s.effect: s.gain for s in reversed(again.ranked)}  # of an episode in its best stretch
         all_of_it = gains.get(leader.effect, 0.0)  # missing if none of its guesses is within its bounds there
@@ -243,11 +243,10 @@ class Search:
                 ruled_out[s.effect] = leader.fit.objective + deficit
                 continue
             self.say(f"comparing with: {EFFECTS[s.effect.effect].title}")
-            start = with_effect(fit.layout, _common_values(leader.fit, fit), s.effect, s.values)
+            start = with_effect(fit.layout, common, s.effect, s.values)
             limit = leader.fit.objective + LIMITS.rival_deficit * gain
             rival = self.fit_from(start, LIMITS.short_refit, near=leader.fit, beat=limit)
-            lagging = rival.objective > limit
-            if not rival.converged and not lagging:
+            if not rival.converged and rival.objective <= limit:
                 rival = self.continued(rival, LIMITS.full_refit, beat=tied)
             out.append(RefittedCandidate(s, rival))
         return Comparison(by_objective([leader, *out]), ruled_out)

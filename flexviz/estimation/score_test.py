@@ -37,26 +37,25 @@ class Projection:
 
     Args:
         residual: shape (M,), weighted.
-        instruments: shape (M, P), weighted Jacobian of the present model.
+        instruments: shape (M, P), weighted Jacobian of the present model; or a function that makes it, which
+            is then called whenever it is needed.
         hessian: shape (P, P), instrumentsᵀ instruments + Hessian of the prior.
         prior_gradient: shape (P,). If given, the prior counts like further measurements: an effect also gains
             what the prior pays for parameters that stand in for it, such as masses far from the CAD model.
-        again: makes the instruments once more; if given, they are not kept.
     """
 
     def __init__(
         self,
         residual: Array,
-        instruments: Array,
+        instruments: Array | Callable[[], Array],
         hessian: Array,
         prior_gradient: Array | None = None,
-        again: Callable[[], Array] | None = None,
     ) -> None:
-        self.residual, self._again = residual, again
-        self._instruments = instruments if again is None else None
+        self.residual, self._instruments = residual, instruments
         self._inverse = scaled_inverse(hessian, rcond=1e-13)
-        self._gram = instruments.T @ instruments
-        self._along = instruments.T @ residual
+        z = self.instruments
+        self._gram = z.T @ z
+        self._along = z.T @ residual
         if prior_gradient is not None:
             self._gram = hessian
             self._along = self._along + prior_gradient
@@ -64,10 +63,7 @@ class Projection:
     @property
     def instruments(self) -> Array:
         """Weighted Jacobian, shape (M, P)."""
-        if self._instruments is not None:
-            return self._instruments
-        assert self._again is not None
-        return self._again()
+        return self._instruments() if callable(self._instruments) else self._instruments
 
     def normal(self, columns: Array, rows: slice | None = None) -> tuple[Array, Array]:
         """Gram matrix (C, C) of projected signatures and their products with the residual (C,).

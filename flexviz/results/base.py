@@ -12,7 +12,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationIn
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 Grade = Literal["yes", "weak", "no"]
 NoteKind = Literal[
-    "model-error", "pulses", "unexplained", "free-curve", "bandwidth", "standstill", "explained", "other"
+    "model-error",
+    "pulses",
+    "unexplained",
+    "free-curve",
+    "stopgap",
+    "bandwidth",
+    "standstill",
+    "explained",
+    "other",
 ]
 
 
@@ -22,8 +30,9 @@ class Note:
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
     reversals), "unexplained" (remaining error), "free-curve" (error that a free curve would absorb),
-    "bandwidth" (values that change with the observer bandwidth), "standstill" (joints whose rest is judged
-    apart), "explained" (share of each joint's torque that the model explains), "other".
+    "stopgap" (free curves in the model), "bandwidth" (values that change with the observer bandwidth),
+    "standstill" (joints whose rest is judged apart), "explained" (share of each joint's torque that the model
+    explains), "other".
     """
 
     kind: NoteKind
