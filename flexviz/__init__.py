@@ -34,6 +34,7 @@ _WHERE = {
     "write_set": "flexviz.measurements",
     "Observer": "flexviz.observers",
     "OBSERVERS": "flexviz.observers",
+    "EsoGains": "flexviz.observers",
     "make_observer": "flexviz.observers",
     "sweep": "flexviz.identification",
     "SweepResult": "flexviz.identification",
@@ -75,7 +76,7 @@ if TYPE_CHECKING:
     from flexviz.importing import import_logs
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
-    from flexviz.observers import OBSERVERS, Observer, make_observer
+    from flexviz.observers import OBSERVERS, EsoGains, Observer, make_observer
     from flexviz.progress import Iteration, Progress
     from flexviz.results import ParameterNotFound, ResultDocument, read_result
     from flexviz.robot import PayloadBody, Robot
@@ -89,6 +90,7 @@ __all__ = [
     "ConvergenceError",
     "Diagnosis",
     "EffectValue",
+    "EsoGains",
     "Finding",
     "FlexibleModel",
     "FlexvizError",

@@ -14,7 +14,7 @@ from flexviz.files import write_whole
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
-from flexviz.observers import make_observer
+from flexviz.observers import EsoGains, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.recording import Recorded, RecordingFile, recording_file
 from flexviz.report import diagnosed_session, session_report
@@ -167,6 +167,7 @@ def record(
     effects: Iterable[str] = (),
     observer: str = "butterworth-zero-phase",
     bandwidth: float | Sequence[float] | None = None,
+    gains: EsoGains | None = None,
     refine: bool = False,
     add_missing: bool = False,
     progress: ProgressCallback = ignore,
@@ -177,7 +178,7 @@ def record(
     Args:
         measurements: the set, or its folder.
         out: file to write, .rrd.
-        groups, effects, observer, bandwidth, refine: as in `identify`.
+        groups, effects, observer, bandwidth, gains, refine: as in `identify`.
         add_missing: also find the missing effects, add them one by one and record every step.
         progress, should_stop: see `flexviz.progress`; what was recorded before a stop is kept.
     """
@@ -192,12 +193,12 @@ def record(
                 file.recorder.iteration(news.iteration)
 
         options: dict[str, Any] = {"groups": groups, "observer": observer, "bandwidth": bandwidth}
-        options |= {"refine": refine, "progress": tell, "should_stop": should_stop}
+        options |= {"gains": gains, "refine": refine, "progress": tell, "should_stop": should_stop}
         file.recorder.measured(file.part(0.0, 0.1))
         file.recorder.session(
             observer=observer, effects=effects, groups=list(groups or ()), refine=refine, diagnose=add_missing
         )
-        file.recorder.observe(make_observer(observer, bandwidth), file.part(0.1, 0.25))
+        file.recorder.observe(make_observer(observer, bandwidth, gains), file.part(0.1, 0.25))
         _solve(file, effects, f"with {', '.join(effects)}" if effects else "present model", options, results)
         if add_missing:
             extended = replace(measurements, effects=(*measurements.effects, *effects))

@@ -8,7 +8,7 @@ from flexviz.errors import InputError
 from flexviz.measurements import Segment
 from flexviz.observers import OBSERVERS, CausalEso, EqualDelayEso, make_observer
 from flexviz.observers.cascade import cascade
-from flexviz.observers.eso import gains
+from flexviz.observers.gains import binomial_gains
 
 NAMES = list(OBSERVERS)
 
@@ -43,7 +43,7 @@ def test_causal_eso_solves_the_papers_equations(w):
     step = 1e-3
     t = step * np.arange(2000)
     y = np.sin(3 * t) + 0.2 * np.cos(11 * t)
-    scaled = gains(w) / w ** np.arange(1, 7)
+    scaled = binomial_gains(w) / w ** np.arange(1, 7)
     a = w * (np.eye(6, k=1) - np.outer(scaled, np.eye(6)[0]))
     x = first_order_hold(a, w * scaled, y, step, np.r_[y[0], np.zeros(5)]) * w ** np.arange(6)
     states = CausalEso(w).states(Segment(t, y[:, None], y[:, None], step))

@@ -19,7 +19,6 @@ from flexviz.app.workspace import new_recording
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import FlexvizError, InputError, one_line
 from flexviz.identification import Identification
-from flexviz.observers import make_observer
 from flexviz.wording import effect_text_name
 
 if TYPE_CHECKING:
@@ -66,8 +65,7 @@ class RecordedSession:
         if result is not self._result:
             self._replays, self._maps = set(), ()
             if result is not None:
-                observer = make_observer(result.observer_name, result.bandwidth)  # type: ignore[arg-type]
-                recording.observer(observer)
+                recording.observer(result.observer)
                 recording.identified(result, model_label(fitted.effects if fitted else ()))
         if diagnosis is not None and diagnosis is not self._diagnosis and analysis.diagnosis_up_to_date:
             models = tuple(model.step for model in analysis.model_steps)

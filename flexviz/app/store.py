@@ -124,7 +124,7 @@ class Store(ChangeSignal):
         if change & Changed.HISTORY:
             self.message = Message(action)
         change |= Changed.ANALYSIS
-        if (after.observer, after.bandwidth) != (before.observer, before.bandwidth):
+        if after.tuning != before.tuning:
             change |= Changed.OBSERVER
         if after.identification is not before.identification:
             change |= Changed.RESULT

@@ -100,6 +100,7 @@ def _identify(analysis: Analysis, progress: ProgressCallback, should_stop: StopC
         effects=analysis.effects,
         observer=analysis.observer,
         bandwidth=analysis.bandwidth,
+        gains=analysis.gains,
         refine=analysis.refine,
         progress=progress,
         should_stop=should_stop,
@@ -119,6 +120,7 @@ class Sweep(SetTask["SweepResult"]):
             self.analysis.observer,
             self.bandwidths,
             effects=self.analysis.effects,
+            gains=self.analysis.gains,
             progress=progress,
             should_stop=should_stop,
         )
@@ -173,6 +175,7 @@ class Diagnose(SetTask[DiagnosedSet]):
                     effects=analysis.effects,
                     observer=analysis.observer,
                     bandwidth=bandwidth,
+                    gains=analysis.gains,
                     model=model,
                 )
             )
@@ -203,6 +206,7 @@ class AddFreeCurve(SetTask[DiagnosedSet]):
             effects=(*analysis.effects, last.added.text),
             observer=analysis.observer,
             bandwidth=self.bandwidth,
+            gains=analysis.gains,
             model=last.model,
         )
         return DiagnosedSet(replace(longer, findings=(), steps=(last,)), identification)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flexviz.cli.terminal import Reporter
     from flexviz.identification import Identification
     from flexviz.measurements import MeasurementSet
+    from flexviz.observers import EsoGains
 
 SetArgument = Annotated[Path, typer.Argument(metavar="SET", help="Folder with measurements.toml.")]
 SourceArgument = Annotated[
@@ -69,6 +70,14 @@ class IdentificationOptions:
         str | None,
         typer.Option(metavar="W", help="Observer bandwidth in rad/s: one number, or one per joint: 40,60."),
     ] = None
+    gains: Annotated[
+        str | None,
+        typer.Option(
+            metavar="B1,…,B6",
+            help="Gains of the observer eso instead of those of (s+W)^6: six numbers, or twelve: those of "
+            "the angle, then those of the torque.",
+        ),
+    ] = None
     refine: Annotated[
         bool, typer.Option("--refine", help="Remove the observer's bias in a second stage.")
     ] = False
@@ -80,6 +89,7 @@ class IdentificationOptions:
             "effects": self.effect or [],
             "observer": self.observer,
             "bandwidth": parse_bandwidth(self.bandwidth),
+            "gains": parse_gains(self.gains),
             "refine": self.refine,
         }
 
@@ -124,7 +134,8 @@ def read_selected(path: Path, options: IdentificationOptions) -> MeasurementSet:
     from flexviz.observers import make_observer
 
     bandwidth = parse_bandwidth(options.bandwidth)
-    make_observer(options.observer, bandwidth)  # refuse a wrong name before reading long files
+    # refuse a wrong name before reading long files
+    make_observer(options.observer, bandwidth, parse_gains(options.gains))
     measurements = read_set(path)
     where, joints = measurements.name, measurements.joints
     groups = {g.name: g for g in measurements.groups}
@@ -162,13 +173,30 @@ def parse_bandwidth(text: str | None) -> float | list[float] | None:
     """One number or one per joint, comma separated [rad/s]; None if not given."""
     if text is None:
         return None
+    values = positive_numbers("--bandwidth", text, "one in rad/s or one per joint: 40,60")
+    return values[0] if len(values) == 1 else values
+
+
+def parse_gains(text: str | None) -> EsoGains | None:
+    """Six gains for θ and τ, or six of θ and six of τ; None if not given."""
+    from flexviz.observers import EsoGains
+
+    if text is None:
+        return None
+    values = positive_numbers("--gains", text, "six gains, or six of the angle and six of the torque")
+    if len(values) not in (6, 12):
+        raise InputError(f"--gains {text}: {len(values)} numbers, expected 6 or 12")
+    return EsoGains.of(values[:6], values[6:] or None)
+
+
+def positive_numbers(option: str, text: str, expected: str) -> list[float]:
+    """Numbers separated by commas."""
     values = []
     for part in text.split(","):
         try:
             values.append(float(part))
         except ValueError:
-            message = f'"{part}" is not a number, expected one in rad/s or one per joint: 40,60'
-            raise InputError(f"--bandwidth {text}: {message}") from None
+            raise InputError(f'{option} {text}: "{part}" is not a number, expected {expected}') from None
         if not (math.isfinite(values[-1]) and values[-1] > 0.0):
-            raise InputError(f"--bandwidth {text}: {part} is not a positive number of rad/s")
-    return values[0] if len(values) == 1 else values
+            raise InputError(f"{option} {text}: {part} is not a positive number, expected {expected}")
+    return values

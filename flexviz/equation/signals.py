@@ -71,7 +71,7 @@ class Signals:
         return (
             self.observer
             if isinstance(bandwidth, float)
-            else type(self.observer)(float(np.atleast_1d(bandwidth)[joint]))
+            else self.observer.for_bandwidth(float(np.atleast_1d(bandwidth)[joint]))
         )
 
     def kept(self, block: Block) -> slice:

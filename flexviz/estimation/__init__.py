@@ -6,7 +6,7 @@ from flexviz.estimation.instrumental_variables import Refined, Solved, refine, s
 from flexviz.estimation.least_squares import Solution, Stopped, gauss_newton, normal_equations
 from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_step, least_norm_solve
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
-from flexviz.estimation.noise_propagation import NoisePath, Transfer, noise_density, noise_paths
+from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
 from flexviz.estimation.recent import Recent
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
@@ -18,6 +18,7 @@ from flexviz.estimation.whitening import Whitener
 
 __all__ = [
     "ESTIMATION",
+    "TAU",
     "WIDE_HERTZ",
     "BaseParameters",
     "Bounds",

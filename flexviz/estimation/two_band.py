@@ -22,7 +22,13 @@ from flexviz.equation import (
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
-from flexviz.estimation.noise_propagation import NoisePath, instrument_paths, noise_paths, time_constants
+from flexviz.estimation.noise_propagation import (
+    TAU,
+    NoisePath,
+    instrument_paths,
+    noise_paths,
+    time_constants,
+)
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import (
     Whitener,
@@ -275,7 +281,8 @@ def residual_noise(
     for path in noise_paths(layout, x, link):
         for block in signals.blocks:
             raw = block.segment.step
-            kernel = noise_kernel(signals.observer, raw, raw, path, 0)
+            observer = signals.observer.torque if path.sensor == TAU else signals.observer
+            kernel = noise_kernel(observer, raw, raw, path, 0)
             cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
             total += np.einsum("tii->i", cov[0])
     return total / signals.count

@@ -2,6 +2,7 @@
 
 from flexviz.identification.bandwidth_sweep import SweepResult, sweep
 from flexviz.identification.pipeline import identify
+from flexviz.identification.preview import ObservedResidual, ResidualPreview
 from flexviz.identification.result import (
     Combination,
     Identification,
@@ -14,7 +15,9 @@ from flexviz.identification.summary import combinations, parameter_estimates
 __all__ = [
     "Combination",
     "Identification",
+    "ObservedResidual",
     "ParameterEstimate",
+    "ResidualPreview",
     "ResidualSeries",
     "ResidualSummary",
     "SweepResult",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from flexviz.errors import InputError
 from flexviz.identification.pipeline import identify
 from flexviz.measurements import MeasurementSet
+from flexviz.observers import EsoGains
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
@@ -50,6 +52,7 @@ def sweep(
     *,
     groups: Sequence[str] | None = None,
     effects: Iterable[str] = (),
+    gains: EsoGains | None = None,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
 ) -> SweepResult:
@@ -59,14 +62,14 @@ def sweep(
         measurements: the set.
         observer: its name.
         bandwidths: [rad/s], at least one; those too narrow for the records are left out.
-        groups, effects: as in `identify`.
+        groups, effects, gains: as in `identify`.
         progress: called after each fit.
         should_stop: asked between fits; what is done so far is returned (at least one fit is made).
 
     Raises:
         InputError: when no bandwidth is wide enough for the records.
     """
-    effects = tuple(effects)
+    settings: dict[str, Any] = {"effects": tuple(effects), "observer": observer, "gains": gains}
     rows = []
     n = len(measurements.joints)
     refused: InputError | None = None
@@ -74,9 +77,7 @@ def sweep(
         if rows and should_stop is not None and should_stop():
             break
         try:
-            result = identify(
-                measurements, groups=groups, effects=effects, observer=observer, bandwidth=float(w)
-            )
+            result = identify(measurements, groups=groups, bandwidth=float(w), **settings)
         except InputError as error:
             refused = error
             continue

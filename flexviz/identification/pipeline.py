@@ -29,7 +29,7 @@ from flexviz.identification.thresholds import IDENTIFICATION
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
-from flexviz.observers import ButterworthZeroPhase
+from flexviz.observers import ButterworthZeroPhase, EsoGains
 from flexviz.progress import ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
@@ -42,6 +42,7 @@ def identify(
     effects: Iterable[str] = (),
     observer: str = ButterworthZeroPhase.name,
     bandwidth: float | Sequence[float] | None = None,
+    gains: EsoGains | None = None,
     refine: bool = False,
     progress: ProgressCallback | None = None,
     should_stop: StopCallback | None = None,
@@ -58,6 +59,7 @@ def identify(
         observer: one of `OBSERVERS`.
         bandwidth: [rad/s], one number or one per joint. None: the zero-phase Butterworth's is chosen by the
             data (least residual), the others have a fixed default.
+        gains: of the observer "eso", set by hand; a bandwidth scales them.
         refine: run the instrumental-variables refinement, which removes the observer's bias.
         progress: called after each step.
         should_stop: asked after each step; what was found so far is returned.
@@ -72,7 +74,7 @@ def identify(
     layout = _layout(measurements, fitted, tuple(effects))
     report = StepReporter(layout, progress, should_stop)
     with threadpool_limits(1, "blas"):  # the matrices are small: threads would only wait for each other
-        plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations, model)
+        plain = plain_fit(measurements, fitted, observer, bandwidth, report, max_iterations, model, gains)
         outcome = _plain_outcome(plain)
         if model is not None:
             outcome = replace(outcome, message="values as given; they were not fitted with this observer")
@@ -187,6 +189,7 @@ def _result(
         set_name=measurements.name,
         observer_name=plain.observer.name,
         bandwidth=plain.observer.bandwidth,
+        gains=plain.observer.gains,
         refined=outcome.refined,
         groups=tuple(g.name for g in fitted),
         validation_groups=tuple(g.name for g in validation),

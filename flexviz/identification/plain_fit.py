@@ -24,7 +24,7 @@ from flexviz.estimation import (
 from flexviz.identification.initial_guess import needs_search, searched_start
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.observers import ButterworthZeroPhase, Observer, make_observer
+from flexviz.observers import ButterworthZeroPhase, EsoGains, Observer, make_observer
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
 
 Array = NDArray[np.float64]
@@ -117,6 +117,7 @@ def plain_fit(
     report: StepReporter,
     max_iterations: int,
     model: FlexibleModel | None = None,
+    gains: EsoGains | None = None,
 ) -> PlainFit:
     """Fit with an observer; by default, the bandwidth of the zero-phase Butterworth of least residual.
 
@@ -125,8 +126,8 @@ def plain_fit(
     attempt = partial(
         _attempt, measurements, groups, model=model, report=report, max_iterations=max_iterations
     )
-    if observer != ButterworthZeroPhase.name or bandwidth is not None:
-        return attempt(make_observer(observer, bandwidth), None)
+    if observer != ButterworthZeroPhase.name or bandwidth is not None or gains is not None:
+        return attempt(make_observer(observer, bandwidth, gains), None)
     best: PlainFit | None = None
     for hertz in BAND_HERTZ:
         # the neighbouring band's result is a better start than the rigid fit

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.model import FlexibleModel
+from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.progress import Iteration
-from flexviz.results import Grade, ResultDocument, curve_entries, find_parameter
+from flexviz.results import Grade, ObserverEntry, ResultDocument, curve_entries, find_parameter
 
 Array = NDArray[np.float64]
 
@@ -120,6 +121,7 @@ class Identification:
         parameter_names: "izz:joint1".
         residuals: group name → residual over time.
         message: one sentence on the outcome.
+        gains: of the extended-state observer, if set by hand, at its (first joint's) bandwidth.
     """
 
     set_name: str
@@ -141,6 +143,19 @@ class Identification:
     parameter_names: tuple[str, ...]
     residuals: dict[str, ResidualSeries]
     message: str
+    gains: EsoGains | None = None
+
+    @property
+    def observer(self) -> Observer:
+        """The observer that was used."""
+        return make_observer(self.observer_name, self.bandwidth, self.gains)  # type: ignore[arg-type]
+
+    @property
+    def observer_entry(self) -> ObserverEntry:
+        """The observer with its tuning, for documents and texts."""
+        width = self.bandwidth if isinstance(self.bandwidth, float) else np.ravel(self.bandwidth).tolist()
+        entry: dict[str, Any] = {"name": self.observer_name, "bandwidth": width}
+        return ObserverEntry.model_validate(entry | ({"gains": self.gains} if self.gains else {}))
 
     def __getitem__(self, key: str | tuple[str, str | None]) -> ParameterEstimate:
         """A parameter by name and joint (or payload, or group): `result["stiffness", "joint1"]`.
@@ -170,14 +185,11 @@ class Identification:
 
     def document(self) -> ResultDocument:
         """The result as a document for files."""
-        bandwidth = self.bandwidth
-        if not isinstance(bandwidth, float):
-            bandwidth = [float(b) for b in np.atleast_1d(bandwidth)]
         return ResultDocument.model_validate(
             {
                 "format": 1,
                 "set": self.set_name,
-                "observer": {"name": self.observer_name, "bandwidth": bandwidth},
+                "observer": self.observer_entry,
                 "refined": self.refined,
                 "groups": self.groups,
                 "validation_groups": self.validation_groups,

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from flexviz.errors import InputError
 from flexviz.observers.base import Observer, ObserverStates
 from flexviz.observers.eso import CausalEso, EqualDelayEso
+from flexviz.observers.gains import EsoGains, binomial_gains, eso_poles, why_unusable
 from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, FlatZeroPhase
 
 OBSERVERS: dict[str, type[Observer]] = {
@@ -17,16 +18,32 @@ __all__ = [
     "ButterworthZeroPhase",
     "CausalEso",
     "EqualDelayEso",
+    "EsoGains",
     "EsoZeroPhase",
     "FlatZeroPhase",
     "Observer",
     "ObserverStates",
+    "binomial_gains",
+    "eso_poles",
     "make_observer",
+    "why_unusable",
 ]
 
 
-def make_observer(name: str, bandwidth: float | Sequence[float] | None = None) -> Observer:
-    """The observer of that name with a bandwidth [rad/s] (its default where None)."""
+def make_observer(
+    name: str, bandwidth: float | Sequence[float] | None = None, gains: EsoGains | None = None
+) -> Observer:
+    """The observer of that name.
+
+    Args:
+        name: one of `OBSERVERS`.
+        bandwidth: [rad/s], one number or one per joint; None: that of the gains, or the observer's default.
+        gains: set by hand, of the observer "eso" only; a bandwidth scales them.
+    """
     if name not in OBSERVERS:
         raise InputError(f"unknown observer {name!r}: choose one of {', '.join(OBSERVERS)}")
-    return OBSERVERS[name](bandwidth)
+    if gains is None:
+        return OBSERVERS[name](bandwidth)
+    if name != CausalEso.name:
+        raise InputError(f"the observer {name!r} has no gains to set: expected {CausalEso.name!r}")
+    return CausalEso(bandwidth, gains)

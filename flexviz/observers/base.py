@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.errors import InputError
 from flexviz.measurements import Segment
+from flexviz.observers.gains import EsoGains
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,7 @@ class Observer(ABC):
         bandwidth: one number for all joints or one per joint [rad/s].
         zero_phase: whether its derivatives have no lag.
         has_disturbance_state: whether it estimates a disturbance beside the derivatives.
+        gains: those set by hand, at the (first joint's) bandwidth; only the extended-state observer has such.
     """
 
     name: ClassVar[str]
@@ -51,6 +53,7 @@ class Observer(ABC):
     default_bandwidth: ClassVar[float]
     zero_phase: ClassVar[bool] = False
     has_disturbance_state: ClassVar[bool] = False
+    gains: EsoGains | None = None
 
     def __init__(self, bandwidth: float | Sequence[float] | Array | None = None) -> None:
         value = np.atleast_1d(np.asarray(self.default_bandwidth if bandwidth is None else bandwidth, float))
@@ -75,6 +78,15 @@ class Observer(ABC):
                 f"give one number or {joints} numbers"
             )
         return np.broadcast_to(self._bandwidth, (joints,)).astype(float)
+
+    @property
+    def torque(self) -> "Observer":
+        """The observer of τ; another one only if its gains differ from those of θ."""
+        return self
+
+    def for_bandwidth(self, bandwidth: float) -> "Observer":
+        """The same observer with one bandwidth [rad/s]."""
+        return type(self)(bandwidth)
 
     @abstractmethod
     def transfer(self, omega: Array, order: int) -> Array:

@@ -1,8 +1,12 @@
 """The paper's linear extended-state observer, causal, and the equally delayed variant.
 
-Paper, section 3.1, with g(e) = e:  x̂̇_i = x̂_{i+1} + β_i e,  x̂̇₆ = β₆ e,  β_i = C(6, i) wⁱ.
+Paper, section 3.1, with g(e) = e:  x̂̇_i = x̂_{i+1} + β_i e,  x̂̇₆ = β₆ e,  β_i = C(6, i) wⁱ unless gains are
+set by hand.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from math import comb
 from typing import ClassVar
 
@@ -13,16 +17,12 @@ from numpy.typing import NDArray
 from flexviz.measurements import Segment
 from flexviz.observers.base import Observer, ObserverStates, shifted
 from flexviz.observers.cascade import ORDER, cascade, combine, evaluate
+from flexviz.observers.gains import EsoGains, StateFilter
 
 Array = NDArray[np.float64]
 
 # an error in the initial state fades as (wt)⁵e^(−wt)/5!, and the k-th derivative starts with w^k of it
 SETTLED = 25.0
-
-
-def gains(bandwidth: float) -> Array:
-    """β_1 … β_6, shape (6,)."""
-    return np.array([comb(ORDER, i) * bandwidth**i for i in range(1, ORDER + 1)])
 
 
 def _eso_coefficients() -> Array:
@@ -68,14 +68,18 @@ class _PoleObserver(Observer):
         parts = []
         for columns in groups:
             w = float(bandwidth[columns[0]])
-            scaled = self.coefficients[orders.start : orders.stop] * (w ** np.array(orders))[:, None]
-            parts.append(combine(cascade(y[:, columns] if len(groups) > 1 else y, step, w), scaled))
+            parts.append(self._filtered(y[:, columns] if len(groups) > 1 else y, step, w, orders))
         if len(parts) == 1:
             return parts[0]
         out = np.empty((len(orders), *y.shape))
         for columns, part in zip(groups, parts, strict=True):
             out[:, :, columns] = part
         return out
+
+    def _filtered(self, y: Array, step: float, w: float, orders: range) -> Array:
+        """The states `orders` at one bandwidth, shape (len(orders), N, m)."""
+        scaled = self.coefficients[orders.start : orders.stop] * (w ** np.array(orders))[:, None]
+        return combine(cascade(y, step, w), scaled)
 
     def derivatives(
         self,
@@ -91,13 +95,66 @@ class _PoleObserver(Observer):
 
 
 class CausalEso(_PoleObserver):
-    """The paper's observer. Its states lag differently, which makes equation (6) inconsistent with itself."""
+    """The paper's observer. Its states lag differently, which makes equation (6) inconsistent with itself.
+
+    With gains set by hand the bandwidth, where given, scales them: every pole moves along its ray.
+    """
 
     name = "eso"
     title = "Extended-state observer (the paper's, causal)"
     default_bandwidth = 20.0
     has_disturbance_state = True
     coefficients = _eso_coefficients()
+
+    def __init__(
+        self, bandwidth: float | Sequence[float] | Array | None = None, gains: EsoGains | None = None
+    ) -> None:
+        super().__init__(gains.bandwidth if bandwidth is None and gains is not None else bandwidth)
+        self.gains = None if gains is None else gains.scaled(float(self._bandwidth[0]))
+        self._filter: StateFilter | None = None
+        self._torque: CausalEso = self
+        if gains is None:
+            return
+        unit = gains.scaled(1.0)
+        self._filter = StateFilter(np.array(unit.theta))
+        if unit.tau != unit.theta:
+            self._torque = CausalEso(self._bandwidth)
+            self._torque._filter = StateFilter(np.array(unit.tau))
+
+    @property
+    def torque(self) -> CausalEso:
+        return self._torque
+
+    def for_bandwidth(self, bandwidth: float) -> CausalEso:
+        return CausalEso(bandwidth, self.gains)
+
+    def transfer(self, omega: Array, order: int) -> Array:
+        if self._filter is None:
+            return super().transfer(omega, order)
+        return self._filter.transfer(omega, float(self._bandwidth[0]), order)  # type: ignore[return-value]
+
+    def settling(self) -> tuple[float, float]:
+        slowest = min(f.decay for f in (self._filter, self._torque._filter) if f) if self._filter else 1.0
+        return SETTLED / (slowest * float(self._bandwidth.min())), 0.0
+
+    def _filtered(self, y: Array, step: float, w: float, orders: range) -> Array:
+        if self._filter is None:
+            return super()._filtered(y, step, w, orders)
+        return self._filter.states(y, step, w, orders)
+
+    def derivatives(
+        self,
+        y: Array,
+        step: float,
+        count: int,
+        *,
+        position: bool = False,
+        delay: float = 0.0,
+        stride: int = 1,
+    ) -> Array:
+        if not position and self._torque is not self:
+            return self._torque.derivatives(y, step, count, position=True, delay=delay, stride=stride)
+        return super().derivatives(y, step, count, delay=delay, stride=stride)
 
     def disturbance(self, theta: Array, step: float) -> Array:
         return self._states(theta, step, range(ORDER - 1, ORDER))[0]

@@ -19,7 +19,7 @@ from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
 from flexviz.recording.texts import table
-from flexviz.results import bandwidth_text
+from flexviz.results import ObserverEntry
 from flexviz.wording import as_markdown, number, total_rms
 
 SCALARS = "Scalars:scalars"
@@ -93,12 +93,13 @@ def compare_recordings(a: Recording, b: Recording) -> RecordingComparison:
 def _facts(recording: Recording) -> dict[str, str]:
     """Title -> text of the newest result."""
     result = recording.result
-    observer, bandwidth = result.get("observer", {}), result.get("observer", {}).get("bandwidth")
+    observer = result.get("observer")
+    entry = None if observer is None else ObserverEntry.model_validate(observer)
     return {
         "set": recording.set_name,
         "model": result.get("label") or "–",
         "effects": ", ".join(result.get("effects", ())) or "none",
-        "observer": f"{observer.get('name', '–')} {'' if bandwidth is None else bandwidth_text(bandwidth)}",
+        "observer": "–" if entry is None else f"{entry.name} {entry.tuning}",
         "fitted": ", ".join(result.get("groups", ())) or "–",
         "rms fit [Nm]": number(_rms(recording, "rms"), 4),
         "rms validation [Nm]": number(_rms(recording, "rms_validation"), 4),

@@ -27,6 +27,7 @@ views are never empty, also on `time` [s] since its start. Results and diagnoses
 
 from __future__ import annotations
 
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,8 +64,9 @@ def path(*parts: object) -> str:
 
 
 def observer_name(observer: Observer) -> str:
-    """Observer name with its bandwidth, "eso-50", or one per joint, "eso-40-60"."""
-    return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth))])
+    """Observer name, bandwidth (one or one per joint) and a hash of gains set by hand: "eso-40-60"."""
+    own = [f"gains-{sha256(repr(observer.gains).encode()).hexdigest()[:6]}"] if observer.gains else []
+    return "-".join([observer.name, *(f"{w:.6g}" for w in np.atleast_1d(observer.bandwidth)), *own])
 
 
 def parameter_path(number: int, name: str) -> str:

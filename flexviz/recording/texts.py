@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.results import bandwidth_text
 from flexviz.scene import RobotMotion
 from flexviz.statistics import NORMAL_95
 from flexviz.wording import (
@@ -57,7 +56,7 @@ def about_text(measurements: MeasurementSet, solves: Sequence[Solve], diagnoses:
         [
             str(solve.number),
             as_markdown(solve.label or "the set's own model"),
-            f"{result.observer_name}, {bandwidth_text(result.bandwidth)}",
+            f"{result.observer_name}, {result.observer_entry.tuning}",
             *_errors(result.residual.rms, result.residual.rms_validation),
         ]
         for solve in solves
@@ -80,7 +79,7 @@ def result_text(result: Identification, count: int, label: str) -> str:
         f"{'Converged' if result.converged else 'Not converged'}: {as_markdown(result.message)}",
         "",
         f"- effects in the model: {as_markdown(effects) or 'none'}",
-        f"- observer `{result.observer_name}`, {bandwidth_text(result.bandwidth)}{refined}",
+        f"- observer `{result.observer_name}`, {result.observer_entry.tuning}{refined}",
         f"- fitted: {as_markdown(', '.join(result.groups))}; held out: {held_out}",
         f"- condition number {number(result.condition_number, 3)}; {result.seconds:.2f} s",
         "",

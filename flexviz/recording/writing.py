@@ -207,4 +207,4 @@ def chosen_observer(identification: Identification | None) -> Observer:
     """The identification's observer, or the default one."""
     if identification is None:
         return make_observer("butterworth-zero-phase")
-    return make_observer(identification.observer_name, identification.bandwidth)  # type: ignore[arg-type]
+    return identification.observer

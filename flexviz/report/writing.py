@@ -98,6 +98,7 @@ def as_numbers(content: ReportContent, when: str) -> str:
             "effects": analysis.effects,
             "observer": analysis.observer,
             "bandwidth": analysis.bandwidth,
+            **({"gains": asdict(analysis.gains)} if analysis.gains else {}),
             "refine": analysis.refine,
         },
         "staircase": [

@@ -7,11 +7,12 @@ from flexviz.results.document import ResultDocument, curve_entries, json_schema,
 from flexviz.results.entries import (
     CandidateEntry,
     EffectEntry,
+    ObserverEntry,
     ParameterEntry,
     ValueEntry,
 )
 from flexviz.results.lookup import ParameterNotFound, find_parameter
-from flexviz.results.summary import WIDE, bandwidth_text, parts, run_lines
+from flexviz.results.summary import WIDE, parts, run_lines
 from flexviz.results.tables import interval, plain_table
 
 __all__ = [
@@ -21,13 +22,13 @@ __all__ = [
     "Grade",
     "Note",
     "NoteKind",
+    "ObserverEntry",
     "ParameterEntry",
     "ParameterNotFound",
     "ResultDocument",
     "ValueEntry",
     "Verdict",
     "assessment",
-    "bandwidth_text",
     "curve_entries",
     "curve_tables",
     "find_parameter",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AliasChoices, Field
 
 from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict
@@ -46,11 +47,28 @@ class CombinationEntry(ResultEntry):
     identifiable: Grade
 
 
+class GainsEntry(ResultEntry):
+    """Gains β1 … β6 of the observers of θ and τ [1/sⁱ], at the first joint's bandwidth."""
+
+    theta: list[Number]
+    tau: list[Number]
+
+
 class ObserverEntry(ResultEntry):
-    """The observer; its bandwidth [rad/s] is one number or one per joint."""
+    """The observer; its bandwidth [rad/s] is one number or one per joint; gains only if set by hand."""
 
     name: str
     bandwidth: Number | list[Number]
+    gains: GainsEntry | None = None
+
+    @property
+    def tuning(self) -> str:
+        """Bandwidth and gains as text."""
+        width = ", ".join(f"{value:.4g}" for value in np.atleast_1d(self.bandwidth)) + " rad/s"
+        if self.gains is None:
+            return width
+        theta, tau = (", ".join(f"{one:.4g}" for one in row) for row in (self.gains.theta, self.gains.tau))
+        return f"{width}, gains β1 … β6 set by hand: {theta if theta == tau else f'{theta} (θ), {tau} (τ)'}"
 
 
 class ResidualEntry(ResultEntry):

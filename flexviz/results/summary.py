@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable
 
-import numpy as np
-from numpy.typing import ArrayLike
 from rich.console import Console
 from rich.table import Table
 
@@ -64,18 +62,13 @@ def run_lines(result: ResultFields) -> list[str]:
     if result.observer is not None and result.seconds is not None:
         lines.append(
             f"{result.iterations} iterations in {result.seconds:.2f} s; observer {result.observer.name}, "
-            + bandwidth_text(result.observer.bandwidth)
+            + result.observer.tuning
         )
     held_out = f"; validated on {', '.join(result.validation_groups)}" if result.validation_groups else ""
     lines.append(f"fitted on {', '.join(result.groups or ())}{held_out}")
     if result.condition_number is not None:
         lines.append(f"condition number {result.condition_number:.3g}")
     return lines
-
-
-def bandwidth_text(bandwidth: ArrayLike) -> str:
-    """One number or one per joint, in rad/s."""
-    return ", ".join(f"{value:.4g}" for value in np.atleast_1d(bandwidth)) + " rad/s"
 
 
 # -- tables --------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from flexviz.limits import read_json
 from flexviz.measurements import FILE_NAME, FileHash, Fingerprint, MeasurementSet, fingerprint
 
 SESSION_FILE = "session.json"
-FORMAT = 3
+FORMAT = 4
 OLD_ARRAYS = "session.npz"  # of format 1
 HERE = "."
 
@@ -80,6 +80,11 @@ def from_2(document: Document, folder: Path) -> Document:
     return renamed(document) | {"format": 3}
 
 
+def from_3(document: Document, folder: Path) -> Document:
+    """Migrate format 3: no gains of the observer set by hand, which have a default."""
+    return document | {"format": 4}
+
+
 def renamed(value: Any) -> Any:
     """Packed values with the current names of classes and fields."""
     if isinstance(value, list):
@@ -102,7 +107,7 @@ def typed_note(text: str) -> Document:
     return {"=": "Note", "kind": next(found, bandwidth), "text": text}
 
 
-MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {1: from_1, 2: from_2}
+MIGRATIONS: dict[int, Callable[[Document, Path], Document]] = {1: from_1, 2: from_2, 3: from_3}
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,7 @@ def _checked(step: Any, measurements: MeasurementSet, document: Document, change
         files = " ".join(f"--effects-from {file}" for file in own)
         raise InputError(f"{', '.join(unknown)} came from a file of user-defined effects, expected {files}")
     choose_effects(analysis.effects, measurements.joints, measurements.carried, names)
-    make_observer(analysis.observer, analysis.bandwidth)
+    make_observer(analysis.observer, analysis.bandwidth, analysis.gains)
     if not isinstance(analysis.refine, bool):
         raise InputError(f"refine is {analysis.refine!r}, expected true or false")
     return replace(step, analysis=replace(analysis, fitted=None, diagnosed=None)) if changed else step

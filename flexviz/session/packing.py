@@ -50,6 +50,7 @@ from flexviz.identification import (
 from flexviz.limits import LARGEST_UNPACKED, check_npz
 from flexviz.measurements import readable
 from flexviz.model import EffectValue, FlexibleModel
+from flexviz.observers import EsoGains
 from flexviz.progress import Iteration
 from flexviz.results import Note
 from flexviz.schemas import shown
@@ -58,9 +59,10 @@ from flexviz.session.state import Analysis, ModelStep, SessionNote, SessionStep
 KINDS: dict[str, type] = {
     kind.__name__: kind
     for kind in (
-        Absorbed, Analysis, Combination, Diagnosis, EffectValue, Evidence, Finding, FlexibleModel, FreeCurve,
-        BandwidthCheck, Identification, Iteration, Note, ParameterCurve, ParameterEstimate, ResidualLocation,
-        ResidualMap, ResidualSeries, ResidualSummary, ModelStep, SessionNote, SessionStep, Tie,
+        Absorbed, Analysis, Combination, Diagnosis, EffectValue, EsoGains, Evidence, Finding, FlexibleModel,
+        FreeCurve, BandwidthCheck, Identification, Iteration, Note, ParameterCurve, ParameterEstimate,
+        ResidualLocation, ResidualMap, ResidualSeries, ResidualSummary, ModelStep, SessionNote, SessionStep,
+        Tie,
     )
 } | {"DiagnosisStep": DiagnosisStep}  # fmt: skip
 NAMES = {kind: name for name, kind in KINDS.items()}

@@ -18,6 +18,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError, choose_from
 from flexviz.identification import Identification
 from flexviz.measurements import MeasurementSet
+from flexviz.observers import EsoGains, make_observer
 
 Role = Literal["fit", "validate", "ignore"]
 ROLES: tuple[Role, ...] = get_args(Role)
@@ -41,6 +42,7 @@ class Settings(NamedTuple):
     roles: tuple[tuple[str, Role], ...]
     effects: tuple[str, ...]
     refine: bool
+    gains: EsoGains | None = None  # not stored before format 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,7 @@ class Analysis:
         refine: whether to run the refinement stage.
         identification, fitted: the last result and the `settings` it belongs to.
         diagnosis, diagnosed: the last diagnosis and the `diagnosis_settings` it belongs to.
+        gains: of the observer "eso", set by hand; a bandwidth scales them.
         model_steps: the models before the current one, fewest effects first.
     """
 
@@ -71,11 +74,23 @@ class Analysis:
     diagnosis: Diagnosis | None = None
     diagnosed: tuple[Any, ...] | None = None
     model_steps: tuple[ModelStep, ...] = ()
+    gains: EsoGains | None = None
+
+    def __post_init__(self) -> None:
+        if self.gains is not None:
+            make_observer(self.observer, None, self.gains)
+
+    @property
+    def tuning(self) -> tuple[str, float | tuple[float, ...] | None, EsoGains | None]:
+        """Observer, bandwidth and gains."""
+        return self.observer, self.bandwidth, self.gains
 
     @property
     def settings(self) -> Settings:
         """Everything an identification depends on."""
-        return Settings(self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine)
+        return Settings(
+            self.path, self.observer, self.bandwidth, self.roles, self.effects, self.refine, self.gains
+        )
 
     @property
     def fitted_settings(self) -> Settings | None:
@@ -85,7 +100,7 @@ class Analysis:
     @property
     def up_to_date(self) -> bool:
         """Whether the last identification belongs to the current settings."""
-        return self.identification is not None and self.fitted == self.settings
+        return self.identification is not None and self.fitted_settings == self.settings
 
     @property
     def diagnosis_settings(self) -> tuple[Any, ...]:

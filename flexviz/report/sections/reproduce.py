@@ -6,8 +6,6 @@ import platform
 import shlex
 from importlib.metadata import PackageNotFoundError, version
 
-import numpy as np
-
 from flexviz import __version__
 from flexviz.effects import loaded_files
 from flexviz.report.blocks import (
@@ -87,8 +85,8 @@ def _settings(content: ReportContent) -> ReportTable:
     ]
     if content.identification is not None:
         found = content.identification
-        bandwidth = np.atleast_1d(analysis.bandwidth or ())
-        shown = f"{', '.join(f'{value:g}' for value in bandwidth)} rad/s" if bandwidth.size else "default"
+        given = analysis.bandwidth is not None or analysis.gains is not None
+        shown = found.observer_entry.tuning if given else "default"
         rows.append(["observer of the identification", f"{found.observer_name}, bandwidth {shown}"])
         rows.append(["refined", "yes" if found.refined else "no"])
     if content.diagnosis is not None:
@@ -149,6 +147,7 @@ def program(content: ReportContent) -> str:
             f"    effects={effects!r},",
             f"    observer={analysis.observer!r},",
             f"    bandwidth={analysis.bandwidth!r},",
+            *([f"    gains=flexviz.{analysis.gains!r},"] if analysis.gains else []),
             f"    refine={analysis.refine!r},",
             ")",
         ]

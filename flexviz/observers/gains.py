@@ -1,0 +1,157 @@
+"""Gains β₁ … β₆ of the extended-state observer, set by hand: poles, stability, filter.
+
+In units of a bandwidth w, u = s/w and g_i = β_i/wⁱ, the observer is ẋ = w (shift − g e₁ᵀ) x + w g y. With
+P(u) = u⁶ + g₁u⁵ + … + g₆ its states are x̂_{k+1} = w^k Σ_{i>k} g_i u^(6−i+k) / P(u) y.
+
+Between samples y is a straight line (first-order hold), for which the matrix exponential is exact. The filter
+runs in the real Schur form of the observer's matrix: block triangular, so that a real pole is a recursion of
+first order and a pair one of second order, and by an orthogonal change of coordinates, so that repeated poles
+lose no digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexviz.errors import InputError
+from flexviz.observers.cascade import ORDER
+
+Array = NDArray[np.float64]
+
+LEAST_DECAY = 1e-3  # of the slowest pole, relative to the bandwidth: slower ones never settle in a record
+SAME_SHAPE = 1e-9  # relative difference of gains below which six poles count as equal
+
+
+def binomial_gains(bandwidth: float) -> Array:
+    """β_i = C(6, i) wⁱ, which place all six poles at −w: shape (6,)."""
+    return np.array([comb(ORDER, i) * bandwidth**i for i in range(1, ORDER + 1)])
+
+
+def mean_bandwidth(gains: ArrayLike) -> float:
+    """β₆^(1/6), the geometric mean of the poles' distances from the origin [rad/s]."""
+    return float(np.asarray(gains, float)[-1] ** (1 / ORDER))
+
+
+def eso_poles(gains: ArrayLike) -> NDArray[np.complex128]:
+    """Roots of s⁶ + β₁s⁵ + … + β₆ for positive gains, shape (6,) [rad/s]."""
+    w = mean_bandwidth(gains)
+    shape = np.asarray(gains, float) / w ** np.arange(1, ORDER + 1)
+    if np.allclose(shape, binomial_gains(1.0), rtol=SAME_SHAPE, atol=0):
+        return np.full(ORDER, -w, complex)  # a sixfold root loses five sixths of the digits
+    return w * np.roots(np.r_[1.0, shape]).astype(complex)
+
+
+def why_unusable(gains: Sequence[float]) -> str:
+    """Why an observer cannot have these gains, or ""."""
+    if len(gains) != ORDER:
+        return f"{len(gains)} gains were given, expected {ORDER}: β1 … β6"
+    for i, gain in enumerate(gains, 1):
+        if not (np.isfinite(gain) and gain > 0):
+            return f"β{i} = {gain:g} makes the observer unstable: every gain is to be positive and finite"
+    worst = max(eso_poles(gains), key=lambda pole: pole.real)
+    if worst.real > -LEAST_DECAY * mean_bandwidth(gains):
+        imaginary = f" ± {abs(worst.imag):.3g}i" if worst.imag else ""
+        return (
+            f"these gains make the observer unstable: pole at {worst.real:.3g}{imaginary} rad/s, "
+            "expected all poles left of the imaginary axis"
+        )
+    return ""
+
+
+@dataclass(frozen=True)
+class EsoGains:
+    """Gains of the extended-state observer, stable.
+
+    Attributes:
+        theta: β₁ … β₆ of the observer of θ [1/sⁱ].
+        tau: those of the observer of τ.
+
+    Raises:
+        InputError: other than six gains, or an unstable observer.
+    """
+
+    theta: tuple[float, ...]
+    tau: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for signal, gains in (("θ", self.theta), ("τ", self.tau)):
+            if why := why_unusable(gains):
+                raise InputError(f"gains of {signal}: {why}")
+
+    @staticmethod
+    def of(theta: Sequence[float], tau: Sequence[float] | None = None) -> EsoGains:
+        """Gains of θ and τ, the same for both if `tau` is None."""
+        given = theta, theta if tau is None else tau
+        return EsoGains(*(tuple(map(float, gains)) for gains in given))
+
+    @property
+    def bandwidth(self) -> float:
+        """Geometric mean of the distances of the poles of θ from the origin [rad/s]."""
+        return mean_bandwidth(self.theta)
+
+    def scaled(self, bandwidth: float) -> EsoGains:
+        """Gains with every pole moved along its ray from the origin, to another bandwidth [rad/s]."""
+        factor = (bandwidth / self.bandwidth) ** np.arange(1, ORDER + 1)
+        return EsoGains.of((factor * self.theta).tolist(), (factor * self.tau).tolist())
+
+
+class StateFilter:
+    """States of the observer with one set of gains.
+
+    Args:
+        shape: g_1 … g_6, the gains in units of the bandwidth.
+    """
+
+    def __init__(self, shape: Array) -> None:
+        self.shape = shape
+        poles = eso_poles(shape)
+        self.decay = float(-poles.real.max())  # of the slowest pole, in units of the bandwidth
+
+    def states(self, y: Array, step: float, bandwidth: float, orders: range) -> Array:
+        """x̂_{k+1} for k in `orders`, shape (len(orders), N, m), of y (N, m), constant before it begins."""
+        from scipy.linalg import expm, schur  # slow to import, and not every observer needs it
+        from scipy.signal import lfilter
+
+        matrix = np.eye(ORDER, k=1)
+        matrix[:, 0] -= self.shape
+        triangular, orthogonal = schur(matrix)
+        held = np.zeros((ORDER + 2, ORDER + 2))
+        held[:ORDER, :ORDER] = bandwidth * step * triangular
+        held[:ORDER, ORDER] = bandwidth * step * orthogonal.T @ self.shape
+        held[ORDER, ORDER + 1] = 1.0
+        moved = expm(held)  # over one step
+
+        rows = np.ascontiguousarray((y - y[0]).T)  # (m, N): at rest in the beginning, time along memory
+        z = np.zeros((ORDER, *rows.shape))
+        flat, end = z.reshape(ORDER, -1), ORDER
+        while end:
+            pair = end > 1 and triangular[end - 1, end - 2] != 0.0
+            block = slice(end - 2 if pair else end - 1, end)
+            f, constant, ramp = moved[block, block], moved[block, ORDER], moved[block, ORDER + 1]
+            into = (moved[block, end:ORDER] @ flat[end:]).reshape(-1, *rows.shape)
+            into += (constant - ramp)[:, None, None] * rows
+            into[:, :, :-1] += ramp[:, None, None] * rows[:, 1:]
+            if pair:  # (λ − F)⁻¹ by the adjugate
+                later = np.array([[-f[1, 1], f[0, 1]], [f[1, 0], -f[0, 0]]]) @ into.reshape(2, -1)
+                into[:, :, 1:] += later.reshape(into.shape)[:, :, :-1]
+                poles = [1.0, -f[0, 0] - f[1, 1], f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]]
+            else:
+                poles = [1.0, -f[0, 0]]
+            z[block, :, 1:] = lfilter([1.0], poles, into[:, :, :-1], axis=-1)
+            end = block.start
+        scaled = orthogonal[orders.start : orders.stop] * (bandwidth ** np.array(orders))[:, None]
+        x = (scaled @ flat).reshape(-1, *rows.shape).transpose(0, 2, 1)
+        if orders.start == 0:
+            x[0] += y[0]
+        return x
+
+    def transfer(self, omega: Array, bandwidth: float, order: int) -> NDArray[np.complex128]:
+        """Gain from y to x̂_{order+1} at ω [rad/s], shape (len(ω),)."""
+        u = 1j * omega / bandwidth
+        above = np.r_[self.shape[order:], np.zeros(order)]  # Σ_{i>k} g_i u^(6−i+k), highest power first
+        return bandwidth**order * np.polyval(above, u) / np.polyval(np.r_[1.0, self.shape], u)
