@@ -1,49 +1,25 @@
-"""Diagnose many sets in parallel, one line each in a CSV file: `python examples/batch.py OUT.csv [SET …]`.
+"""Diagnose many sets in parallel, one line each: `python examples/batch.py RESULTS [SET …]`.
 
-A set that cannot be read is a row with its error, not the end of the run.
+A set that cannot be read is a row with its error, not the end of the run; the same call goes on where an
+earlier one was interrupted. Needs dask.distributed: pip install 'flexviz[batch]'.
 """
 
-import csv
 import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-import flexviz
+from flexviz.batch import run_batch
 
 DEMO = Path(__file__).resolve().parent.parent / "sessions" / "planar-2r-demo"
 
-
-def row(folder: Path) -> dict[str, object]:
-    """Verdict and first finding of one set."""
-    try:
-        diagnosis = flexviz.diagnose(flexviz.read_set(folder), apply=True)
-    except flexviz.FlexvizError as error:
-        return {
-            "set": folder.name,
-            "verdict": "",
-            "effect": "",
-            "joint": "",
-            "confidence": "",
-            "error": str(error),
-        }
-    best = diagnosis.findings[0] if diagnosis.findings else None
-    return {
-        "set": folder.name,
-        "verdict": diagnosis.verdict,
-        "effect": best.effect if best else "",
-        "joint": best.joint if best else "",
-        "confidence": f"{best.confidence:.2f}" if best else "",
-        "error": "",
-    }
-
-
-if __name__ == "__main__":
-    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(tempfile.mkdtemp()) / "batch.csv"
-    folders = [Path(name) for name in sys.argv[2:]] or [DEMO]
-    with ProcessPoolExecutor(max_workers=2) as pool, out.open("w", newline="") as file:
-        rows = list(pool.map(row, folders))
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
-    print(out.read_text())
+if __name__ == "__main__":  # the workers are new processes that import this file
+    results = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
+    folders = sys.argv[2:] or [str(DEMO)]
+    with tempfile.TemporaryDirectory() as temporary:
+        sets = Path(temporary) / "sets.txt"
+        sets.write_text("\n".join(str(Path(folder).resolve()) for folder in folders))
+        done = run_batch(sets, results)
+    for row in done.rows:
+        confidence = "" if row.confidence is None else f"{row.confidence:.2f}"
+        print(row.set.rpartition("/")[2], row.verdict, ";".join(row.found), confidence, row.error, sep=",")
+    print(f"{results / 'results.parquet'} has all values, {results / 'summary.html'} shows them")

@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,8 @@ def value_text(value: Any) -> str:
     if isinstance(value, Mapping):
         entries = (f"{key_text(key)} = {value_text(entry)}" for key, entry in value.items())
         return "{ " + ", ".join(entries) + " }"
+    if isinstance(value, date):  # or a datetime
+        return value.isoformat()
     if not isinstance(value, str | bool | int | float):
         raise TypeError(f"{type(value).__name__} cannot be written as TOML")
     # TOML writes these as JSON does, but for the character DEL

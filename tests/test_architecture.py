@@ -34,6 +34,7 @@ LAYERS = (
     ("scene",),
     ("view",),
     ("report",),
+    ("batch",),
     ("app", "recording", "exporting"),
     ("workflows",),
     ("cli", "__main__"),

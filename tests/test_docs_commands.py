@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import typer
 
+import flexviz.batch
 import flexviz.cli
 import flexviz.diagnosis
 import flexviz.simulation.sets as sets
@@ -67,6 +68,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     folder, found = tiny
     for name in SETS:
         shutil.copytree(folder / "set", tmp_path / name)
+    shutil.copytree(folder / "set", tmp_path / "fleet" / "robot-1" / "run1")
     for name in SESSIONS:
         shutil.copytree(folder / "kept", tmp_path / name)
     (tmp_path / "examples").mkdir()
@@ -89,6 +91,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         return replace(found, set_name=measurements.name)
 
     monkeypatch.setattr(flexviz.diagnosis, "diagnose", known)
+    here = flexviz.batch.ClusterChoice(1, processes=False)
+    monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given: here)
     served: list[Path | None] = []
 
     def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool) -> None:

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 SCRIPTS = sorted(path for path in (ROOT / "examples").glob("*.py") if path.name != "user_effects.py")
 PRINTS = {  # what a reader of the output looks for
     "bandwidth_sweep": "least held-out error at",
-    "batch": "planar-2r-demo,missing,coulomb_friction,joint2",
+    "batch": "planar-2r-demo,missing,coulomb_friction:joint2",
     "export_model": "feed-forward torque",
     "identify": "95 % interval",
     "live_eso": "ESO's slowest state lags",

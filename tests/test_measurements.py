@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import replace
+from datetime import UTC
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from small_set import URDF, columns, write_small_set, write_table
 
 from flexviz import toml
 from flexviz.errors import InputError
-from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.measurements import GroupTable, MeasurementSet, overview, read_set, write_set
 from flexviz.measurements.segments import SHORTEST, make_segments
 from flexviz.robot import PayloadBody
 
@@ -224,6 +225,7 @@ def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, data: st.
     name = data.draw(st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), min_size=1, max_size=8))
     table_format = data.draw(st.sampled_from(["csv", "parquet"]))
     gains = data.draw(st.lists(st.floats(1e-9, 1e9), min_size=2, max_size=2))
+    date = data.draw(st.none() | st.dates() | st.datetimes(timezones=st.none() | st.just(UTC)))
     body = PayloadBody("link2", 1.5, np.array([0.1, -0.2, 0.3]), np.array([1e-3, 1e-3, 1.5e-3, 1e-5, 0, 0]))
     folder = tmp_path_factory.mktemp("round")
     file = f"sub/x.{table_format}"
@@ -239,8 +241,11 @@ def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, data: st.
         files={"robot.urdf": MASSLESS, "truth.json": b"{}"},
         table_format=table_format,
         single=single,
+        date=date,
     )
     measurements = read_set(folder)
+    assert measurements.date == overview(folder).date == date
+    assert overview(folder).files == measurements.files_read
     (group,) = measurements.groups
     assert group.name == group.payload == name and group.validation and measurements.simulated
     kind = np.float32 if single else np.float64

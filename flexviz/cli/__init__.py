@@ -15,6 +15,7 @@ import typer
 
 from flexviz import __version__
 from flexviz.cli.analysis import diagnose, identify, record, report
+from flexviz.cli.batch import batch
 from flexviz.cli.effects import effects
 from flexviz.cli.export import export
 from flexviz.cli.import_ import import_
@@ -45,6 +46,7 @@ for _command in (
     with_shared_options(report),
     with_shared_options(compare),
     with_shared_options(session),
+    with_shared_options(batch),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

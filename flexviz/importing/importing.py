@@ -218,6 +218,7 @@ def write_groups(
         groups=[group.table for group in groups],
         payloads=payloads,
         torque_hold=mapping.torque_hold,
+        date=mapping.date,
         initial_stiffness=mapping.initial.stiffness,
         initial_motor_inertia=mapping.initial.motor_inertia,
         kp=mapping.controller.kp if mapping.controller else None,

@@ -13,6 +13,7 @@ from flexviz.measurements.data import (
     fingerprint,
     require_unchanged,
 )
+from flexviz.measurements.overview import SetOverview, overview
 from flexviz.measurements.reading import read_payloads, read_robot, read_set
 from flexviz.measurements.schema import FILE_NAME, SetHeader, Temperatures
 from flexviz.measurements.segments import GAP, POINTS, interpolate
@@ -35,11 +36,13 @@ __all__ = [
     "SampledMotion",
     "Segment",
     "SetHeader",
+    "SetOverview",
     "Temperatures",
     "check_free",
     "fingerprint",
     "interpolate",
     "likely_limits",
+    "overview",
     "read_payloads",
     "read_robot",
     "read_set",

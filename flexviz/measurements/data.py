@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -116,6 +117,7 @@ class MeasurementSet:
         simulated: True when a simulator wrote the set (and truth.json beside it).
         warnings: oddities found while reading, one line each.
         files_read: hashes of its files when they were read; None if it was not read from files.
+        date: of the recording, or None.
     """
 
     path: Path
@@ -133,6 +135,7 @@ class MeasurementSet:
     simulated: bool = False
     warnings: tuple[str, ...] = ()
     files_read: Fingerprint | None = None
+    date: dt.datetime | dt.date | None = None
 
     @property
     def n(self) -> int:
@@ -231,11 +234,19 @@ def fingerprint(measurements: MeasurementSet) -> Fingerprint:
 
 def present_fingerprint(folder: Path, robot: Robot, tables: Iterable[Path]) -> Fingerprint:
     """Hashes of a set's present files; files unchanged since the last call are not read again."""
-    if is_library_robot(robot.source):
-        text = robot.urdf.encode()
-        described = FileHash(robot.source, hashlib.sha256(text).hexdigest(), len(text))
-    else:
-        described = _of(folder, robot.source)
+    return hash_files(folder, description_hash(folder, robot.source, robot.urdf), tables)
+
+
+def description_hash(folder: Path, source: str, urdf: str) -> FileHash:
+    """Hash of a robot's description: its file, or the text of one from a collection."""
+    if not is_library_robot(source):
+        return _of(folder, source)
+    text = urdf.encode()
+    return FileHash(source, hashlib.sha256(text).hexdigest(), len(text))
+
+
+def hash_files(folder: Path, described: FileHash, tables: Iterable[Path]) -> Fingerprint:
+    """Hashes of a set's files; `described` is that of its robot."""
     named = (_of(folder, table.relative_to(folder).as_posix()) for table in tables)
     return Fingerprint(tuple(dict.fromkeys((_of(folder, FILE_NAME), described, *named))))
 

@@ -79,6 +79,7 @@ def read_set(path: str | Path, *, logged: bool = True) -> MeasurementSet:
         simulated=(folder / TRUTH).exists(),
         warnings=tuple(warnings),
         files_read=files,
+        date=content.date,
     )
 
 

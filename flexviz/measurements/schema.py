@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from flexviz.errors import InputError, choose_from
 from flexviz.schemas import Number, StrictTable, Text, first_repeated, validate
@@ -18,6 +20,16 @@ COLDEST, HOTTEST = -60.0, 250.0  # [°C] of a joint; anything beyond can only be
 Temperatures = Annotated[list[Number], BeforeValidator(lambda x: x if isinstance(x, list) else [x])]
 """[°C] one per joint; a single number holds for all joints."""
 
+
+def recorded(value: Any) -> dt.datetime | dt.date | None:
+    """A date as TOML writes it."""
+    if value is not None and not isinstance(value, dt.date):  # a datetime is one, too
+        raise PydanticCustomError("date", "expected a date without quotes: 2026-03-01 or 2026-03-01T14:30:00")
+    return value
+
+
+Recorded = Annotated[Any, AfterValidator(recorded)]
+"""When the data were recorded: a `datetime`, a `date` or None."""
 
 Gain = Annotated[float, Field(ge=0.0, le=1e12)]
 Inertia = Annotated[float, Field(ge=-1e9, le=1e9)]  # [kg m²]
@@ -75,6 +87,7 @@ class SetHeader(StrictTable):
     format: int
     robot: Text
     torque_hold: Annotated[float, Field(ge=0.0, le=LONGEST_HOLD)] = 0.0  # [s]
+    date: Recorded = None
     initial: Initial = Initial()
     controller: Controller | None = None
     model: StartingModel = StartingModel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -73,6 +74,7 @@ def write_set(
     table_format: str = "parquet",
     single: bool = False,
     overwrite: bool = False,
+    date: dt.datetime | dt.date | None = None,
 ) -> Path:
     """Write a measurement set that `read_set` gives back exactly, and return its folder.
 
@@ -84,6 +86,7 @@ def write_set(
         table_format: "parquet" or "csv".
         single: store the signals (never the time) as float32.
         overwrite: replace an existing set; any other folder or file is never touched.
+        date: of the recording.
     """
     folder = Path(os.path.abspath(folder))  # without ".."
     check_free(folder, overwrite)
@@ -98,16 +101,11 @@ def write_set(
         "robot": robot,
         "joints": list(joints),
         "torque_hold": float(torque_hold),
+        **({} if date is None else {"date": date}),
         **{name: lists for name, lists in optional.items() if lists},
         "model": {"effects": list(effects)},
         "payloads": {name: {"bodies": [body_entry(b) for b in bodies]} for name, bodies in payloads.items()},
-        "groups": [
-            {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
-            | {"file": group.file or group.name + SUFFIXES[table_format]}
-            | ({"validation": True} if group.validation else {})
-            | numbers(temperature=group.temperature)
-            for group in groups
-        ],
+        "groups": [group_entry(group, table_format) for group in groups],
     }
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
     try:
@@ -116,6 +114,16 @@ def write_set(
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
     return folder
+
+
+def group_entry(group: GroupTable, table_format: str) -> dict[str, Any]:
+    """A group, as in the format."""
+    return (
+        {"name": group.name, "trajectory": group.trajectory, "payload": group.payload}
+        | {"file": group.file or group.name + SUFFIXES[table_format]}
+        | ({"validation": True} if group.validation else {})
+        | numbers(temperature=group.temperature)
+    )
 
 
 def fill_folder(

@@ -1,6 +1,33 @@
-"""Reports of a session as one self-contained file."""
+"""Reports as one self-contained file: of a session, or of any sections of paragraphs, tables and charts."""
 
+from flexviz.report.blocks import (
+    Block,
+    Callout,
+    Cell,
+    ReportDocument,
+    Section,
+    Tile,
+    Tiles,
+    explanation,
+    section,
+    table,
+)
 from flexviz.report.content import diagnosed_session
+from flexviz.report.html import html
 from flexviz.report.writing import session_report
 
-__all__ = ["diagnosed_session", "session_report"]
+__all__ = [
+    "Block",
+    "Callout",
+    "Cell",
+    "ReportDocument",
+    "Section",
+    "Tile",
+    "Tiles",
+    "diagnosed_session",
+    "explanation",
+    "html",
+    "section",
+    "session_report",
+    "table",
+]

@@ -1,0 +1,145 @@
+"""One row per set: what was found, or why nothing was."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from flexviz.batch.sources import BatchSet
+from flexviz.batch.tasks import TaskResult
+from flexviz.results import ParameterEntry, ResultDocument
+from flexviz.wording import INERTIAL, mean_nrms
+
+DONE, FAILED, WAITING = "done", "failed", "not done"
+
+
+@dataclass(frozen=True)
+class FleetValue:
+    """A parameter of one set."""
+
+    value: float
+    std: float | None
+    unit: str
+    identifiable: str
+
+
+@dataclass(frozen=True)
+class FleetRow:
+    """One set of a fleet.
+
+    Attributes:
+        set, path, robot, date, date_from, sha256, description, description_sha256: see `BatchSet`.
+        key: of its task, by which its results document is found.
+        state: "done", "failed" or "not done".
+        error: why it failed.
+        verdict: of the diagnosis of the set's own model; "" without a diagnosis.
+        final_verdict: of its last model.
+        found: effects that were added, as "coulomb_friction:joint2".
+        confidence: of the first of them.
+        residual: error on held-out groups (of the fit where there are none) relative to the torque, mean of
+            the joints.
+        residual_before: the same of the set's own model.
+        converged: whether the identification did.
+        seconds: that the work took.
+        parameters: "stiffness:joint1" -> value; inertial parameters are left out.
+    """
+
+    set: str
+    path: str
+    robot: str
+    date: str
+    date_from: str
+    sha256: str
+    description: str
+    description_sha256: str
+    key: str
+    state: str
+    error: str
+    verdict: str
+    final_verdict: str
+    found: tuple[str, ...]
+    confidence: float | None
+    residual: float | None
+    residual_before: float | None
+    converged: bool | None
+    seconds: float | None
+    parameters: dict[str, FleetValue]
+
+    @property
+    def when(self) -> dt.datetime | None:
+        """The date as an instant, for computing: without its time zone, UTC is assumed."""
+        try:
+            instant = dt.datetime.fromisoformat(self.date)
+        except ValueError:
+            return None
+        return instant if instant.tzinfo else instant.replace(tzinfo=dt.UTC)
+
+
+def fleet_row(one: BatchSet, key: str, result: TaskResult | None) -> FleetRow:
+    """The row of a set; without a result it failed to open or was not done."""
+    known = dict(one.__dict__)
+    error = known.pop("error") or (result.error if result is not None else "")
+    common: dict[str, Any] = {"set": known.pop("name"), **known, "path": str(one.path), "key": key}
+    if result is not None and not error:
+        try:
+            return _done(common, result)
+        except (ValidationError, KeyError, TypeError, ValueError) as wrong:
+            error = f"its result cannot be read ({type(wrong).__name__}); run it again with --retry"
+    nothing: dict[str, Any] = dict.fromkeys(("confidence", "residual", "residual_before", "converged"))
+    nothing |= {"verdict": "", "final_verdict": "", "found": (), "parameters": {}}
+    nothing["seconds"] = None if result is None else result.seconds
+    return FleetRow(**common, **nothing, state=FAILED if error else WAITING, error=error)
+
+
+def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
+    content = result.result or {}
+    identified = ResultDocument.from_dict(content["identification"])
+    diagnosed = ResultDocument.from_dict(content["diagnosis"]) if content.get("diagnosis") else None
+    final = diagnosed or identified
+    added = [step.added for step in diagnosed.steps if step.added is not None] if diagnosed else []
+    before, after = _errors(identified, diagnosed)
+    return FleetRow(
+        **common,
+        state=DONE,
+        error="",
+        verdict=(diagnosed.verdict or "") if diagnosed else "",
+        final_verdict=(diagnosed.final_verdict or "") if diagnosed else "",
+        found=tuple(one.text for one in added),
+        confidence=added[0].confidence if added else None,
+        residual=after,
+        residual_before=before,
+        converged=identified.converged,
+        seconds=result.seconds,
+        parameters={p.label: _value(p) for p in final.all_parameters if p.name not in INERTIAL},
+    )
+
+
+def _value(p: ParameterEntry) -> FleetValue:
+    return FleetValue(p.value, p.std, p.unit, p.identifiable)
+
+
+def _errors(
+    identified: ResultDocument, diagnosed: ResultDocument | None
+) -> tuple[float | None, float | None]:
+    """Errors of the first and the last model relative to the torque, both in the same band."""
+    if diagnosed is not None and diagnosed.steps and diagnosed.torque is not None:
+        spread = diagnosed.torque.spread
+        ends = [diagnosed.steps[0], diagnosed.steps[-1]]
+        first, last = (_share(step.rms_validation or step.rms, spread) for step in ends)
+        return first, last
+    if identified.residual is None:
+        return None, None
+    share = _share(
+        identified.residual.rms_validation or identified.residual.rms, identified.residual.torque_spread
+    )
+    return share, share
+
+
+def _share(rms: Sequence[float], spread: Sequence[float]) -> float | None:
+    share = mean_nrms(rms, spread) if len(rms) == len(spread) else math.nan
+    return share if math.isfinite(share) else None

@@ -1,0 +1,31 @@
+"""Decision thresholds of the evaluation of a fleet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class FleetThresholds:
+    """When a parameter drifts, and when a set stands out. Supported by `pytest tests/test_batch_fleet.py`.
+
+    Attributes:
+        false_alarms: probability that a fleet in which nothing changes has any drift, or any outlier, named:
+            single probabilities are divided by the number of parameters or values that are judged.
+        least_drift: change over the recorded time relative to the mean; a smaller one is not named however
+            certain it is, because temperature and load alone change friction by more.
+        least_dates: instants from which a slope has an uncertainty that can be estimated (two would always
+            lie on a line).
+        least_fleet: values from which their spread can be estimated robustly.
+        robust_freedom: degrees of freedom of a spread from the median absolute deviation, per value: it is
+            0.37 times as efficient as the standard deviation of normal values.
+    """
+
+    false_alarms: float = 0.01
+    least_drift: float = 0.02
+    least_dates: int = 4
+    least_fleet: int = 6
+    robust_freedom: float = 0.37
+
+
+THRESHOLDS = FleetThresholds()

@@ -1,0 +1,36 @@
+"""The work on one task, in whatever process: a text in, a text out."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable
+
+from flexviz.batch.analysis import analyse_set
+from flexviz.batch.tasks import Json, TaskResult, failed
+from flexviz.errors import FlexvizError, InputError
+
+log = logging.getLogger("flexviz.batch")
+
+KINDS: dict[str, Callable[[Json, Json], Json]] = {
+    "set": analyse_set,
+}
+
+
+def perform(text: str) -> str:
+    """Do a task (`BatchTask.text`) and return its `TaskResult` as JSON; errors are results, too."""
+    from threadpoolctl import threadpool_limits
+
+    task = json.loads(text)
+    key, began, cpu = task["key"], time.perf_counter(), time.process_time()
+    with threadpool_limits(1):  # small matrices: the workers are the parallel part
+        try:
+            done = TaskResult(key=key, result=KINDS[task["kind"]](task["what"], task["where"]))
+        except FlexvizError as error:
+            done = failed(key, str(error), lasting=isinstance(error, InputError))
+        except Exception as error:  # a fault of the program ends one task, not the run
+            log.exception("task %s failed", key)
+            done = failed(key, f"{type(error).__name__}: {error}")
+    spent = {"seconds": time.perf_counter() - began, "cpu": time.process_time() - cpu}
+    return done.model_copy(update=spent).model_dump_json()
