@@ -47,6 +47,10 @@ _WHERE = {
     "diagnose": "flexviz.diagnosis",
     "Diagnosis": "flexviz.diagnosis",
     "Finding": "flexviz.diagnosis",
+    "design": "flexviz.designing",
+    "Design": "flexviz.designing",
+    "DesignSettings": "flexviz.designing",
+    "write_design": "flexviz.designing",
     "load_effects": "flexviz.effects",
     "simulate_run": "flexviz.simulation",
     "replay": "flexviz.simulation",
@@ -61,6 +65,7 @@ _WHERE = {
 }
 
 if TYPE_CHECKING:
+    from flexviz.designing import Design, DesignSettings, design, write_design
     from flexviz.diagnosis import Diagnosis, Finding, diagnose
     from flexviz.effects import load_effects
     from flexviz.errors import Cancelled, ConvergenceError, FlexvizError, InputError
@@ -88,6 +93,8 @@ __all__ = [
     "OBSERVERS",
     "Cancelled",
     "ConvergenceError",
+    "Design",
+    "DesignSettings",
     "Diagnosis",
     "EffectValue",
     "EsoGains",
@@ -111,6 +118,7 @@ __all__ = [
     "Session",
     "SweepResult",
     "__version__",
+    "design",
     "diagnose",
     "export",
     "identify",
@@ -123,6 +131,7 @@ __all__ = [
     "replay",
     "simulate_run",
     "sweep",
+    "write_design",
     "write_report",
     "write_set",
 ]

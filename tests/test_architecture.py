@@ -31,6 +31,7 @@ LAYERS = (
     ("identification",),
     ("diagnosis",),
     ("simulation", "session", "importing"),
+    ("designing",),
     ("scene",),
     ("view",),
     ("report",),

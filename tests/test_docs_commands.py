@@ -85,6 +85,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         (tmp_path / f"run{number}.csv").write_text("\n".join(lines) + "\n")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sets, "make_plan", short_plan)
+    monkeypatch.setattr("flexviz.designing.search.GroupSearch.improve", lambda *arguments: None)
+    (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
 
     def known(measurements: Any, **options: Any) -> Any:
         assert not options.keys() - {"apply", "guarded", "free_curve", "progress", "should_stop", "start"}

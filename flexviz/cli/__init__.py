@@ -16,6 +16,7 @@ import typer
 from flexviz import __version__
 from flexviz.cli.analysis import diagnose, identify, record, report
 from flexviz.cli.batch import batch
+from flexviz.cli.design import design
 from flexviz.cli.effects import effects
 from flexviz.cli.export import export
 from flexviz.cli.import_ import import_
@@ -37,6 +38,7 @@ for _command in (
     with_shared_options(identify),
     with_shared_options(diagnose),
     with_shared_options(simulate),
+    with_shared_options(design),
     with_shared_options(serve),
     with_shared_options(record),
     review,

@@ -4,12 +4,14 @@ from flexviz.simulation.building import check_effect, make_plant, simulated_effe
 from flexviz.simulation.control import PDController
 from flexviz.simulation.effect_laws import neighbour, scaled_body, tilted_gravity
 from flexviz.simulation.extra_laws import ExtraLaw, Pull
+from flexviz.simulation.following import follow
 from flexviz.simulation.inject import MotionScale, default_parameters, inject, motion_scale
 from flexviz.simulation.model_replay import replay
 from flexviz.simulation.plan import Plan, PlannedGroup
 from flexviz.simulation.presets import PRESETS, perturbed
 from flexviz.simulation.rates import fastest
 from flexviz.simulation.references import Fourier, Reference, Sampled, Sinusoid, random_fourier
+from flexviz.simulation.resimulating import plan_from_set
 from flexviz.simulation.run import Run, simulate_run
 from flexviz.simulation.sensors import Sensors
 from flexviz.simulation.sets import (
@@ -40,6 +42,7 @@ __all__ = [
     "check_effect",
     "default_parameters",
     "fastest",
+    "follow",
     "inject",
     "make_plan",
     "make_plant",
@@ -47,6 +50,7 @@ __all__ = [
     "move",
     "neighbour",
     "perturbed",
+    "plan_from_set",
     "random_fourier",
     "record",
     "replay",

@@ -51,6 +51,7 @@ class Fourier(Reference):
         sine, cosine: (n, H) coefficients a_k, b_k [rad].
         frequency: ω [rad/s].
         ramp: [s].
+        end: when s has fallen to 0 again, as smoothly as it rose [s]; None: never.
     """
 
     centre: Array
@@ -58,6 +59,7 @@ class Fourier(Reference):
     cosine: Array
     frequency: float
     ramp: float = 1.0
+    end: float | None = None
 
     def sample(self, time: Array) -> tuple[Array, Array]:
         t = np.asarray(time, dtype=float)
@@ -66,10 +68,17 @@ class Fourier(Reference):
         sin, cos, rate = np.sin(angle), np.cos(angle), self.frequency * k
         series = sin @ self.sine.T + cos @ self.cosine.T
         slope = (cos * rate) @ self.sine.T - (sin * rate) @ self.cosine.T
+        rise, rise_rate = self._rise(t)
+        if self.end is not None:
+            fall, fall_rate = self._rise(self.end - t)
+            rise, rise_rate = rise * fall, rise_rate * fall - rise * fall_rate
+        return self.centre + rise * series, rise * slope + rise_rate * series
+
+    def _rise(self, t: Array) -> tuple[Array, Array]:
+        """s and its rate, (N, 1) each, at `t` (N,) [s]."""
         u = np.clip(t / self.ramp, 0.0, 1.0)[:, None]
         rise = u**4 * (35.0 - 84.0 * u + 70.0 * u**2 - 20.0 * u**3)
-        rise_rate = 140.0 * u**3 * (1.0 - u) ** 3 / self.ramp
-        return self.centre + rise * series, rise * slope + rise_rate * series
+        return rise, 140.0 * u**3 * (1.0 - u) ** 3 / self.ramp
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,73 @@
+"""`flexviz design ROBOT|SET --out DIR`: which motions and payloads to record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from flexviz.cli import terminal
+from flexviz.cli.terminal import Reporter, interruptible
+
+
+def design(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT|SET", help="A robot's .urdf, a preset of simulate, or the folder of a set."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for the references and the summary.")],
+    parameter: list[str] | None = typer.Option(
+        None,
+        metavar="NAME[:joint]",
+        help="Minimise its standard error; repeat for more. Default: stiffness, motor inertia, friction.",
+    ),
+    separate: list[str] | None = typer.Option(
+        None,
+        metavar="EFFECT[:place]",
+        help="Tell this effect from another one instead: give it twice, once for each.",
+    ),
+    effect: list[str] | None = typer.Option(
+        None, metavar="NAME[:place]", help="Add an effect to the model; repeat for more."
+    ),
+    settings: Path | None = typer.Option(
+        None, metavar="FILE.toml", help="Payloads, limits of the motion, settings of the search."
+    ),
+    groups: int | None = typer.Option(
+        None, metavar="N", help="Number of groups. Default: 3; to separate: 1."
+    ),
+    duration: float | None = typer.Option(None, metavar="S", help="Length of each group [s]. Default: 10."),
+    floor: float | None = typer.Option(None, metavar="Z", help="Least height of the tool [m]."),
+    beside: bool | None = typer.Option(
+        None,
+        "--beside/--alone",
+        help="Count the groups that the set has already. Default: only with --separate.",
+    ),
+    seed: int = typer.Option(0, metavar="N", min=0, help="Seed of the search."),
+) -> int:
+    """Choose motions and payloads from which parameters, or a missing effect, are learned best."""
+    with Reporter(f"reading {robot}") as report:
+        from flexviz.designing import check_folder, settings_from, summary_lines, write_design
+        from flexviz.designing import design as search
+
+        check_folder(out)
+        groups = 1 if groups is None and separate and settings is None else groups
+        chosen = settings_from(settings, {"groups": groups, "duration": duration}, floor)
+        with interruptible("the best groups so far are kept") as should_stop:
+            found = search(
+                robot,
+                parameters=parameter or (),
+                separate=separate or (),
+                effects=effect or (),
+                settings=chosen,
+                settings_file=settings,
+                beside=beside,
+                seed=seed,
+                progress=report,
+                should_stop=should_stop,
+            )
+            write_design(found, out)
+    terminal.print_lines([*summary_lines(found), f"written to {out}"])
+    return 130 if found.stopped else 0

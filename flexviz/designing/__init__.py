@@ -1,0 +1,27 @@
+"""Design of experiments: motions and payloads that show parameters, or a missing effect, best."""
+
+from flexviz.designing.motion import Reached
+from flexviz.designing.prediction import PredictedError, predict_errors
+from flexviz.designing.run import Design, DesignedGroup, design
+from flexviz.designing.settings import DesignSettings, LimitTable, read_settings, settings_from
+from flexviz.designing.subject import Planned
+from flexviz.designing.summary import summary_lines
+from flexviz.designing.writing import check_folder, design_files, write_design
+
+__all__ = [
+    "Design",
+    "DesignSettings",
+    "DesignedGroup",
+    "LimitTable",
+    "Planned",
+    "PredictedError",
+    "Reached",
+    "check_folder",
+    "design",
+    "design_files",
+    "predict_errors",
+    "read_settings",
+    "settings_from",
+    "summary_lines",
+    "write_design",
+]

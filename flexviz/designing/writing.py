@@ -1,0 +1,159 @@
+"""Files of a design: references as CSV and as ROS 2 JointTrajectory, and the expected errors as JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.designing.run import Design
+from flexviz.designing.subject import Planned
+from flexviz.designing.summary import summary_lines
+from flexviz.errors import InputError
+from flexviz.files import as_json, whole_folder
+from flexviz.simulation import Fourier
+
+Array = NDArray[np.float64]
+
+CSV_STEP = 0.001  # [s]
+TRAJECTORY_STEP = 0.02  # [s] between the points that a trajectory controller interpolates
+DIGITS = 9
+
+
+def design_files(design: Design) -> dict[str, str]:
+    """File name → content: per group a CSV and a YAML file, and `design.json` and `summary.txt`."""
+    files = {}
+    for group in design.groups:
+        files[f"{group.planned.name}.csv"] = reference_csv(group.planned, design.joints)
+        files[f"{group.planned.name}.yaml"] = trajectory_yaml(group.planned, design.joints)
+    files["design.json"] = as_json(design_document(design))
+    files["summary.txt"] = "\n".join(summary_lines(design)) + "\n"
+    return files
+
+
+def write_design(design: Design, folder: str | Path) -> Path:
+    """Write the files of a design to a new folder: all of them or none.
+
+    Raises:
+        InputError: the folder is not empty, or cannot be written.
+    """
+    path = Path(folder)
+    check_folder(path)
+    try:
+        with whole_folder(path.absolute()) as new:
+            for name, content in design_files(design).items():
+                (new / name).write_text(content, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
+    return path
+
+
+def check_folder(path: Path) -> None:
+    """Refuse a folder that exists and is not empty."""
+    if path.is_file() or (path.is_dir() and any(path.iterdir())):
+        raise InputError("exists already, expected a new or empty folder", file=path)
+
+
+def reference_levels(planned: Planned, step: float) -> tuple[Array, Array, Array, Array]:
+    """Time (N,) [s], position, velocity and acceleration (N, n) of a reference."""
+    count = int(np.ceil(planned.duration / step - 1e-9))
+    time = np.append(np.arange(count) * step, planned.duration)
+    position, velocity = planned.reference.sample(time)
+    near = 1e-5
+    after, before = (
+        planned.reference.sample(np.clip(time + d, 0.0, planned.duration)) for d in (near, -near)
+    )
+    gap = np.clip(time + near, 0.0, planned.duration) - np.clip(time - near, 0.0, planned.duration)
+    return time, position, velocity, (after[1] - before[1]) / gap[:, None]
+
+
+def reference_csv(planned: Planned, joints: Sequence[str]) -> str:
+    """Time and, per joint, position [rad], velocity [rad/s] and acceleration [rad/s²] of the reference."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    kinds = ("theta_ref", "velocity_ref", "acceleration_ref")
+    writer.writerow(["time", *(f"{kind}_{joint}" for kind in kinds for joint in joints)])
+    time, *levels = reference_levels(planned, CSV_STEP)
+    for row in np.concatenate([time[:, None], *levels], axis=1):
+        writer.writerow([_text(value) for value in row])
+    return out.getvalue()
+
+
+def trajectory_yaml(planned: Planned, joints: Sequence[str]) -> str:
+    """A trajectory_msgs/msg/JointTrajectory as YAML, as `ros2 topic pub` and controllers read it."""
+    from ruamel.yaml import YAML
+
+    time, *levels = reference_levels(planned, TRAJECTORY_STEP)
+    points = []
+    for k, instant in enumerate(time):
+        nanoseconds = round(float(instant) * 1e9)
+        rows = [[float(_text(value)) for value in level[k]] for level in levels]
+        named: dict[str, Any] = dict(zip(("positions", "velocities", "accelerations"), rows, strict=True))
+        named["time_from_start"] = {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+        points.append(named)
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    yaml, out = YAML(), io.StringIO()
+    yaml.default_flow_style = None
+    yaml.width = 10_000
+    yaml.dump({"header": header, "joint_names": list(joints), "points": points}, out)
+    return out.getvalue()
+
+
+def design_document(design: Design) -> dict[str, Any]:
+    """The design as JSON: references by their coefficients, expected errors, use of the limits."""
+    groups = []
+    for group in design.groups:
+        planned, motion = group.planned, group.planned.reference
+        assert isinstance(motion, Fourier)
+        groups.append(
+            {
+                "name": planned.name,
+                "payload": planned.payload,
+                "duration": planned.duration,
+                "files": [f"{planned.name}.csv", f"{planned.name}.yaml"],
+                "centre": motion.centre.tolist(),
+                "sine": motion.sine.tolist(),
+                "cosine": motion.cosine.tolist(),
+                "frequency": motion.frequency,
+                "ramp": motion.ramp,
+                "limits": [{"limit": one.limit, "share": one.share} for one in group.used],
+            }
+        )
+    return {
+        "format": 1,
+        "subject": design.subject,
+        "joints": list(design.joints),
+        "criterion": design.criterion,
+        "unit": design.unit,
+        "value": design.value,
+        "random": design.before,
+        "separates": list(design.separates),
+        "gains": list(design.gains),
+        "recorded_gains": list(design.recorded_gains),
+        "beside": list(design.beside),
+        "seed": design.seed,
+        "evaluations": design.evaluations,
+        "seconds": design.seconds,
+        "stopped": design.stopped,
+        "groups": groups,
+        "parameters": [
+            {
+                "name": one.name,
+                "joint": one.joint,
+                "value": one.value,
+                "std": one.std,
+                "unit": one.unit,
+                "prior_share": one.prior_share,
+            }
+            for one in design.errors
+        ],
+    }
+
+
+def _text(value: float) -> str:
+    return f"{round(float(value), DIGITS) + 0.0:.{DIGITS}g}"
