@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.steps.data import DataStep
+from flexviz.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.app.steps.diagnose import DiagnoseStep
 from flexviz.diagnosis import FreeCurve, Step, diagnose, prediction_errors
 from flexviz.identification import identify
@@ -24,7 +27,7 @@ from flexviz.resources import sessions_dir
 from flexviz.session import identified_errors, open_session, save_session
 from flexviz.view import model_curve_charts, staircase_charts
 from flexviz.wording import total_rms
-from tests.app_running import reopen, running, send, status, use, wait
+from tests.app_running import reopen, running, send, status, until, use, wait
 from tests.found import COULOMB, DIAGNOSIS, OFFSET
 
 pytestmark = pytest.mark.slow
@@ -161,6 +164,28 @@ def test_a_stopped_search_changes_nothing(app: Application) -> None:
     wait(app)
     assert app.store.analysis.diagnosis is None and "stopped" in status(app)
     assert not diagnose_step(app)._find.disabled and app.dock._undo.disabled
+
+
+def test_a_tie_offers_the_motion_that_decides(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
+    reopen(app, sessions_dir() / DEMO)
+    deciding = diagnose_step(app).deciding
+    assert not deciding.button.visible
+    app.store.change("looked", app.store.analysis.with_diagnosis(replace(DIAGNOSIS, findings=(COULOMB,))))
+    assert deciding.button.visible and not deciding.download.visible
+    use(app, DECIDE)
+    until(app, lambda: "designing, " in status(app))
+    use(app, "Stop")
+    wait(app)
+    assert "best motion so far" in status(app) and deciding.download.visible
+    sent: list[tuple[str, bytes]] = []
+    monkeypatch.setattr(app.page, "send_file", lambda client, name, content: sent.append((name, content)))
+    use(app, DOWNLOAD)
+    ((name, content),) = sent
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        assert name.endswith(".zip") and {"d1.csv", "d1.yaml"} < set(archive.namelist())
+        assert "Coulomb friction on joint2 is the true one" in archive.read("summary.txt").decode()
+    use(app, "Undo")
+    assert not deciding.button.visible and not deciding.download.visible
 
 
 def test_a_change_meanwhile_wins(app: Application) -> None:

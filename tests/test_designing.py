@@ -16,8 +16,19 @@ from flexviz.designing.criterion import BestSeparation, LeastErrors
 from flexviz.designing.information import frequencies, information
 from flexviz.designing.subject import subject_of
 from flexviz.errors import InputError
+from flexviz.results.diagnosis_summary import candidate_lines
+from flexviz.results.entries import CandidateEntry, TieEntry
 from flexviz.simulation import Fourier, follow, make_plan, simulate_run
+from flexviz.wording import families
 
+ENTRY = CandidateEntry(
+    effect="coulomb_friction",
+    joint="joint2",
+    score=0.9,
+    confidence=0.9,
+    parameters={},
+    inseparable_from=[TieEntry(effect="link_coulomb_friction", joint="joint2", correlation=0.99)],
+)
 LIMITS = {
     "lower": [-0.5, -1.5],
     "upper": [1.0, 0.5],
@@ -193,3 +204,10 @@ def test_wrong_settings_are_named(
 def test_wrong_arguments_are_named(call: Callable[[], Design], words: str) -> None:
     with pytest.raises(InputError, match=words):
         call()
+
+
+def test_a_tie_in_the_summary_names_the_command() -> None:
+    (family,) = families([ENTRY])
+    line = list(candidate_lines(1, family, ("joint2",)))[-1]
+    options = "--separate coulomb_friction:joint2 --separate link_coulomb_friction:joint2"
+    assert line.strip() == f"the motion that would decide: flexviz design SET {options} --out DIR"

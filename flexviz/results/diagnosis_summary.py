@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
+from flexviz.model import EffectValue
 from flexviz.results.entries import CandidateEntry, ResultFields, StepEntry
 from flexviz.results.tables import in_ascii, interval, plain_table
 from flexviz.wording import (
@@ -80,6 +81,12 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
             yield f"     not told apart from {tie.effect}{place} (correlation {tie.correlation:.2f})"
             if tie.would_separate:
                 yield f"     {tie.would_separate}"
+        if first.inseparable_from and rank == 1:
+            tie = first.inseparable_from[0]
+            pair = (first, EffectValue(tie.effect, tie.joint))
+            texts = [EffectValue(e.effect, e.joint, {}, e.group, e.payload).text for e in pair]
+            options = " ".join(f"--separate {text}" for text in texts)
+            yield f"     the motion that would decide: flexviz design SET {options} --out DIR"
         return
     yield (
         f"{rank:3d}. {first.effect} on {family.place(joints)}: together explain "

@@ -7,6 +7,7 @@ from functools import partial
 
 from flexviz.app.page import SHIFT, dim, off
 from flexviz.app.state import Changed, FitProgress, Turn
+from flexviz.app.steps.deciding import DecidingMotion
 from flexviz.app.steps.findings import FindingEntry, ModelList
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.tasks import AddFreeCurve, Diagnose, DiagnosedSet, bandwidth_of
@@ -43,6 +44,7 @@ class DiagnoseStep(WorkflowStep):
         self._heading = gui.add_html("")
         self._families: list[Family[Finding]] = []
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
+        self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
         self.next_buttons = {"find": self._find, "add": self.findings[0].add}
         page.command("Find what is missing in the model", self._look, "enter", SHIFT)
@@ -67,6 +69,7 @@ class DiagnoseStep(WorkflowStep):
         off(self._draft, "", "a Python file with the law that the free curve resembles, for --effects-from")
         self._heading.content = heading_html(current)
         self._show_findings()
+        self.deciding.refresh()
         self.model.show(store.measurements.effects, analysis.effects, joints, why)
         self._all.visible = current is not None and current.verdict == "missing" and bool(current.findings)
         off(self._all, why, "adds the best finding and diagnoses again, until nothing is missing")
