@@ -1,6 +1,7 @@
 # make install   .venv with the locked versions, and flexviz in it
 # make serve     the app on bundled data   (ARGS="SET --port 9000" for something else)
-# make test      everything that is checked: style, types, tests with coverage
+# make test      everything that is checked: style, types, tests
+# make coverage  the tests again, with the share of the code that they run
 # make docs      the documentation as a static site in build/docs, its links checked
 # make lock      write requirements.lock anew from pyproject.toml
 
@@ -9,7 +10,7 @@ PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 p
 BIN := .venv/bin
 JOBS ?= 2
 
-.PHONY: install serve test lint types pytest browser format wheel docs lock clean
+.PHONY: install serve test lint types pytest coverage browser format wheel docs lock clean
 .DELETE_ON_ERROR:
 
 install: $(BIN)/.installed
@@ -26,6 +27,7 @@ $(BIN)/.locked: requirements.lock
 
 $(BIN)/.installed: $(BIN)/.locked pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	$(BIN)/python -m compileall -q flexviz  # commands start sooner, also where Python may not write bytecode
 	@touch $@
 
 serve: install
@@ -41,6 +43,9 @@ types: install
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 pytest: install browser
+	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+
+coverage: install browser
 	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term $(ARGS)
 
 browser: install

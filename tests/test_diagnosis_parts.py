@@ -105,6 +105,23 @@ def test_pulses_and_steps_are_what_filtering_makes_of_them(demo: Any) -> None:
     np.testing.assert_allclose(context.steps_block(0, instants, 0)[:, inside], exact[:, inside], atol=3e-3)
 
 
+def test_fewer_samples_of_smooth_columns_suffice(demo: Any) -> None:
+    signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 6))
+    equation = Equation(demo.robot, signals, Layout(demo.joints))
+    context = equation.at(equation.layout.vector(identify(demo).model)).context
+    motion = context.motions(0)[0]
+    wave = np.sin(20 * motion.position)[None]
+    (few,) = context.decimation(0, 3, 40 * float(np.abs(motion.velocity).max()))
+    assert few > 1
+    exact = context.filtered_block(0, wave, 0, 3)
+    found = context.filtered_block(0, wave[:, ::few], 0, 3, few)
+    for level in range(3):  # beyond its ends a record is continued with a kink, which is folded back
+        np.testing.assert_allclose(
+            found[:, level], exact[:, level], atol=5e-4 * np.abs(exact[:, level]).max()
+        )
+    assert context.decimation(0, 3, 1e9) == [1]  # no grid is fine enough
+
+
 def test_residual_alone_is_the_residual(demo: Any) -> None:
     signals = build_signals(demo, demo.groups[:2], FlatZeroPhase(2 * np.pi * 6))
     for names in ((), (ChosenEffect("coulomb_friction", 1),), (ChosenEffect("presliding_hysteresis", 0),)):

@@ -38,10 +38,12 @@ class Ripple(LawEffect):
 
     def waves(self, context: Context, joint: int) -> Array:
         """Sine and cosine of every order, filtered: shape (2 · orders, 3, N, 1); the same for every model."""
-        parts = []
-        for motion in context.motions(joint):
-            turning = np.exp(1j * motion.position)
+        motions, parts = context.motions(joint), []
+        highest = max(self.orders) * max(float(np.abs(motion.velocity).max()) for motion in motions)
+        every = context.decimation(joint, 3, 1.5 * highest)  # the angle's own change broadens the line
+        for motion, step in zip(motions, every, strict=True):
+            turning = np.exp(1j * motion.position[::step])
             powers = np.cumprod(np.broadcast_to(turning, (max(self.orders), len(turning))), axis=0)
             chosen = powers[np.array(self.orders) - 1]
             parts.append(np.stack((chosen.imag, chosen.real), axis=1).reshape(-1, len(turning)))
-        return context.filtered(parts, joint, 3)[..., None]
+        return context.filtered(parts, joint, 3, every)[..., None]

@@ -180,8 +180,17 @@ class Context(Protocol):
         """The result of `make`, cached for all models: for columns independent of parameters."""
         ...
 
-    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
-        """Columns (C, N_fine) of each stretch through the joint's observer: shape (C, depth, N)."""
+    def filtered(
+        self, parts: Sequence[Array], joint: int, depth: int, every: Sequence[int] | None = None
+    ) -> Array:
+        """Columns (C, N_fine) of each stretch through the joint's observer: shape (C, depth, N).
+
+        `every`: per stretch, which samples the columns have: every so many of the fine ones; default: all.
+        """
+        ...
+
+    def decimation(self, joint: int, depth: int, highest: float) -> list[int]:
+        """Per stretch, every how many fine samples suffice without content above `highest` [rad/s]."""
         ...
 
     def theta(self, joint: int) -> Array:

@@ -83,7 +83,12 @@ class TrialMotion:
     def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
         return make()
 
-    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
+    def decimation(self, joint: int, depth: int, highest: float) -> list[int]:
+        return [1]
+
+    def filtered(
+        self, parts: Sequence[Array], joint: int, depth: int, every: Sequence[int] | None = None
+    ) -> Array:
         """The columns themselves; their derivatives by differences."""
         levels = [np.asarray(parts[0], dtype=float)]
         for _ in range(depth - 1):

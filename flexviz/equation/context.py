@@ -136,17 +136,34 @@ class EffectContext:
             self._shared[full] = make()
         return self._shared[full]
 
-    def filtered(self, parts: Sequence[Array], joint: int, depth: int) -> Array:
+    def filtered(
+        self, parts: Sequence[Array], joint: int, depth: int, every: Sequence[int] | None = None
+    ) -> Array:
         out = np.empty((len(parts[0]), depth, self.count()))
         for index, (block, part) in enumerate(zip(self._signals.blocks, parts, strict=True)):
-            out[:, :, block.rows] = self.filtered_block(index, part, joint, depth)
+            out[:, :, block.rows] = self.filtered_block(
+                index, part, joint, depth, every[index] if every else 1
+            )
         return out
 
-    def filtered_block(self, index: int, part: Array, joint: int, depth: int) -> Array:
-        """Columns (C, N_fine) of one stretch through the joint's observer: shape (C, depth, N_block)."""
+    def decimation(self, joint: int, depth: int, highest: float) -> list[int]:
+        band, out = self._signals.observer_of(joint).cutoff(depth - 1), []
+        for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
+            # no content may be folded into the band of the observer
+            most = 1.0 if band is None else 2 * np.pi / (fine.step * (band + highest))
+            stride = block.stride // fine_stride(block)
+            out.append(max(d for d in range(1, stride + 1) if d == 1 or (stride % d == 0 and d <= most)))
+        return out
+
+    def filtered_block(self, index: int, part: Array, joint: int, depth: int, every: int = 1) -> Array:
+        """Columns of one stretch through the joint's observer: shape (C, depth, N_block).
+
+        Args:
+            part: shape (C, ceil(N_fine / every)).
+        """
         block, fine = self._signals.blocks[index], self.fine()[index]
-        stride = block.stride // fine_stride(block)
-        values = self._signals.observer_of(joint).derivatives(part.T, fine.step, depth, stride=stride)
+        stride = block.stride // (fine_stride(block) * every)
+        values = self._signals.observer_of(joint).derivatives(part.T, fine.step * every, depth, stride=stride)
         return values[:, self._signals.kept(block)].transpose(2, 0, 1)
 
     def pulses_block(

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 MIN_SAMPLES = 10  # of a segment without its transients
 FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
-QUICK = 4  # raw samples per such step from which strides are adapted to it
+QUICK = 2  # raw samples per such step from which strides are adapted to it
 
 
 @dataclass(frozen=True)

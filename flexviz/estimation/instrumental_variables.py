@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 MAX_HALVINGS = 4  # of a step in a damped fit
 PREDICTED = 4.0  # decrease of Σ r² over all further steps, relative to that predicted for the next one
 IMPROVED = 0.997  # factor on the objective, below which a step has improved it
-FAR_ABOVE_NOISE = 100.0  # mean χ² per sample; nearer, an uphill step may well lead to the solution
 MAX_MODEL_ERROR_FITS = 8  # fits while the model error is adapted to the residual
 
 
@@ -142,7 +141,7 @@ class _Outlook:
         self._idle = 0 if best.objective < IMPROVED * self._least else self._idle + 1
         self._least = best.objective
         impatient = self._patience is not None and self._idle >= self._patience
-        if impatient and float(point.chi.mean()) > FAR_ABOVE_NOISE:
+        if impatient and float(point.chi.mean()) > ESTIMATION.far_above_noise:
             return True
         return point.objective_after(PREDICTED * length**2) > self._beat
 

@@ -27,6 +27,9 @@ class EstimationThresholds:
         transient: energy of a window at the ends of a record, relative to the median, that marks a transient.
         negligible_step: step length that ends the refinement [standard deviations].
         noise_moved: change of the noise shape (logs of its variances) after which the whiteners are renewed.
+        noise_moved_far: the same while the residual is far above the noise, where weights matter less.
+        far_above_noise: mean χ² per sample from which a fit counts as far above the noise; nearer, an uphill
+            step may well lead to the solution.
         effect_moved: relative change of an effect after which its reversals are located again.
         deflection_guess: assumed deflection under the rms torque of a joint without rough stiffness [rad].
         stiffness_spread: log of the prior standard deviation of a stiffness or motor inertia, relative to its
@@ -46,6 +49,8 @@ class EstimationThresholds:
     transient: float = 5.0
     negligible_step: float = 0.02
     noise_moved: float = 0.01
+    noise_moved_far: float = 0.1
+    far_above_noise: float = 100.0
     effect_moved: float = 0.1
     deflection_guess: float = 5e-3
     stiffness_spread: float = 3.0

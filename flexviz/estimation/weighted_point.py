@@ -309,13 +309,19 @@ class TrackingWhitening(Whitening):
     ) -> None:
         super().__init__(two_band)
         self._with_instruments, self._effects_at = not judging, np.zeros(0)
-        self.noise_at = np.zeros(0)
+        self.noise_at, self._far = np.zeros(0), False
         if near is not None:
             self._whiteners, self.noise_at = near
 
+    def point(self, x: Array) -> Point:
+        point = super().point(x)
+        self._far = float(point.chi.mean()) > ESTIMATION.far_above_noise
+        return point
+
     def _renew(self, here: BandEvaluation) -> None:
         noise = self.two_band.noise_shape(here.x, here.link)
-        if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > ESTIMATION.noise_moved:
+        enough = ESTIMATION.noise_moved_far if self._far else ESTIMATION.noise_moved
+        if self._whiteners is None or np.max(np.abs(noise - self.noise_at)) > enough:
             self._whiteners, self.noise_at = None, noise
         effects = here.x[self.two_band.layout.effect_start :]
         if self._weightings is not None and effects.size:
@@ -326,7 +332,11 @@ class TrackingWhitening(Whitening):
             self._effects_at = effects.copy()
 
     def _instrument_bias(self, x: Array, here: BandEvaluation) -> list[Array]:
-        return super()._instrument_bias(x, here) if self._with_instruments else []
+        if not self._with_instruments:
+            return []
+        if self._far:  # what the sensors' noise shares is nothing beside what the model leaves
+            return [np.zeros(len(x)) for _ in self.two_band.blocks]
+        return super()._instrument_bias(x, here)
 
 
 def first_model_error(torque: Array) -> Array:

@@ -95,6 +95,10 @@ class Observer(ABC):
         Uses the first joint's bandwidth.
         """
 
+    def cutoff(self, order: int) -> float | None:
+        """Frequency above which the gain times ω^order is negligible [rad/s]; None when it never is."""
+        return None
+
     @abstractmethod
     def derivatives(
         self,

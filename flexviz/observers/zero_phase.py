@@ -116,10 +116,6 @@ class ZeroPhaseObserver(Observer):
             out[1] += continued.slope
         return out
 
-    def cutoff(self, order: int) -> float | None:
-        """Frequency above which the gain times ω^order is negligible [rad/s]; None when it never is."""
-        return None
-
 
 class ButterworthZeroPhase(ZeroPhaseObserver):
     """Fourth-order Butterworth run forwards and backwards: gain 1/(1 + (ω/w)⁸)."""
