@@ -7,6 +7,7 @@ busy machine the wall time is that of a queue, so the CPU time of the same work 
 
 - page: from starting the command to the first complete page.
 - bandwidth: from a bandwidth event to the new data being queued for the browsers, 20 s × 1 kHz × 7 joints.
+- tuning: the same with the residual of the identified model on all joints, and frames a second meanwhile.
 - playback: frames a second alone, and while an identification with refinement runs.
 - memory: resident memory of the server while it plays to a connected page, and a straight line through it
   after the first fifth, continued to an hour with its own standard error.
@@ -35,13 +36,15 @@ from flexviz.app.application import Application
 from flexviz.app.playback import RATE as FRAMES
 from flexviz.app.server import start_server
 from flexviz.app.tasks import Identify, open_set
+from flexviz.identification import identify
 from flexviz.measurements import GroupTable, write_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 
 SAMPLES, RATE, JOINTS = 20_000, 1000.0, 7
 PAGE, SLIDER, GROWTH = 3.0, 0.05, 50.0  # [s], [s], [MB an hour]: what they are to stay below
-PARTS = ("page", "bandwidth", "playback", "memory")
+PARTS = ("page", "bandwidth", "tuning", "playback", "memory")
+TUNED = ("butterworth-zero-phase", "eso")
 
 
 def line(name: str, figure: str, target: str, ratio: float) -> None:
@@ -141,22 +144,49 @@ def bandwidth(count: int = 60) -> None:
     with tempfile.TemporaryDirectory() as folder, application(panda_set(Path(folder) / "panda")) as app:
         wait(app, lambda: not app.tasks.busy)
 
-        def set_bandwidth(width: float) -> None:
-            app.store.change("bandwidth", replace(app.store.analysis, bandwidth=width))
+        drag(app, "bandwidth → plot data", count)
 
-        wall, cpu = [], []
-        for width in np.linspace(20.0, 200.0, count):
-            app.queue.call(set_bandwidth, float(width))
-            begin, worked = time.perf_counter(), time.thread_time()
-            while len(app.queue):
-                app.once(0.0)
-            wall.append(time.perf_counter() - begin)
-            cpu.append(time.thread_time() - worked)
+
+def tuning(count: int = 60) -> None:
+    """From a bandwidth event to the residual of all joints, and playback meanwhile."""
+    with tempfile.TemporaryDirectory() as folder, application(panda_set(Path(folder) / "panda")) as app:
+        wait(app, lambda: not app.tasks.busy)
+        store = app.store
+        for effects in ((), ("coulomb_friction",)):
+            result = identify(store.measurements, effects=effects, observer="eso", max_iterations=1)
+            for observer in TUNED:
+                analysis = replace(store.analysis, observer=observer, bandwidth=20.0, effects=effects)
+                store.change("observer", analysis.with_identification(result, analysis.settings))
+                store.tasks.stop()
+                store.go("Observer")
+                wait(app, lambda: not app.tasks.busy)
+                drag(app, f"{observer[:4]}{' + friction' * bool(effects)} → residual", count, pause=0.05)
+
+
+def drag(app: Application, name: str, count: int, pause: float = 0.0) -> None:
+    """Send bandwidths as a slider does; with a pause [s] between them the playback's rate, too."""
+
+    def set_bandwidth(width: float) -> None:
+        app.store.change("bandwidth", replace(app.store.analysis, bandwidth=width))
+
+    wall, cpu = [], []
+    frames, started = app.display.playback.frames, time.monotonic()
+    for width in np.linspace(20.0, 200.0, count):
+        app.queue.call(set_bandwidth, float(width))
+        begin, worked = time.perf_counter(), time.thread_time()
+        while len(app.queue):
+            app.once(0.0)
+        wall.append(time.perf_counter() - begin)
+        cpu.append(time.thread_time() - worked)
+        time.sleep(pause)
+    if pause:
+        rate = (app.display.playback.frames - frames) / (time.monotonic() - started)
+        line("playback meanwhile", f"{rate:.1f} frames/s", f"{FRAMES:g} /s", rate / FRAMES)
     late, worked = float(np.quantile(wall, 0.95)), float(np.quantile(cpu, 0.95))
     figure = (
         f"{1e3 * late:.1f} ms p95, {1e3 * np.median(wall):.1f} ms median, {1e3 * worked:.1f} ms p95 of CPU"
     )
-    line("bandwidth → plot data", figure, f"< {1e3 * SLIDER:g} ms", late / SLIDER)
+    line(name, figure, f"< {1e3 * SLIDER:g} ms", late / SLIDER)
 
 
 def frame_rate(app: Application, condition: Callable[[], bool]) -> tuple[float, float]:
@@ -240,6 +270,7 @@ def main() -> None:
         {
             "page": first_page,
             "bandwidth": bandwidth,
+            "tuning": tuning,
             "playback": playback,
             "memory": lambda: memory(chosen.minutes),
         }[part]()

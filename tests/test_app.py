@@ -94,6 +94,18 @@ def test_bandwidth_redraws_the_states(app: Application) -> None:
     assert app.store.analysis.observer == "butterworth-zero-phase"
 
 
+def test_undo_takes_back_one_whole_drag(app: Application, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = app.store.analysis.bandwidth
+    for width in (60.0, 70.0, 80.0):
+        use(app, "Bandwidth [rad/s]", np.log10(width))
+    monkeypatch.setattr("flexviz.app.store.PAUSE", 0.0)  # as if the slider had rested
+    use(app, "Bandwidth [rad/s]", np.log10(200.0))
+    app.store.undo()
+    assert app.store.analysis.bandwidth == pytest.approx(80.0, rel=0.01)
+    app.store.undo()
+    assert app.store.analysis.bandwidth == before
+
+
 def test_joint_and_group_are_selected_everywhere(app: Application) -> None:
     torque = chart(app, "signals", "torque")[1]
     use(app, "Joint", "joint2")

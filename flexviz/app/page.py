@@ -174,8 +174,14 @@ class Page:
 
 def off(handle: Any, why: str, hint: str = "") -> None:
     """Disable a control with the reason `why` as its hint; without a reason enable it with `hint`."""
-    handle.disabled = bool(why)
-    handle.hint = f"off: {why}" if why else hint
+    put(handle, disabled=bool(why), hint=f"off: {why}" if why else hint)
+
+
+def put(handle: Any, **values: Any) -> None:
+    """Set properties of a control that are not so already; setting one costs viser 0.1 ms."""
+    for name, value in values.items():
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
 
 
 def dim(text: str) -> str:

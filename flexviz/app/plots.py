@@ -89,7 +89,7 @@ class PlotPanel:
 
     def _draw_states(self) -> None:
         store, analysis = self._store, self._store.analysis
-        observer = observer_for(analysis.observer, analysis.bandwidth, store.joint)
+        observer = observer_for(analysis.observer, analysis.bandwidth, store.joint, analysis.gains)
         hold, now = store.measurements.torque_hold, store.clock.time
         self._states.show(states_charts(store.group, store.joint, observer, hold, now))
 

@@ -6,6 +6,7 @@ notified. Only the loop's thread calls it.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -37,6 +38,7 @@ from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
 
+PAUSE = 3.0  # [s] without a change that ends the dragging of a control
 KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
 
@@ -53,6 +55,7 @@ class Store(ChangeSignal):
         self.activity: Activity | None = None  # the task that the user waits for
         self.saved: Session | None = None  # the session when last saved
         self.last_action = ""  # for a log
+        self._changed = 0.0  # last change of the analysis [s, monotonic]
         self._begin(opened)
 
     # -- what is open --------------------------------------------------------------------------------
@@ -105,8 +108,10 @@ class Store(ChangeSignal):
     # -- the analysis --------------------------------------------------------------------------------
 
     def change(self, label: str, analysis: Analysis) -> None:
-        """Set a new state of the analysis; consecutive changes with the same label are merged."""
-        self._go(label, self.session.then(label, analysis), Changed.NEW_STATE)
+        """Set a new state of the analysis; changes with one label are one step until there is a pause."""
+        before, self._changed = self._changed, time.monotonic()
+        merge = self._changed - before < PAUSE
+        self._go(label, self.session.then(label, analysis, merge=merge), Changed.NEW_STATE)
 
     def undo(self) -> None:
         self._go(f"undone: {self.session.present.label}", self.session.undo(), Changed.HISTORY)

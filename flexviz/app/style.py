@@ -62,6 +62,14 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-card p { margin: 0.4em 0; } .fv-card svg { max-width: 100%; height: auto; }
 .fv-equation { font-size: 12.5px; margin: 0.3em 0; padding: 0.4em 0.6em; border-radius: 3px;
   white-space: pre-wrap; background: rgba(128, 128, 128, 0.12); }
+.fv-multiples { display: grid; grid-template-columns: 1fr 1fr; gap: 0.3em 0.5em; }
+.fv-multiple { padding: 0.15em 0.3em; border: 1px solid rgba(128, 128, 128, 0.35); border-radius: 3px;
+  font-size: 11px; line-height: 1.3; min-width: 0; font-variant-numeric: tabular-nums; }
+.fv-multiple.fv-chosen { border-color: #0072B2; box-shadow: inset 0 0 0 1px #0072B2; }
+.fv-multiple div { display: flex; justify-content: space-between; gap: 0.4em; white-space: nowrap; }
+.fv-multiple span { overflow: hidden; text-overflow: ellipsis; }
+.fv-multiple svg { display: block; width: 100%; height: 36px; }
+.fv-poles { display: block; width: 100%; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
@@ -87,11 +95,11 @@ def no_number_box(uuid: str) -> str:
     return f"{flex(uuid)} .mantine-NumberInput-root {{ display: none; }}"
 
 
-def half(uuid: str) -> str:
+def half(uuid: str, label: str = "5.4em") -> str:
     """Rules that put a control into half the panel's width, two in a row, with a short label."""
     return (
         f'div:has(> div.mantine-Flex-root > div > p > label[for="{uuid}"]) '
-        f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n" + label_width(uuid, "5.4em")
+        f"{{ display: inline-block; width: 50%; vertical-align: top; }}\n" + label_width(uuid, label)
     )
 
 

@@ -171,7 +171,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
     if chart.highlights is not None:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})
     if chart.marker is not None:
-        entries.append({"label": "least", **line})
+        entries.append({"label": chart.marked, **line})
     for number, stage in enumerate(chart.stages):
         fill = f"{SHADES[number % len(SHADES)]}30"
         entries.append({"label": stage.name, "fill": fill, "width": 0, **FLAGS})

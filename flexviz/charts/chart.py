@@ -107,7 +107,7 @@ class Chart:
         description: caption and alternative text.
         note: the reason for an empty chart, or a remark on it.
         highlights: highlighted intervals of x; None: the chart has no highlights.
-        marker: x of a vertical line.
+        marker: x of a vertical line, called `marked`.
         stages: shaded intervals of x with their names.
         playhead: show the playback time on x, which is then time.
         height: [px].
@@ -123,6 +123,7 @@ class Chart:
     note: str = ""
     highlights: tuple[tuple[float, float], ...] | None = None
     marker: float | None = None
+    marked: str = "least"
     stages: tuple[ShadedStage, ...] = ()
     playhead: bool = False
     height: int = 190

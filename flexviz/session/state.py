@@ -234,11 +234,11 @@ class Session:
         """Label of the action that `redo` repeats; empty if there is none."""
         return self.future[0].label if self.future else ""
 
-    def then(self, label: str, analysis: Analysis) -> Session:
-        """The session after a change; consecutive changes with the same label (a slider) are merged."""
+    def then(self, label: str, analysis: Analysis, *, merge: bool = True) -> Session:
+        """The session after a change; with `merge` one with the last one's label (a slider) replaces it."""
         if analysis.same_as(self.analysis):
             return self
-        merge = bool(self.past) and label == self.present.label
+        merge = merge and bool(self.past) and label == self.present.label
         past = self.past if merge else (*self.past, self.present)[-HISTORY:]
         return replace(self, present=SessionStep(label, analysis, now(), __version__), past=past, future=())
 

@@ -21,7 +21,7 @@ from flexviz.charts import (
 from flexviz.diagnosis import Finding
 from flexviz.identification import Identification
 from flexviz.measurements import Group, Segment
-from flexviz.observers import Observer, make_observer
+from flexviz.observers import EsoGains, Observer, make_observer
 from flexviz.scene import RobotMotion
 from flexviz.view.residuals import left_out
 from flexviz.wording import finding_name, number
@@ -114,10 +114,12 @@ def one_joint(segment: Segment, joint: int) -> Segment:
     return replace(segment, theta=segment.theta[:, columns], tau=segment.tau[:, columns])
 
 
-def observer_for(name: str, bandwidth: float | Sequence[float] | None, joint: int) -> Observer:
+def observer_for(
+    name: str, bandwidth: float | Sequence[float] | None, joint: int, gains: EsoGains | None = None
+) -> Observer:
     """The observer of one joint, with the joint's bandwidth if there is one per joint."""
     own = bandwidth if bandwidth is None or np.ndim(bandwidth) == 0 else np.asarray(bandwidth)[joint]
-    return make_observer(name, None if own is None else float(own))  # type: ignore[arg-type]
+    return make_observer(name, None if own is None else float(own), gains)  # type: ignore[arg-type]
 
 
 def states_charts(

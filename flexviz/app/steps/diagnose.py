@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 from flexviz.app.page import SHIFT, dim, off
 from flexviz.app.state import Changed, FitProgress, Turn
@@ -43,6 +44,7 @@ class DiagnoseStep(WorkflowStep):
         self._draft_of: tuple[Diagnosis | None, CurveDraft | None] = (None, None)
         self._heading = gui.add_html("")
         self._families: list[Family[Finding]] = []
+        self._drawn: tuple[Any, ...] | None = None  # what the controls show
         self.findings = [FindingEntry(page, index, self._add) for index in range(MAX_FINDINGS)]
         self.deciding = DecidingMotion(page, self.store)
         self.model = ModelList(page, self._remove)
@@ -55,6 +57,10 @@ class DiagnoseStep(WorkflowStep):
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not
+        shown = id(store.measurements), analysis.diagnosis, analysis.diagnosis_settings, why
+        if shown == self._drawn:
+            return  # a slider of another step is dragged
+        self._drawn = shown
         joints, spread = store.measurements.joints, store.measurements.torque_spread
         self._verdict.content = verdict_html(
             analysis.diagnosis, analysis.diagnosis_up_to_date, joints, spread

@@ -57,6 +57,7 @@ class IdentifyStep(WorkflowStep):
             "Show truth", False, lambda _: self._draw_table(), visible=False, hint=hint
         )
         self._table = gui.add_html("")
+        self._drawn: tuple[Any, Any] | None = None  # result and truth in the table
         page.command("Run the identification", self._start, "enter", CTRL)
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.OPENED | Changed.CHECK, self._show_check, Turn.CONTROLS)
@@ -116,8 +117,11 @@ class IdentifyStep(WorkflowStep):
         self.store.say(text, "" if result.converged else "bad")
 
     def _draw_table(self) -> None:
-        truth = self.store.opened.truth if self._truth.value else None
-        self._table.content = truth_html(truth) + parameters_html(self.store.analysis.identification, truth)
+        result, truth = self.store.analysis.identification, self.store.opened.truth
+        shown = result, truth if self._truth.value else None
+        if self._drawn is None or any(a is not b for a, b in zip(self._drawn, shown, strict=True)):
+            self._drawn = shown  # drawn once, not at every step of a slider
+            self._table.content = truth_html(shown[1]) + parameters_html(*shown)
 
 
 class EffectList:

@@ -1,4 +1,4 @@
-"""Step 2, Observer: the filter that differentiates θ and τ, its bandwidth, and the bandwidth sweep."""
+"""Step 2, Observer: the filter that differentiates θ and τ, its tuning and what that costs, and the sweep."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from functools import partial
 
 from flexviz.app.page import Page, dim, off, warning
 from flexviz.app.state import Changed, Turn
+from flexviz.app.steps.eso_gains import GainsPanel
 from flexviz.app.steps.step import WorkflowStep
+from flexviz.app.steps.tuning import LiveResidual
 from flexviz.app.store import Store
 from flexviz.app.style import no_number_box
 from flexviz.app.tasks import Sweep
@@ -47,7 +49,7 @@ class ObserverStep(WorkflowStep):
             gui.add_slider(
                 "Bandwidth [rad/s]", math.log10(LOWEST), math.log10(HIGHEST), 0.01, math.log10(50.0),
                 marks=tuple((math.log10(mark), f"{mark:g}") for mark in MARKS),
-                hint="logarithmic; the states on the right are updated immediately",
+                hint="logarithmic; the residual below and the states on the right follow at once",
             ),
             lambda exponent: self._set_bandwidth(10.0**exponent),
         )  # fmt: skip
@@ -58,6 +60,8 @@ class ObserverStep(WorkflowStep):
         self._single = page.checkbox("Only this joint", hint=hint)
         page.button("Use the observer's own bandwidth", self._use_default)
         self._numbers = gui.add_html("")
+        self.live = LiveResidual(self.store, page, lambda: self.store.step == self.title)
+        GainsPanel(self.store, page, self.live.show_draft, self.live.below)
         self.sweep = BandwidthSweep(self.store, page, self._around, self._set_bandwidth)
         page.style(no_number_box, self._slider)
         page.command("Use the observer's own bandwidth", self._use_default)
@@ -77,23 +81,24 @@ class ObserverStep(WorkflowStep):
             pairs = zip(store.measurements.joints, analysis.bandwidth, strict=False)
             widths = ", ".join(f"{escape(joint)} {number(each, 3)}" for joint, each in pairs)
             where, listed = " on this joint", dim(f"Per joint [rad/s]: {widths}.")
+        by_hand = ", gains set by hand" if analysis.gains else ""
         self._numbers.content = (
             f'<div class="fv"><b>{OBSERVERS[analysis.observer].title}</b>, '
-            f"bandwidth {number(width, 4)} rad/s{where}</div>"
+            f"bandwidth {number(width, 4)} rad/s{where}{by_hand}</div>"
             + listed
             + numbers_html(observer_numbers(observer, store.group.segments[0].step))
         )
 
     def _present(self) -> Observer:
         analysis = self.store.analysis
-        return observer_for(analysis.observer, analysis.bandwidth, self.store.joint)
+        return observer_for(analysis.observer, analysis.bandwidth, self.store.joint, analysis.gains)
 
     def _around(self) -> Widths:
         return sweep_bandwidths(float(self._present().bandwidth), LOWEST, HIGHEST)  # type: ignore[arg-type]
 
     def _choose(self, name: str) -> None:
         make_observer(name)
-        self.store.change(f"observer {name}", replace(self.store.analysis, observer=name))
+        self.store.change(f"observer {name}", replace(self.store.analysis, observer=name, gains=None))
 
     def _set_bandwidth(self, bandwidth: float) -> None:
         """Use a bandwidth [rad/s], for all joints or only the selected one."""
@@ -102,7 +107,9 @@ class ObserverStep(WorkflowStep):
         if not self._single.value or n == 1:
             store.change("bandwidth", replace(analysis, bandwidth=width))
             return
-        present = [observer_for(analysis.observer, analysis.bandwidth, joint) for joint in range(n)]
+        present = [
+            observer_for(analysis.observer, analysis.bandwidth, joint, analysis.gains) for joint in range(n)
+        ]
         widths = [float(observer.bandwidth) for observer in present]  # type: ignore[arg-type]
         widths[store.joint] = width
         store.change(f"bandwidth of {store.joint_name}", replace(analysis, bandwidth=tuple(widths)))
@@ -176,4 +183,4 @@ class BandwidthSweep:
 
 def _settings(analysis: Analysis) -> tuple[object, ...]:
     """The settings that a sweep depends on."""
-    return (analysis.path, analysis.observer, analysis.roles, analysis.effects)
+    return (analysis.path, analysis.observer, analysis.gains, analysis.roles, analysis.effects)

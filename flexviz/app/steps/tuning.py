@@ -1,0 +1,162 @@
+"""What the present tuning of the observer costs, live: the residual of every joint and the trade."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from flexviz.app.page import Page, dim, warning
+from flexviz.app.state import Changed, Turn
+from flexviz.app.store import Store
+from flexviz.app.uplot import ChartColumn
+from flexviz.errors import InputError
+from flexviz.identification import ResidualPreview
+from flexviz.observers import EsoGains, Observer, make_observer
+from flexviz.view import Cost, residuals_html, stretch, trade_chart
+from flexviz.wording import escape, number
+
+LONGEST = 70_000  # samples of all joints that are evaluated while a slider is dragged
+SLOW = 0.12  # [s] of processor time: longer evaluations wait until the slider rests
+REST = 0.3  # [s] without a change
+GRID = tuple(np.geomspace(5.0, 2000.0, 12).round(1).tolist())  # [rad/s] bandwidths that are tried when idle
+
+
+class LiveResidual:
+    """The residual of the identified model with the present observer; the model's values are kept."""
+
+    def __init__(self, store: Store, page: Page, shown: Callable[[], bool]) -> None:
+        self._store, self._shown = store, shown
+        self._preview: ResidualPreview | None = None
+        self._of: tuple[object, ...] = ()  # what the preview belongs to
+        self._note = ""  # on a long recording
+        self._trade: dict[float, Cost] = {}
+        self._trade_of: tuple[object, ...] = ()
+        self._failed: set[float] = set()  # bandwidths of the grid that cannot be used
+        self._observer = make_observer(store.analysis.observer)  # as drawn
+        self._took = 0.0  # [s] of processor time, the last evaluation
+        self._due: float | None = None  # when a slow evaluation is due [s, monotonic]
+        self._draft: EsoGains | None = None  # gains to show instead of those in use
+        self._head, self._grid = page.gui.add_html(""), page.gui.add_html("")
+        self._folder = page.gui.add_folder(None, visible=False)
+        self._charts = ChartColumn(page.server, self._folder)
+        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.STEP
+        store.subscribe(selected | Changed.OBSERVER | Changed.RESULT, self._changed, Turn.CONTROLS)
+        store.subscribe(Changed.TICK, self._tick)
+
+    @property
+    def below(self) -> float:
+        """Place of a folder between the residuals and the trade."""
+        return self._grid.order + 0.5
+
+    def show_draft(self, draft: EsoGains | None) -> None:
+        """Show the residual with gains that are not used yet; None: with the observer as set."""
+        if draft != self._draft:
+            self._draft = draft
+            self._changed()
+
+    def _changed(self) -> None:
+        """Evaluate and draw at once, or when the slider rests if that takes long."""
+        if not self._shown():
+            return
+        if self._took > SLOW and self._preview is not None and self._of == self._now():
+            self._due = time.monotonic() + REST
+        else:
+            self._draw()
+
+    def _tick(self) -> None:
+        if self._due is not None and time.monotonic() >= self._due:
+            self._draw()
+        elif self._shown() and self._due is None and not self._store.running:
+            self._fill_trade()
+
+    def _now(self) -> tuple[object, ...]:
+        return self._store.analysis.identification, self._store.group
+
+    def _draw(self) -> None:
+        self._due = None
+        store, analysis = self._store, self._store.analysis
+        if analysis.identification is None:
+            self._show(dim("After Run (step 3, Identify) the model's residual is shown here while you drag."))
+            return
+        self._observer = observer = self._chosen()
+        begin = time.thread_time()
+        try:
+            found = self._prepared().at(observer)
+        except InputError as error:
+            self._show(warning(escape(str(error))))
+            return
+        finally:
+            self._took = time.thread_time() - begin
+        if isinstance(observer.bandwidth, float) and self._draft is None:
+            self._keep(observer.bandwidth, Cost(found.rms, found.noise_floor))
+        lag = f"{number(1000 * observer.lag(store.group.segments[0].step), 3)} ms lag"
+        tried = f"with the gains below, not used yet ({lag})" if self._draft else "with this observer"
+        head = (
+            f'<div class="fv"><b>Residual of the identified model</b> {tried}, group '
+            f'{escape(store.group.name)}; its values are kept. <span class="fv-dim">Rms / noise floor; the '
+            f"band is what noise alone would fill. {escape(self._note)}</span></div>"
+        )
+        self._show(head, residuals_html(found, store.measurements.joints, store.joint))
+        self._draw_trade()
+
+    def _chosen(self) -> Observer:
+        """The observer to show: with the gains of the draft, or as set, or as the data chose it."""
+        analysis, result = self._store.analysis, self._store.analysis.identification
+        if self._draft is not None:
+            return make_observer(analysis.observer, None, self._draft)
+        if result is not None and analysis.tuning == (result.observer_name, None, None):
+            return result.observer
+        return make_observer(*analysis.tuning)
+
+    def _show(self, head: str, grid: str = "") -> None:
+        self._head.content, self._grid.content = head, grid
+        self._folder.visible = bool(grid) and len(self._trade) > 1
+
+    def _prepared(self) -> ResidualPreview:
+        """The preview of the present result and group."""
+        if self._preview is None or self._of != self._now():
+            store, fitted = self._store, self._store.analysis.fitted_settings
+            result = store.analysis.identification
+            assert result is not None
+            longest = LONGEST // store.measurements.n
+            parts, self._note = stretch(store.group.segments, store.clock.time, longest)
+            group = replace(store.group, segments=tuple(parts))
+            effects = fitted.effects if fitted else ()
+            self._preview = ResidualPreview(store.measurements, group, result.model, effects)
+            self._of = self._now()
+        return self._preview
+
+    # -- the trade -----------------------------------------------------------------------------------
+
+    def _keep(self, bandwidth: float, cost: Cost) -> None:
+        analysis = self._store.analysis
+        now = (*self._now(), analysis.observer, analysis.gains)
+        if now != self._trade_of:
+            self._trade, self._trade_of, self._failed = {}, now, set()
+        self._trade[bandwidth] = cost
+
+    def _fill_trade(self) -> None:
+        """Evaluate one more bandwidth of the grid."""
+        analysis = self._store.analysis
+        if self._took > SLOW or self._trade_of != (*self._now(), analysis.observer, analysis.gains):
+            return
+        rest = [width for width in GRID if width not in self._trade and width not in self._failed]
+        if not rest or self._preview is None or self._draft is not None:
+            return
+        try:
+            found = self._preview.at(make_observer(analysis.observer, rest[0], analysis.gains))
+        except InputError:
+            self._failed.add(rest[0])
+            return
+        self._trade[rest[0]] = Cost(found.rms, found.noise_floor)
+        if len(rest) == 1:
+            self._draw_trade()
+
+    def _draw_trade(self) -> None:
+        store = self._store
+        present = float(self._observer.bandwidth_of(store.measurements.n)[store.joint])
+        self._charts.show((trade_chart(self._trade, store.joint, store.joint_name, present),))
+        self._folder.visible = len(self._trade) > 1
