@@ -1,0 +1,1 @@
+"""flexviz beside its peers on the same sets: `python -m benchmarks.peers`."""

@@ -1,0 +1,58 @@
+"""flexviz's results in the form in which all methods answer, and its evaluations counted from outside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
+
+from flexviz.diagnosis import Diagnosis
+from flexviz.equation import OperatingPoint
+from flexviz.identification import Identification
+
+
+class Count:
+    """How often the equation was evaluated."""
+
+    value = 0
+
+
+@contextmanager
+def counted() -> Iterator[Count]:
+    """Count evaluations of the equation meanwhile, with or without its Jacobian."""
+    count = Count()
+    originals = {name: getattr(OperatingPoint, name) for name in ("residual", "evaluate")}
+
+    def counting(original: Any) -> Any:
+        def call(*arguments: Any, **options: Any) -> Any:
+            count.value += 1
+            return original(*arguments, **options)
+
+        return call
+
+    for name, original in originals.items():
+        setattr(OperatingPoint, name, counting(original))
+    try:
+        yield count
+    finally:
+        for name, original in originals.items():
+            setattr(OperatingPoint, name, original)
+
+
+def answered(result: Identification | Diagnosis, count: Count) -> dict[str, Any]:
+    """The final model, and the standard errors that the program states."""
+    model = result.model
+    assert model is not None
+    return {
+        "stiffness": model.stiffness.tolist(),
+        "motor_inertia": model.motor_inertia.tolist(),
+        "link_viscous_friction": model.link_viscous_friction.tolist(),
+        "motor_viscous_friction": model.motor_viscous_friction.tolist(),
+        "inertial": model.inertial.tolist(),
+        "effects": [asdict(effect) for effect in model.effects],
+        "std": {f"{p.name}:{p.joint}": p.std for p in result.parameters}
+        | {c.name: c.std for c in getattr(result, "combinations", ())},
+        "evaluations": count.value,
+        "converged": result.converged if isinstance(result, Identification) else not result.stopped,
+    }
