@@ -114,6 +114,13 @@ def test_residual_and_iterations(pair: MeasurementSet, result: Any, content: Rea
         rows = [i for i, iteration in enumerate(result.iterations) if name in iteration.names]
         np.testing.assert_array_equal(index, numbers[rows])
         assert values[-1] == value
+    ends = content.component("/results/1/optimiser/interval", "Scalars:scalars")
+    stiffness = result["stiffness", pair.joints[0]]
+    half = 1.96 * stiffness.std / last.values[last.names.index(stiffness.label)]
+    assert any(
+        low == pytest.approx(1 - half) and high == pytest.approx(1 + half)
+        for low, high in zip(ends[::2], ends[1::2], strict=True)
+    )
     stages = content.component("/results/1/optimiser/stage", "TextLog:text")
     assert list(stages) == [iteration.stage for iteration in result.iterations]
 

@@ -7,6 +7,7 @@ import time
 import zipfile
 from argparse import Namespace
 from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -232,6 +233,12 @@ def test_convergence_is_positive_scaled_and_finite() -> None:
         assert cost.y.logarithmic and cost.series[0].y.min() > 0
         assert parameters.series[0].label == "K j" and parameters.series[0].y[-1] == 1.0
     assert "iteration 3" in progress_text(steps)
+    # the final interval: 902 ± 1.96 · 92 in units of 902; the other has no relative one
+    known: Any = [SimpleNamespace(label="stiffness:j", std=92.0), SimpleNamespace(label="x:j", std=1.0)]
+    result: Any = SimpleNamespace(parameters=known)
+    (band,) = convergence_charts(steps, result=result)[2].ribbons
+    assert band.high == pytest.approx(np.full(3, 1 + 1.96 * 92 / 902))
+    assert band.low == pytest.approx(2 - band.high)
 
 
 def test_the_cost_falls_although_its_weights_change() -> None:

@@ -71,7 +71,7 @@ class PlotPanel:
         panel.set_width(RIGHT_WIDTH)
         self._stale = False  # some iterations are not drawn yet
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
-        store.subscribe(selected | Changed.OBSERVER, self._draw_states)
+        store.subscribe(selected | Changed.OBSERVER | Changed.RESULT, self._draw_states)
         store.subscribe(selected | Changed.RESULT | Changed.DERIVED, self._draw_signals)
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS, self._draw_compare)
         fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
@@ -88,8 +88,9 @@ class PlotPanel:
         self._page.send_file(client, f"{self._store.measurements.name}-{name}.zip", charts_zip(column.shown))
 
     def _draw_states(self) -> None:
-        store, analysis = self._store, self._store.analysis
-        observer = observer_for(analysis.observer, analysis.bandwidth, store.joint, analysis.gains)
+        store = self._store
+        name, bandwidth, gains = store.analysis.used_tuning
+        observer = observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
         self._states.show(states_charts(store.group, store.joint, observer, hold, now))
 
@@ -125,13 +126,13 @@ class PlotPanel:
         self._stale = False
         store, spread = self._store, self._store.measurements.torque_spread
         result, derived = store.analysis.identification, store.derived
-        iterations, ends, floor = store.fit.iterations, [], float("nan")
+        iterations, ends, floor, final = store.fit.iterations, [], float("nan"), None
         if result is not None and result.iterations and not store.running:
-            iterations = result.iterations
+            iterations, final = result.iterations, result
             ends = [100 * mean_nrms(one.rms_validation or one.rms, spread) for one in derived.stage_errors]
             if derived.errors is not None:
                 floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
-        self._convergence.show(convergence_charts(iterations, ends, floor))
+        self._convergence.show(convergence_charts(iterations, ends, floor, final))
 
     def _move(self) -> None:
         self._signals.move(self._store.clock.time)

@@ -73,6 +73,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
+.uplot .u-series:has(.u-label:empty) { display: none; }
 .fv-joint.fv-chosen { font-weight: 700; border-bottom: 2px solid #0072B2; }
 """
 
@@ -91,8 +92,9 @@ def no_label(uuid: str) -> str:
 
 
 def no_number_box(uuid: str) -> str:
-    """A rule that hides the number beside a slider (whose scale is not the slider's own number)."""
-    return f"{flex(uuid)} .mantine-NumberInput-root {{ display: none; }}"
+    """A rule that hides the numbers at a slider whose scale is not the slider's own number."""
+    parts = (".mantine-NumberInput-root", ".mantine-Slider-label")
+    return f"{', '.join(f'{flex(uuid)} {part}' for part in parts)} {{ display: none; }}"
 
 
 def half(uuid: str, label: str = "5.4em") -> str:

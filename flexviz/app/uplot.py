@@ -15,7 +15,8 @@ from flexviz.wording import escape
 Array = NDArray[np.float64]
 
 LEVELS = (1.0, 0.95)  # of a playhead, by turns (see `UplotChart.move`)
-HIGHLIGHT, RIBBON = f"{COLOURS.playhead}40", f"{COLOURS.reference}40"
+TINT, FAINT = "40", "20"  # opacity of areas; of those without a label, which are many
+HIGHLIGHT = f"{COLOURS.playhead}{TINT}"
 SHADES = (COLOURS.reference, *COLOURS.series)  # of the stages, in turn
 RIBBON_WIDTH = 0.8  # [pixels] of its edges
 FLAGS = {"scale": "now", "points": {"show": False}}  # series of zeros and ones on a scale of their own
@@ -148,12 +149,18 @@ def _look(chart: Chart) -> dict[str, Any]:
     if chart.y.logarithmic:  # over many decades the marks and grid lines would be solid blocks
         y |= {"ticks": {"show": False}, "grid": {"width": 0.5}}
     first = 1 + len(chart.series)  # of the ribbons' edges
-    pairs = [[first + 2 * i, first + 2 * i + 1] for i in range(len(chart.ribbons))]
+    bands = [
+        {
+            "series": [first + 2 * i, first + 2 * i + 1],
+            "fill": f"{ribbon.colour}{TINT if ribbon.label else FAINT}",
+        }
+        for i, ribbon in enumerate(chart.ribbons)
+    ]
     return {
         "series": _series(chart),
         "scales": _scales(chart),
         "axes": (x, y),
-        "bands": tuple({"series": pair, "fill": RIBBON} for pair in pairs) or None,
+        "bands": tuple(bands) or None,
     }
 
 
@@ -166,7 +173,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         entries.append(entry | {"points": {"show": series.points, "size": 5, "fill": series.colour}})
     for ribbon in chart.ribbons:
         edge = {"stroke": ribbon.colour, "width": RIBBON_WIDTH, "scale": "y", "points": {"show": False}}
-        entries += [edge | {"label": f"{sign}{ribbon.label}"} for sign in ("+", "−")]
+        entries += [edge | {"label": ribbon.label and f"{sign}{ribbon.label}"} for sign in ("+", "−")]
     line = {"stroke": COLOURS.playhead, "width": 1.5, **FLAGS}
     if chart.highlights is not None:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})

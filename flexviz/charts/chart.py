@@ -72,7 +72,10 @@ class ChartSeries:
 
 @dataclass(frozen=True, eq=False)
 class Ribbon:
-    """The area between low and high, each of shape (N,) at x: an interval around a line or zero."""
+    """The area between low and high, each of shape (N,) at x: an interval around a line or zero.
+
+    Without a label it is not in the legend.
+    """
 
     label: str
     colour: str

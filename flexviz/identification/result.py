@@ -43,6 +43,11 @@ class ParameterEstimate:
     payload: str | None = None
     group: str | None = None
 
+    @property
+    def label(self) -> str:
+        """`izz:joint1`, `payload_error.relative_mass_error:p2`, as an iteration names it."""
+        return ":".join(part for part in (self.name, self.joint, self.payload, self.group) if part)
+
 
 @dataclass(frozen=True)
 class Combination:

@@ -223,7 +223,12 @@ def _convergence(result: int) -> rrb.Container:
         rrb.Horizontal(
             plot("Cost relative to the start, log10", origin, ["$origin/log10_cost"], legend=False),
             plot("Step, log10", origin, ["$origin/log10_step"], legend=False),
-            plot("Parameters / last value", origin, ["$origin/relative"], legend=False),
+            plot(
+                "Parameters / last value, thin lines: ± 95 %",
+                origin,
+                ["$origin/relative", "$origin/interval"],
+                legend=False,
+            ),
             name=f"Convergence of result {result} (time: s since the start)",
         ),
         table,

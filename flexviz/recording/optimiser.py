@@ -13,6 +13,7 @@ from flexviz.charts import rgb
 from flexviz.recording.paths import ITERATION, TIME, parameter_path, path
 from flexviz.recording.signals import send_line, series_colour
 from flexviz.recording.stream import Stream
+from flexviz.statistics import NORMAL_95
 from flexviz.view import falling_cost
 
 if TYPE_CHECKING:
@@ -93,15 +94,26 @@ class Solve:
         if not names:
             return
         relative = np.full((len(self._iterations), len(names)), np.nan)
+        errors = {p.label: p.std for p in result.parameters}
+        ends = np.full((len(self._iterations), 2 * len(names)), np.nan)
         for place, name in enumerate(names):
             rows, values = self._values(name, range(len(self._iterations)))
             relative[rows, place] = np.clip(values / (values[-1] or 1.0), -RELATIVE_LIMIT, RELATIVE_LIMIT)
+            half = min(abs(NORMAL_95 * errors.get(name, np.nan) / (values[-1] or 1.0)), 1.0)
+            ends[:, 2 * place : 2 * place + 2] = 1.0 - half, 1.0 + half
         entity = path("results", self.number, "optimiser", "relative")
         colours = [rgb(series_colour(place)) for place in range(len(names))]
         style = rr.SeriesLines(names=[name.replace(":", " ") for name in names], colors=colours, widths=1.5)
         self._stream.log(entity, style, static=True)
         indexes = self._indexes(range(len(self._iterations)))
         self._stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=relative))
+        known = np.isfinite(ends).all(axis=0)
+        if known.any():  # Rerun draws no bands: both ends as thin lines in the parameter's colour
+            entity, chosen = path("results", self.number, "optimiser", "interval"), np.flatnonzero(known)
+            labels = [f"{names[k // 2].replace(':', ' ')} ± 95 %" for k in chosen]
+            style = rr.SeriesLines(names=labels, colors=[colours[k // 2] for k in chosen], widths=0.5)
+            self._stream.log(entity, style, static=True)
+            self._stream.send_columns(entity, indexes, rr.Scalars.columns(scalars=ends[:, known]))
 
     def _values(self, name: str, rows: Sequence[int]) -> tuple[list[int], np.ndarray]:
         """Rows where a parameter is estimated, and its values."""

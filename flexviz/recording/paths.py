@@ -14,6 +14,7 @@
     /results/<number>/optimiser/cost, step, stage, log10_cost, log10_step
     /results/<number>/optimiser/parameters/<parameter>/<joint>
     /results/<number>/optimiser/relative              all parameters, divided by their last values
+    /results/<number>/optimiser/interval              both ends of their final 95 % intervals, likewise
     /diagnoses/<number>/verdict                       text: the verdict and the ranked findings
     /diagnoses/<number>/json                          the same in the format of `diagnose --json`
     /diagnoses/<number>/staircase, free                   drawings: the errors step by step, a free curve

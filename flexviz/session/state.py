@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
+import numpy as np
+
 from flexviz import __version__
 from flexviz.diagnosis import Diagnosis, PredictionErrors, prediction_errors
 from flexviz.diagnosis import Step as DiagnosisStep
@@ -84,6 +86,14 @@ class Analysis:
     def tuning(self) -> tuple[str, float | tuple[float, ...] | None, EsoGains | None]:
         """Observer, bandwidth and gains."""
         return self.observer, self.bandwidth, self.gains
+
+    @property
+    def used_tuning(self) -> tuple[str, float | tuple[float, ...] | None, EsoGains | None]:
+        """The same, with the bandwidth that the data chose for the last identification if none is set."""
+        result = self.identification
+        if result is None or self.tuning != (result.observer_name, None, None):
+            return self.tuning
+        return self.observer, float(np.max(result.bandwidth)), None
 
     @property
     def settings(self) -> Settings:

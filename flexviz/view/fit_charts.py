@@ -9,9 +9,20 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.charts import COLOURS, DASHED, DASHES, Chart, ChartAxis, ChartSeries, ShadedStage, no_chart
-from flexviz.identification import SweepResult
+from flexviz.charts import (
+    COLOURS,
+    DASHED,
+    DASHES,
+    Chart,
+    ChartAxis,
+    ChartSeries,
+    Ribbon,
+    ShadedStage,
+    no_chart,
+)
+from flexviz.identification import Identification, SweepResult
 from flexviz.progress import Iteration
+from flexviz.statistics import NORMAL_95
 from flexviz.wording import SYMBOLS, escape, number
 
 Array = NDArray[np.float64]
@@ -21,6 +32,7 @@ Array = NDArray[np.float64]
 MAX_PARAMETERS = 14  # drawn
 COST_SLACK = 1e-3  # relative rise of the cost that rounding and damping may cause within a stage
 COST_FLOOR = 1e-9  # smallest relative cost drawn on a logarithmic axis
+SMALL = 1e-9  # parameters below are drawn as they are, not relative to themselves
 MAX_STAGES = 9  # named
 FIRST_DRAWN = ("stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction")
 
@@ -53,27 +65,21 @@ def falling_cost(iterations: Sequence[Iteration]) -> Array:
 
 
 def convergence_charts(
-    iterations: Sequence[Iteration], ends: Sequence[float] = (), floor: float = float("nan")
+    iterations: Sequence[Iteration],
+    ends: Sequence[float] = (),
+    floor: float = float("nan"),
+    result: Identification | None = None,
 ) -> tuple[Chart, ...]:
     """Error at the end of each stage, relative cost, parameters relative to their present values.
 
     `ends` are the errors at the start and at the end of each stage, `floor` is the noise floor [% of the
-    torque].
+    torque]; `result` is what the iterations led to, with the intervals of its parameters.
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
         return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)
     x, axis, found = np.arange(1.0, count + 1.0), ChartAxis("iteration"), solver_stages(iterations)
-    bands = tuple(
-        ShadedStage(f"{k}. {name}", first + 0.5, (count if last == len(iterations) - 1 else last + 1) + 0.5)
-        for k, (name, first, last) in enumerate(found, 1)
-    )
-    if len(bands) > MAX_STAGES:
-        bands = (
-            *bands[: MAX_STAGES - 1],
-            ShadedStage("later stages", bands[MAX_STAGES - 1].first, bands[-1].last),
-        )
     falling = np.resize(np.maximum(falling_cost(iterations), COST_FLOOR), count)
     falling[len(iterations) :] = falling[len(iterations) - 1]
     cost = Chart(
@@ -82,7 +88,7 @@ def convergence_charts(
         replace(axis, limits=(0.5, count + 0.5)),
         ChartAxis(logarithmic=True),
         (ChartSeries("cost", COLOURS.measured, x, falling, 2.0, steps=True),),
-        stages=bands,
+        stages=stage_bands(found, count),
         height=230,
     )
     error = no_chart("error")
@@ -106,12 +112,25 @@ def convergence_charts(
             y=ChartAxis(unit="% of the torque", logarithmic=True),
             series=tuple(lines),
         )
-    drawn = scaled_parameters(iterations, x)
-    return (
-        error,
-        cost,
-        Chart("parameters", "Parameters / present value", axis, ChartAxis(), drawn, height=260),
+    parameters = Chart(
+        "parameters", "Parameters / present value", axis, series=scaled_parameters(iterations, x), height=260
     )
+    if result is not None:
+        title, bands = "Parameters / final value, bands ± 95 %", final_intervals(iterations[-1], result, x)
+        parameters = replace(parameters, title=title, ribbons=bands)
+    return error, cost, parameters
+
+
+def stage_bands(stages: Sequence[tuple[str, int, int]], count: int) -> tuple[ShadedStage, ...]:
+    """The solver's stages as shaded intervals of `count` iterations; many later ones together."""
+    bands = tuple(
+        ShadedStage(f"{k}. {name}", first + 0.5, (count if k == len(stages) else last + 1) + 0.5)
+        for k, (name, first, last) in enumerate(stages, 1)
+    )
+    if len(bands) <= MAX_STAGES:
+        return bands
+    last = bands[MAX_STAGES - 1]
+    return *bands[: MAX_STAGES - 1], ShadedStage("later stages", last.first, bands[-1].last)
 
 
 def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartSeries, ...]:
@@ -122,17 +141,35 @@ def scaled_parameters(iterations: Sequence[Iteration], x: Array) -> tuple[ChartS
     if len(values) < len(x):  # an earlier stage had other parameters
         values = np.concatenate((np.repeat(values[:1], len(x) - len(values), axis=0), values))
     now = values[-1]
-    scale = np.where(np.abs(now) > 1e-9, np.abs(now), 1.0)
+    scale = np.where(np.abs(now) > SMALL, np.abs(now), 1.0)
     shares = np.clip(np.nan_to_num(values / scale), -5.0, 5.0)
-    chosen = sorted(range(len(names)), key=lambda i: (rank(names[i]), i))[:MAX_PARAMETERS]
     colours = len(COLOURS.series)
     drawn = []
-    for k, i in enumerate(chosen):
+    for k, i in enumerate(drawn_parameters(names)):
         parameter, _, joint = names[i].partition(":")
         label = f"{SYMBOLS.get(parameter, parameter)} {joint}".strip()  # "K panda_joint1"
         colour, dash = COLOURS.series[k % colours], DASHES[k // colours]
         drawn.append(ChartSeries(label, colour, x, shares[:, i], dash=dash))
     return tuple(drawn)
+
+
+def drawn_parameters(names: Sequence[str]) -> list[int]:
+    """Indexes of the parameters that are drawn, in the order of the legend."""
+    return sorted(range(len(names)), key=lambda i: (rank(names[i]), i))[:MAX_PARAMETERS]
+
+
+def final_intervals(last: Iteration, result: Identification, x: Array) -> tuple[Ribbon, ...]:
+    """The 95 % interval of each drawn parameter relative to its final value, clipped to 0 … 2."""
+    errors = {p.label: p.std for p in result.parameters}
+    bands = []
+    for k, i in enumerate(drawn_parameters(last.names)):
+        value, std = abs(float(last.values[i])), errors.get(last.names[i], np.nan)
+        if value > SMALL and np.isfinite(std):
+            half = np.full(len(x), min(NORMAL_95 * std / value, 1.0))
+            level = np.sign(float(last.values[i]))
+            colour = COLOURS.series[k % len(COLOURS.series)]
+            bands.append(Ribbon("", colour, x, level - half, level + half))
+    return tuple(bands)
 
 
 def rank(name: str) -> int:

@@ -76,7 +76,9 @@ class ObserverStep(WorkflowStep):
         if abs(10.0**self._slider.value / shown - 1.0) > 0.005:
             self._slider.value = math.log10(shown)
         self._exact.value = float(f"{shown:.4g}")
-        where, listed = " (its own)" if analysis.bandwidth is None else "", ""
+        chosen = analysis.used_tuning != analysis.tuning
+        own = " (chosen by the data)" if chosen else " (its own)"
+        where, listed = own if analysis.bandwidth is None else "", ""
         if isinstance(analysis.bandwidth, tuple):
             pairs = zip(store.measurements.joints, analysis.bandwidth, strict=False)
             widths = ", ".join(f"{escape(joint)} {number(each, 3)}" for joint, each in pairs)
@@ -90,8 +92,8 @@ class ObserverStep(WorkflowStep):
         )
 
     def _present(self) -> Observer:
-        analysis = self.store.analysis
-        return observer_for(analysis.observer, analysis.bandwidth, self.store.joint, analysis.gains)
+        name, bandwidth, gains = self.store.analysis.used_tuning
+        return observer_for(name, bandwidth, self.store.joint, gains)
 
     def _around(self) -> Widths:
         return sweep_bandwidths(float(self._present().bandwidth), LOWEST, HIGHEST)  # type: ignore[arg-type]

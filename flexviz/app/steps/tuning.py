@@ -14,7 +14,7 @@ from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
 from flexviz.errors import InputError
 from flexviz.identification import ResidualPreview
-from flexviz.observers import EsoGains, Observer, make_observer
+from flexviz.observers import EsoGains, make_observer
 from flexviz.view import Cost, residuals_html, stretch, trade_chart
 from flexviz.wording import escape, number
 
@@ -31,7 +31,6 @@ class LiveResidual:
         self._store, self._shown = store, shown
         self._preview: ResidualPreview | None = None
         self._of: tuple[object, ...] = ()  # what the preview belongs to
-        self._note = ""  # on a long recording
         self._trade: dict[float, Cost] = {}
         self._trade_of: tuple[object, ...] = ()
         self._failed: set[float] = set()  # bandwidths of the grid that cannot be used
@@ -81,7 +80,8 @@ class LiveResidual:
         if analysis.identification is None:
             self._show(dim("After Run (step 3, Identify) the model's residual is shown here while you drag."))
             return
-        self._observer = observer = self._chosen()
+        tuning = analysis.used_tuning if self._draft is None else (analysis.observer, None, self._draft)
+        self._observer = observer = make_observer(*tuning)
         begin = time.thread_time()
         try:
             found = self._prepared().at(observer)
@@ -93,23 +93,15 @@ class LiveResidual:
         if isinstance(observer.bandwidth, float) and self._draft is None:
             self._keep(observer.bandwidth, Cost(found.rms, found.noise_floor))
         lag = f"{number(1000 * observer.lag(store.group.segments[0].step), 3)} ms lag"
-        tried = f"with the gains below, not used yet ({lag})" if self._draft else "with this observer"
+        tried = f" with the gains below, not used yet ({lag})" if self._draft else ""
+        span = f"{number(found.time[0], 3)} to {number(found.time[-1], 3)} s"
         head = (
-            f'<div class="fv"><b>Residual of the identified model</b> {tried}, group '
-            f'{escape(store.group.name)}; its values are kept. <span class="fv-dim">Rms / noise floor; the '
-            f"band is what noise alone would fill. {escape(self._note)}</span></div>"
+            f'<div class="fv"><b>Residual of the identified model</b>{tried}, values kept '
+            f'<span class="fv-dim">(group {escape(store.group.name)}, {span}; rms / noise floor; band: '
+            "noise alone)</span></div>"
         )
         self._show(head, residuals_html(found, store.measurements.joints, store.joint))
         self._draw_trade()
-
-    def _chosen(self) -> Observer:
-        """The observer to show: with the gains of the draft, or as set, or as the data chose it."""
-        analysis, result = self._store.analysis, self._store.analysis.identification
-        if self._draft is not None:
-            return make_observer(analysis.observer, None, self._draft)
-        if result is not None and analysis.tuning == (result.observer_name, None, None):
-            return result.observer
-        return make_observer(*analysis.tuning)
 
     def _show(self, head: str, grid: str = "") -> None:
         self._head.content, self._grid.content = head, grid
@@ -122,7 +114,7 @@ class LiveResidual:
             result = store.analysis.identification
             assert result is not None
             longest = LONGEST // store.measurements.n
-            parts, self._note = stretch(store.group.segments, store.clock.time, longest)
+            parts, _ = stretch(store.group.segments, store.clock.time, longest)
             group = replace(store.group, segments=tuple(parts))
             effects = fitted.effects if fitted else ()
             self._preview = ResidualPreview(store.measurements, group, result.model, effects)
