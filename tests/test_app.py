@@ -330,12 +330,13 @@ def test_a_bandwidth_for_one_joint(app: Application, folder: Path) -> None:
     assert app.store.analysis.bandwidth == 80.0
 
 
-def test_torque_arrows_and_sides(app: Application) -> None:
-    use(app, "Torque arrows", True)
-    until(app, lambda: len(app.display.scene.measured._arrows) == 2)  # type: ignore[union-attr]
-    use(app, "Torque arrows", False)
+def test_arcs_and_sides(app: Application) -> None:
+    arcs = app.display.scene.measured._arcs
+    until(app, lambda: len(arcs) == 4)  # torque and deflection of both joints
+    use(app, "Arcs", False)
     app.store.clock.step(0.1)
-    until(app, lambda: not app.display.scene.measured._arrows)  # type: ignore[union-attr]
+    until(app, lambda: not arcs)
+    use(app, "Arcs", True)
     use(app, "Loop", False)
     assert not app.store.clock.loop
     use(app, "Loop", True)

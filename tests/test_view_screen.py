@@ -13,9 +13,11 @@ import pytest
 from flexviz.charts import palette as colours
 from flexviz.measurements import read_set
 from flexviz.robot import Robot
+from flexviz.scene import RobotMotion
 from flexviz.scene.shape import FIELD_OF_VIEW, MAX_FACES, VIEWS, robot_shape, scene_layout, thinned_mesh
 from flexviz.view import (
     joint_effects,
+    joints_html,
     joints_with,
     legend_html,
     link_colours,
@@ -196,11 +198,14 @@ def test_links_at_the_noise_are_dark_and_the_scale_keeps_its_end() -> None:
 
 
 def test_legend_has_numbers_and_colours() -> None:
-    assert "after Run" in legend_html(("a", "b"), None, "g1")
+    assert "after Run" in legend_html(None, "g1")
     found = link_colours(errors_of(0.1, 0.25), "g<1>", (2.0, 4.0))
-    text = legend_html(("a", "b"), found, "g<1>", "closed <loop>")
-    assert "a 5.0" in text and "b 6.2" in text and "g&lt;1&gt;" in text and "closed &lt;loop&gt;" in text
-    assert "noise <span" in text and "% of the joint" in text
+    text = legend_html(found, "g<1>", ("model 0", "model <1>"))
+    assert "g&lt;1&gt;" in text and "model &lt;1&gt;" in text
+    motion = RobotMotion("g", np.array([0.0, 1.0]), np.zeros((2, 2)), None, "unknown")
+    table = re.sub(r"<[^>]*>", " ", joints_html(("a", "b"), found, motion, 0.5)).split()
+    assert table[table.index("a") + 1] == "5.0" and table[table.index("b") + 1] == "6.2"
+    assert "noise <span" in text and "per cent of each joint" in text
 
 
 def test_colours() -> None:
@@ -266,9 +271,10 @@ def test_a_planar_motion_is_looked_at_squarely() -> None:
     assert abs(placed.towards @ axis) > 0.9 and abs(placed.right @ axis) < 0.1
     left, right = placed.offsets("Side by side")
     assert np.linalg.norm(right - left) > placed.width
-    assert np.array_equal(*placed.offsets("Overlaid"))
+    assert np.array_equal(placed.offsets("Overlaid"), np.zeros((2, 3)))
+    assert len(placed.offsets("Side by side", 3)) == 3
     for view in VIEWS:  # the labels and the whole motion are in the picture, above the panel
-        camera, look = placed.camera("Side by side", 0.7, 0.27, view)
+        camera, look = placed.camera("Side by side", 0.7, (0.2, 0.27), view)
         forward = (look - camera) / np.linalg.norm(look - camera)
         across = np.cross(forward, [0.0, 0.0, 1.0])
         across /= np.linalg.norm(across)
@@ -280,7 +286,7 @@ def test_a_planar_motion_is_looked_at_squarely() -> None:
             for point in (base, label, base + placed.centre):
                 away = point - camera
                 height = away @ np.cross(across, forward) / (away @ forward) / np.tan(FIELD_OF_VIEW / 2)
-                assert -1.0 + 2 * 0.27 < height < 1.0 and abs(
+                assert -1.0 + 2 * 0.27 < height < 1.0 - 2 * 0.2 and abs(
                     away @ across / (away @ forward)
                 ) < 0.7 * np.tan(FIELD_OF_VIEW / 2)
     near, _ = placed.camera("Overlaid", 1.0)

@@ -15,6 +15,7 @@ from flexviz.app.display import Display
 from flexviz.app.dock import Dock
 from flexviz.app.events import EventQueue, TaskRunner
 from flexviz.app.idle import IdleWork
+from flexviz.app.legend_panel import LegendPanel
 from flexviz.app.page import Page
 from flexviz.app.playback_panel import PlaybackPanel
 from flexviz.app.plots import PlotPanel
@@ -40,6 +41,7 @@ class Application:
         self.dock = Dock(self.store, self.page, STEPS)
         self.display = Display(self.store, server, self.queue)
         self.plots = PlotPanel(self.store, self.page)
+        self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)
         self.idle = IdleWork(self.store)
         self._stopped = threading.Event()

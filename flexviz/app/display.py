@@ -1,4 +1,4 @@
-"""The 3D display: motion of both robots, colours, labels, trails and highlighted instants."""
+"""The 3D display: motion of the robots, colours, labels, trails and highlighted instants."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from collections.abc import Callable
 import numpy as np
 import viser
 
+from flexviz.app.cameras import Cameras
 from flexviz.app.events import Event, EventQueue
+from flexviz.app.legend_panel import model_names
 from flexviz.app.playback import Playback
-from flexviz.app.scene import Cameras, Scene
+from flexviz.app.scene import Scene
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
-from flexviz.charts import COLOURS
-from flexviz.scene import scene_labels, scene_layout
+from flexviz.scene import SIDE_BY_SIDE, scene_labels, scene_layout
 
 TRAIL_POINTS = 160
 MARKED_POINTS = 300  # resolution of the highlighted path
 
-Positions = tuple[np.ndarray, np.ndarray]  # (n,) of the measured and the identified robot [rad]
+Positions = tuple[np.ndarray, ...]  # (n,) of the measured robot and of those beside it [rad]
 
 
 class Display:
-    """Draws both robots from the store; `scene` holds those of the open set."""
+    """Draws the robots from the store; `scene` holds those of the open set."""
 
     scene: Scene
 
@@ -31,15 +32,14 @@ class Display:
         self._cameras = cameras = Cameras(server)
         self.watched = cameras.watched  # whether a page is shown
         self.playback = Playback(store.clock, lambda: self.watched())
-        self._placed: tuple[str, tuple[str, int]] | None = None  # layout and camera
+        self._placed: tuple[str, tuple[str, int], int] | None = None  # layout, camera, robots
         store.subscribe(Changed.OPENED, self._build)
-        store.subscribe(Changed.OPENED | Changed.GROUP, self._carry)
+        store.subscribe(Changed.GROUP, self._carry)
         store.subscribe(
-            Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.DIAGNOSIS,
-            self._colour,
-        )
-        motion = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED
-        store.subscribe(motion | Changed.VIEW, self._draw)
+            Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.DIAGNOSIS
+            | Changed.VIEW,
+            self._draw,
+        )  # fmt: skip
         store.subscribe(Changed.HIGHLIGHT, self._mark)
         store.subscribe(Changed.TICK, cameras.tick)
         store.subscribe(Changed.CLOSED, self.playback.close)
@@ -70,43 +70,79 @@ class Display:
             if hasattr(self, "scene"):
                 self.scene.remove()
             self.scene = Scene(self._server, robot, shape, self._stage, self._clicked)
-        self._place()
+        self._placed = None
 
     def _place(self) -> None:
-        layout, camera = self._placed = self._store.view.layout, self._store.view.camera
+        """Place the robots and aim the cameras, if their number, the layout or the view has changed."""
+        view, robots = self._store.view, 2 if self._store.beside is None else 3
+        if (view.layout, view.camera, robots) == self._placed:
+            return
+        self._placed = (view.layout, view.camera, robots)
         with self.playback.lock:
-            self.scene.place(layout)
-            self._cameras.show(self._stage, layout, camera[0])
+            self.playback.draw = None
+            self.scene.place(view.layout, robots)
+            joints = self._store.measurements.n
+            self._cameras.show(self._stage, view.layout, view.camera[0], robots, joints)
+        self._carry()
 
     def _carry(self) -> None:
-        for nodes in (self.scene.measured, self.scene.identified):
-            nodes.carry(self._store.group.bodies)
+        with self.playback.lock:
+            for nodes in self.scene.robots:
+                nodes.carry(self._store.group.bodies, named=nodes is self.scene.measured)
 
     def _colour(self) -> None:
-        found = self._store.link_colours
-        grey = [COLOURS.body] * self._store.measurements.n
-        self.scene.measured.colour(grey if found is None else found.colours)
+        """Colour links by the error of the model: on the measured robot, or on models side by side."""
+        store, scene = self._store, self.scene
+        own = store.link_colours(store.errors)
+        shown, beside = None if own is None else own.colours, store.beside
+        if beside is None or scene.beside is None:
+            scene.measured.colour(shown)
+            scene.identified.colour(None)
+            return
+        apart = store.view.layout == SIDE_BY_SIDE
+        other = store.link_colours(beside[0].step)
+        scene.measured.colour(None if apart else shown)
+        scene.identified.colour(shown if apart else None)
+        scene.beside.colour(other.colours if apart and other is not None else None)
 
     def _poses(self) -> Callable[[float], Positions]:
-        """The positions of both robots over time [s], as they are drawn."""
-        motion, deflection, view = self._store.motion, self._store.deflection, self._store.view
-        return lambda time: motion.pose(time, deflection, view.error, view.link_side)
+        """The positions of the robots over time [s], as they are drawn."""
+        store, view, deflection = self._store, self._store.view, self._store.deflection
+        motion, beside = store.motion, store.beside
+
+        def poses(time: float) -> Positions:
+            both = motion.pose(time, deflection, view.error, view.link_side)
+            if beside is None:
+                return both
+            return *both, beside[2].pose(time, deflection, view.error, view.link_side)[1]
+
+        return poses
 
     def _draw(self) -> None:
-        store, scene, motion, view = self._store, self.scene, self._store.motion, self._store.view
-        if (view.layout, view.camera) != self._placed:
-            self._place()
+        scene, motion, view = self.scene, self._store.motion, self._store.view
+        self._place()
+        self._colour()
+        scene.shadows(view.shadows)
         poses = self._poses()
 
         def draw(time: float) -> None:
-            scene.pose(*poses(time), motion.torque_shares(time) if view.torque else None)
+            scene.pose(poses(time), motion.arcs(time) if view.arcs else (None, None))
 
-        self.playback.draw = draw
-        simulated, why = store.measurements.simulated, self._why_no_model()
-        scene.labels(*scene_labels(motion, store.deflection, view.error, why, simulated, view.link_side))
+        scene.labels(self._labels())
         drawn = [poses(float(time)) for time in self._instants(TRAIL_POINTS)]
-        scene.measured.trail([measured for measured, _ in drawn])
-        scene.identified.trail([identified for _, identified in drawn])
+        for robot, positions in zip(scene.robots, zip(*drawn, strict=True), strict=True):
+            robot.trail(positions)
+        self.playback.draw = draw
+
+    def _labels(self) -> tuple[str, ...]:
+        store, view, why = self._store, self._store.view, self._why_no_model()
+        names, simulated = model_names(store), store.measurements.simulated
+        rest = (view.error, why, simulated, view.link_side)
+        labels = scene_labels(store.motion, store.deflection, *rest, names[0])
+        if store.beside is None:
+            return labels
+        rest = (view.error, f"{names[1]}, being simulated", simulated, view.link_side)
+        return *labels, scene_labels(store.beside[2], store.deflection, *rest, names[1])[1]
 
     def _instants(self, count: int) -> np.ndarray:
         """About `count` instants (M,) [s] of the motion."""

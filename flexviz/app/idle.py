@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from flexviz.app.state import Changed, Derived, Turn
@@ -11,7 +12,6 @@ from flexviz.app.store import Store
 from flexviz.app.tasks import IdleTask, JudgeErrors, MapResiduals, Replay
 from flexviz.diagnosis import PredictionErrors, ResidualMap
 from flexviz.jobs import Result
-from flexviz.simulation import Run
 from flexviz.view import solver_stages
 
 
@@ -22,6 +22,7 @@ class IdleWork:
         self._store = store
         self._under_way: dict[type[IdleTask[Any]], tuple[Derived, str]] = {}  # result; entry
         missing = Changed.OPENED | Changed.GROUP | Changed.RESULT | Changed.DERIVED | Changed.ACTIVITY
+        missing |= Changed.VIEW  # another model beside the shown one
         store.subscribe(missing, self._fill, Turn.WORK)
 
     def _fill(self) -> None:
@@ -29,9 +30,6 @@ class IdleWork:
         result, group, fitted = derived.result, store.group.name, analysis.fitted_settings
         if result is None or store.running:
             return
-
-        def replayed(run: Run) -> None:
-            derived.replays[group] = run
 
         def mapped(maps: tuple[ResidualMap, ...]) -> None:
             derived.maps = maps
@@ -44,8 +42,12 @@ class IdleWork:
             ends = tuple(result.iterations[last] for _, _, last in solver_stages(result.iterations))
             ends = (*result.iterations[:1], *ends)
             self._start(JudgeErrors(settings, result.model, ends), derived, "errors", judged)
-        if group not in derived.replays and group not in derived.failed:
-            self._start(Replay(analysis.path, result.model, group), derived, group, replayed)
+        beside = (store.beside[1],) if store.beside else ()
+        for one in (derived, *beside):
+            if one.result is not None and group not in one.replays and group not in one.failed:
+                keep = partial(one.replays.__setitem__, group)
+                self._start(Replay(analysis.path, one.result.model, group), one, group, keep)
+                break
         if not store.maps and "maps" not in derived.failed and fitted is not None:
             settings = replace(analysis.without_result(), roles=fitted.roles, effects=fitted.effects)
             self._start(MapResiduals(settings, result.model), derived, "maps", mapped)
@@ -70,7 +72,7 @@ class IdleWork:
         def failed(reason: str) -> None:
             end()
             derived.failed.add(entry)
-            if store.derived_of(derived.result) is derived:
+            if store.kept.of(derived.result) is derived:
                 what = {"maps": "mapped", "errors": "judged"}.get(entry, "simulated")
                 store.fail(f"the identified model could not be {what}: {reason}")
                 store.tell(Changed.DERIVED)

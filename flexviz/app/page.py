@@ -14,6 +14,7 @@ from typing import Any
 import viser
 
 from flexviz.app.events import Event, EventQueue
+from flexviz.app.page_script import picture
 from flexviz.app.style import CSS, Tooltips, in_row
 
 SETTLE = 0.06  # [s] delay of a command, in which a control may claim its key press
@@ -82,6 +83,7 @@ class Page:
         self.commands = Commands(server, queue)
         self.tooltips = Tooltips()
         self.rules = [CSS]
+        self._pictures: dict[int, Any] = {}  # browser -> the last one sent
 
     def watch(self, handle: Any, action: Callable[[Any], None] = lambda _: None) -> Any:
         """Call `action(value)` when a browser changes this control."""
@@ -129,6 +131,12 @@ class Page:
         self.tooltips.add(handle)
         return handle
 
+    def client_text(self, label: str, action: Callable[[tuple[int, str]], None]) -> Any:
+        """A text that calls `action((client, text))` with the number of the browser."""
+        handle = self.gui.add_text(label, "")
+        handle.on_update(self._told(handle, lambda event: (event.client_id, event.target.value), action))
+        return handle
+
     def upload(self, label: str, action: Callable[[Any], None], **look: Any) -> Any:
         """An upload button; `action` gets every file (`name`, `content`)."""
         handle = self.gui.add_upload_button(label, color="gray", **look)
@@ -164,6 +172,14 @@ class Page:
         """Show a failure as a notification in every browser."""
         for client in self.server.get_clients().values():
             client.add_notification("That did not work", reason, color="red", auto_close_seconds=12)
+
+    def send_picture(self, client: int, svg: str, title: str, file: str) -> None:
+        """Let a browser draw an SVG and save it as PNG `file`."""
+        handle = self.server.get_clients().get(client)
+        if handle is not None:
+            if client in self._pictures:
+                self._pictures[client].remove()
+            self._pictures[client] = handle.gui.add_html(picture(svg, title, file))
 
     def send_file(self, client: int, name: str, content: bytes) -> None:
         """Send a file to a browser, if it is still connected."""

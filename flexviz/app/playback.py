@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 RATE = 30.0  # [1/s]
+LEAST_SPAN = 0.05  # [s] that is played and drawn
 UNWATCHED_WAIT = 0.5  # [s] between looks whether somebody watches again
 
 
@@ -77,6 +78,12 @@ class PlaybackClock:
         self._time = min(max(time, self._start), self._end)
         if self._since is not None:
             self._since = self._now()
+
+
+def part_of(whole: tuple[float, float], first: float, last: float) -> tuple[float, float]:
+    """The part `first` … `last` [s] of a time span; the whole if that is too short."""
+    first, last = max(first, whole[0]), min(last, whole[1])
+    return (first, last) if last - first >= LEAST_SPAN else whole
 
 
 class Playback:

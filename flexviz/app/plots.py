@@ -7,10 +7,12 @@ from functools import partial
 from typing import Any
 
 from flexviz.app.page import Page
+from flexviz.app.page_script import PICTURE_LABEL
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
+from flexviz.app.style import hidden
 from flexviz.app.uplot import ChartColumn
-from flexviz.charts import charts_zip
+from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
 from flexviz.view import (
@@ -59,20 +61,30 @@ class PlotPanel:
             self._models = page.choose(
                 page.gui.add_button_group("Show model", ("0",), visible=False, hint=hint), self._show_model
             )
+            hint = "draws this model beside the shown one, each coloured by its own error"
+            self._beside = page.choose(
+                page.gui.add_button_group("Compare with", (OFF,), visible=False, hint=hint),
+                self._compare_with,
+            )
         self._compare = ChartColumn(page.server, compare)
         columns = (self._signals, self._states, self._convergence, self.residuals.charts, self._compare)
         for name, column in zip(
             ("signals", "states", "convergence", "residuals", "compare"), columns, strict=True
         ):
             with column.folder:
-                hint = "a zip with every plot of this tab as picture (SVG) and table (CSV), as drawn"
+                hint = (
+                    "every plot of this tab as SVG and CSV, zipped; a plot's own corner has a button for PNG"
+                )
                 page.client_button("Save plots", partial(self._save, name, column), hint=hint)
+        self._columns = columns
+        page.style(hidden, page.client_text(PICTURE_LABEL, self._save_picture))
         panel.dock_right()
         panel.set_width(RIGHT_WIDTH)
         self._stale = False  # some iterations are not drawn yet
         selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
-        store.subscribe(selected | Changed.OBSERVER | Changed.RESULT, self._draw_states)
-        store.subscribe(selected | Changed.RESULT | Changed.DERIVED, self._draw_signals)
+        timed = selected | Changed.SPAN
+        store.subscribe(timed | Changed.OBSERVER | Changed.RESULT, self._draw_states)
+        store.subscribe(timed | Changed.RESULT | Changed.DERIVED, self._draw_signals)
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS, self._draw_compare)
         fit = Changed.OPENED | Changed.FIT | Changed.RESULT | Changed.DERIVED
         store.subscribe(fit, self._iterated)
@@ -87,18 +99,28 @@ class PlotPanel:
             raise InputError("there are no plots in this tab yet")
         self._page.send_file(client, f"{self._store.measurements.name}-{name}.zip", charts_zip(column.shown))
 
+    def _save_picture(self, asked: tuple[int, str]) -> None:
+        """Send the plot with this title, after a number, as PNG."""
+        client, title = asked[0], asked[1].partition(" ")[2]
+        shown = [chart for column in self._columns for chart in column.shown if chart.series]
+        found = next((chart for chart in shown if chart.heading == title), None)
+        if found is None:
+            raise InputError("this plot is not shown any more")
+        svg = draw_svg(found, found.key, PICTURE)
+        self._page.send_picture(client, svg, title, f"{chart_name(found)}.png")
+
     def _draw_states(self) -> None:
         store = self._store
         name, bandwidth, gains = store.analysis.used_tuning
         observer = observer_for(name, bandwidth, store.joint, gains)
         hold, now = store.measurements.torque_hold, store.clock.time
-        self._states.show(states_charts(store.group, store.joint, observer, hold, now))
+        self._states.show(states_charts(store.group, store.joint, observer, hold, now, store.span))
 
     def _draw_signals(self) -> None:
         """Draw torque, residual and error of the selected joint and group."""
         store, result = self._store, self._store.analysis.identification
         which = store.group, store.joint, store.joint_name, result
-        self._signals.show((*signals_charts(*which, store.motion), *shape_charts(*which)))
+        self._signals.show((*signals_charts(*which, store.motion, store.span), *shape_charts(*which)))
         self._signals.move(store.clock.time)
 
     def _draw_compare(self) -> None:
@@ -109,12 +131,20 @@ class PlotPanel:
         self._compare.show(staircase_charts(models, store.joint, joints, spread))
         self._steps.content = staircase_html(models, joints, spread, parameters, shown)
         self._ends = [last for _, _, last in model_runs(models, joints)] if models else []
-        self._models.visible = len(self._ends) > 1
+        self._models.visible = self._beside.visible = len(self._ends) > 1
         if len(self._ends) > 1:
-            self._models.options = tuple(str(k) for k in range(len(self._ends)))
+            numbers = tuple(str(k) for k in range(len(self._ends)))
+            self._models.options, self._beside.options = numbers, (*numbers, OFF)
 
     def _show_model(self, number: str) -> None:
         self._store.show_model(self._ends[int(number)])
+
+    def _compare_with(self, number: str) -> None:
+        """Draw another model beside the shown one, or none."""
+        chosen = None if number == OFF else self._ends[int(number)]
+        if chosen is not None and self._store.chain[chosen][1] is None:
+            raise InputError("the results of this model are not kept: press Undo, or diagnose again")
+        self._store.set_view(replace(self._store.view, beside=chosen))
 
     def _iterated(self) -> None:
         self._stale = True
@@ -161,7 +191,7 @@ class ResidualTab:
             self._about = gui.add_html("")
         self.charts = ChartColumn(page.server, tab)
         store.subscribe(Changed.OPENED, self._opened)
-        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP
+        selected = Changed.OPENED | Changed.JOINT | Changed.GROUP | Changed.SPAN
         store.subscribe(selected | Changed.RESULT | Changed.DIAGNOSIS | Changed.DERIVED, self._draw)
         store.subscribe(Changed.TICK, self._move)
 
@@ -176,7 +206,7 @@ class ResidualTab:
         self._map.content = map_html(store.maps, store.measurements.joints, joint)
         self._groups.content = groups_html(self._samples, name)
         self._variable.visible = self._samples is not None
-        residual = time_residual(self._samples, name, store.group.name)
+        residual = time_residual(self._samples, name, store.group.name, store.span)
         marked = self._marked()
         self._range.visible = marked is not None
         if marked is not None and residual.series:

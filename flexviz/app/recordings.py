@@ -74,7 +74,7 @@ class RecordedSession:
 
     def derived(self, recording: LiveRecording) -> None:
         """Tell simulated motion and residual maps of the newest result."""
-        derived = self._store.derived_of(self._result)
+        derived = self._store.kept.of(self._result)
         if self._result is None or derived is None:
             return
         for group, run in derived.replays.items():

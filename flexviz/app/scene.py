@@ -1,8 +1,7 @@
-"""The 3D scene: measured robot (solid), identified robot (ghost), their trails, payloads and labels."""
+"""The 3D scene: measured robot (solid), simulated robots (ghosts), trails, payloads, arcs and labels."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -12,15 +11,14 @@ import viser.transforms as tf
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.robot import PayloadBody, Robot
-from flexviz.scene import ARROW_RADIUS, FIELD_OF_VIEW, RobotShape, SceneLayout, torque_arrow, torque_axes
+from flexviz.scene import RobotShape, SceneLayout, arc_arrow, joint_axes
+from flexviz.wording import number
 
-GHOST_OPACITY = 0.45
-MOVED_CAMERA = 0.02  # share of the stage's width; users move the camera farther
-HIDDEN_SHARE = 0.27  # of the canvas's height behind the playback panel, in windows of 800 to 1080 pixels
-SAME_ASPECT = 0.02  # tolerance of width ÷ height; the number of pixels varies in slow browsers
-SIZE_INTERVAL = 2.0  # [s] between requests of the canvas size
-HIDDEN_AFTER = 8.0  # [s] without an answer: the page is hidden, its browser draws nothing
-RESTING = 1.0  # [s] a camera has not moved: nobody is turning it
+GHOST_OPACITY, COLOURED_OPACITY = 0.45, 0.85
+FLOOR = (128, 134, 142)  # reads on white and on dark
+PAYLOAD_DENSITY = 1000.0  # [kg/m³]
+ARC_WIDTH = 4.0  # [pixels]
+DEFLECTION_ARC = 0.75  # radius, relative to that of the torque's arc
 
 Colour = tuple[int, int, int]
 Click = Callable[[int], None]  # gets the joint whose body was clicked
@@ -38,18 +36,20 @@ class RobotNodes:
         self._colour, self._trail_colour = colour, trail
         self._frame = server.scene.add_frame(f"/{name}", show_axes=False)
         self._bodies: list[Any] = []
-        self._payload: list[Any] = []
+        self._payload: list[list[Any]] = []
+        self._loads: list[tuple[str, np.ndarray, Any]] = []  # link, place in its frame, label
         for body in shape.bodies:
             label = "base" if body.joint is None else robot.joints[body.joint].replace("/", "_")
             mesh = server.scene.add_mesh_simple(
                 f"/{name}/{label}", body.vertices, body.faces, color=colour, opacity=opacity,
-                flat_shading=True, side="double", cast_shadow=False, receive_shadow=False,
+                flat_shading=True, side="double", receive_shadow=False,
             )  # fmt: skip
             if body.joint is not None:
                 _on_click(mesh, body.joint, on_click)
             self._bodies.append(mesh)
-        self._axes = torque_axes(robot)
-        self._arrows: list[Any] = []
+        self._axes = joint_axes(robot, shape)
+        self._arcs: dict[tuple[str, int], Any] = {}
+        self._opacity = opacity
         self._trail: Any = None
         self._marked: Any = None
 
@@ -64,50 +64,70 @@ class RobotNodes:
             pose = poses[body.link]
             handle.wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
             handle.position = pose[:3, 3]
+        for link, at, label in self._loads:
+            label.position = poses[link][:3, :3] @ at + poses[link][:3, 3]
 
-    def colour(self, colours: Sequence[Colour]) -> None:
-        """Set the colour of each joint's body; the base is grey."""
+    def colour(self, colours: Sequence[Colour] | None) -> None:
+        """Set the colour of each joint's body, the base is grey; None: the robot's own colour."""
         for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
-            handle.color = COLOURS.body if body.joint is None else colours[body.joint]
+            if colours is None:
+                handle.color, handle.opacity = self._colour, self._opacity
+            else:
+                handle.color = COLOURS.body if body.joint is None else colours[body.joint]
+                handle.opacity = self._opacity and COLOURED_OPACITY
 
-    def carry(self, payload: Sequence[PayloadBody]) -> None:
-        """Show the payload's bodies as balls of equal mass (2500 kg/m³)."""
+    def carry(self, payload: Sequence[PayloadBody], named: bool) -> None:
+        """Show the payload's bodies as balls of their mass, `named` with a label."""
         while self._payload:
-            self._payload.pop().remove()
+            for part in self._payload.pop():
+                part.remove()
         neutral = self._robot.link_poses(np.zeros(self._robot.n))
-        for number, load in enumerate(payload):
+        self._loads = []
+        for count, load in enumerate(payload):
             joint = self._robot.joint_of_link(load.link)
             index = next((i for i, body in enumerate(self._shape.bodies) if body.joint == joint), None)
             if index is None or load.mass <= 0:
                 continue
-            relative = np.linalg.inv(neutral[self._shape.bodies[index].link]) @ neutral[load.link]
+            link = self._shape.bodies[index].link
+            relative = np.linalg.inv(neutral[link]) @ neutral[load.link]
             at = relative[:3, :3] @ load.com + relative[:3, 3]
-            radius = min((3.0 * load.mass / (4.0 * np.pi * 2500.0)) ** (1 / 3), 0.15 * self._shape.reach)
+            radius = (3.0 * load.mass / (4.0 * np.pi * PAYLOAD_DENSITY)) ** (1 / 3)
             ball = self._server.scene.add_icosphere(
-                f"{self._bodies[index].name}/payload{number}", radius=radius, color=self._colour, position=at,
-                subdivisions=2, cast_shadow=False, receive_shadow=False,
+                f"{self._bodies[index].name}/payload{count}", radius=min(radius, 0.15 * self._shape.reach),
+                color=self._colour, opacity=self._opacity, position=at, subdivisions=2, receive_shadow=False,
             )  # fmt: skip
-            self._payload.append(ball)
+            self._payload.append([ball])
+            if named:
+                text = f"payload {number(load.mass, 2)} kg"
+                label = self._server.scene.add_label(
+                    f"/{self.name}/payload{count}", text, anchor="bottom-left", font_screen_scale=0.85
+                )
+                self._payload[-1].append(label)
+                self._loads.append((link, at, label))
 
-    def torque(self, shares: np.ndarray | None, q: np.ndarray) -> None:
-        """Draw torque arrows around the joints, shares (n,) of the largest torque, at q (n,) [rad]."""
+    def arcs(self, kind: str, shares: np.ndarray | None, q: np.ndarray) -> None:
+        """Draw arcs around the joints at q (n,) [rad]: shares (n,) of half a turn.
+
+        `kind` is "torque" or "deflection".
+        """
         if shares is None:
-            while self._arrows:
-                self._arrows.pop().remove()
+            for key in [key for key in self._arcs if key[0] == kind]:
+                self._arcs.pop(key).remove()
             return
         poses = self._robot.link_poses(q)
-        there = [
-            (axis, float(share)) for axis, share in zip(self._axes, shares, strict=True) if axis is not None
-        ]
-        radius = ARROW_RADIUS * self._shape.reach
-        for index, (axis, share) in enumerate(there):
-            points = torque_arrow(axis, share, radius)
-            if index == len(self._arrows):
-                self._arrows.append(self._lines(f"torque{index}", points, rgb(COLOURS.torque), 3.0))
+        outer = kind == "torque"
+        for joint, axis in enumerate(self._axes):
+            if axis is None:
+                continue
+            radius = axis.radius if outer else DEFLECTION_ARC * axis.radius
+            points, key = arc_arrow(axis, float(shares[joint]), radius), (kind, joint)
+            if key not in self._arcs:
+                colour = rgb(COLOURS.torque if outer else COLOURS.deflection)
+                self._arcs[key] = self._lines(f"{kind}{joint}", points, colour, ARC_WIDTH)
             else:
-                self._arrows[index].points = points
-            self._arrows[index].wxyz = tf.SO3.from_matrix(poses[axis.link][:3, :3]).wxyz
-            self._arrows[index].position = poses[axis.link][:3, 3]
+                self._arcs[key].points = points
+            self._arcs[key].wxyz = tf.SO3.from_matrix(poses[axis.link][:3, :3]).wxyz
+            self._arcs[key].position = poses[axis.link][:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
         """Pieces (M − 1, 2, 3) [m] of the tip's path over M joint positions (n,) [rad]."""
@@ -142,33 +162,58 @@ class RobotNodes:
 
 
 class Scene:
-    """Both robots of a measurement set on their stage."""
+    """The robots of a measurement set on their stage: measured, identified, and another model beside them."""
 
     def __init__(
         self, server: viser.ViserServer, robot: Robot, shape: RobotShape, stage: SceneLayout, on_click: Click
     ) -> None:
         self._server, self._stage = server, stage
         self._labels: dict[str, Any] = {}
-        size = 6.0 * max(stage.size, stage.width)
+        size = 10.0 * max(stage.size, stage.width)
+        middle = (float(stage.centre[0]), float(stage.centre[1]))
         self._grid = server.scene.add_grid(
-            "/floor", width=size, height=size, cell_size=size / 24, section_size=size / 6,
-            position=(stage.centre[0], stage.centre[1], stage.floor), plane="xy",
+            "/floor", width=size, height=size, cell_size=size / 40, section_size=size / 10, plane="xy",
+            cell_color=FLOOR, section_color=FLOOR, plane_color=FLOOR, plane_opacity=0.16, shadow_opacity=0.5,
+            fade_distance=0.5 * size, fade_strength=0.8, fade_from="origin", position=(*middle, stage.floor),
         )  # fmt: skip
-        blue, orange = rgb(COLOURS.measured), rgb(COLOURS.model)
-        self.measured = RobotNodes(server, "measured", robot, shape, on_click, COLOURS.body, blue)
-        self.identified = RobotNodes(
-            server, "identified", robot, shape, on_click, orange, orange, GHOST_OPACITY
-        )
+        self._light = server.scene.add_light_spot(  # so faint that it only casts the shadows on the floor
+            "/light", position=(*middle, stage.floor + 0.7 * size), angle=0.6, decay=0.0, intensity=0.02,
+            direction=(0.0, 0.0, -1.0), cast_shadow=True,
+        )  # fmt: skip
 
-    def place(self, layout: str) -> None:
-        """Place the robots side by side or overlaid."""
+        def nodes(name: str, colour: str, ghost: bool = True) -> RobotNodes:
+            own = rgb(colour) if ghost else COLOURS.body
+            opacity = GHOST_OPACITY if ghost else None
+            return RobotNodes(server, name, robot, shape, on_click, own, rgb(colour), opacity)
+
+        self.measured = nodes("measured", COLOURS.measured, ghost=False)
+        self.identified = nodes("identified", COLOURS.model)
+        self.beside: RobotNodes | None = None
+        self._add = lambda: nodes("beside", COLOURS.beside)
+
+    @property
+    def robots(self) -> list[RobotNodes]:
+        """From left to right."""
+        return [self.measured, self.identified, *([self.beside] if self.beside else [])]
+
+    def place(self, layout: str, count: int) -> None:
+        """Place `count` robots, 2 or 3, side by side or overlaid."""
+        if count == 3 and self.beside is None:
+            self.beside = self._add()
+        elif count == 2 and self.beside is not None:
+            self.beside.remove()
+            self.beside = None
         self._layout = layout
-        for nodes, offset in zip((self.measured, self.identified), self._stage.offsets(layout), strict=True):
-            nodes.place(offset)
+        for robot, offset in zip(self.robots, self._stage.offsets(layout, count), strict=True):
+            robot.place(offset)
 
-    def labels(self, measured: str, identified: str) -> None:
-        left, right = self._stage.label_places(self._layout)
-        for name, text, at in (("measured", measured, left), ("identified", identified, right)):
+    def labels(self, texts: Sequence[str]) -> None:
+        """A label under every robot."""
+        places = self._stage.label_places(self._layout, len(texts))
+        names = [robot.name for robot in self.robots]
+        for name in [name for name in self._labels if name not in names]:
+            self._labels.pop(name).remove()
+        for name, text, at in zip(names, texts, places, strict=True):
             if name not in self._labels:
                 self._labels[name] = self._server.scene.add_label(
                     f"/labels/{name}", text, anchor="top-center", font_screen_scale=0.95
@@ -180,95 +225,25 @@ class Scene:
         """Highlight the measured robot's path over positions (M of (n,)), only where `chosen` (M,)."""
         self.measured.mark(self.measured.path(positions)[chosen[:-1] & chosen[1:]])
 
-    def pose(self, measured: np.ndarray, identified: np.ndarray, torque: np.ndarray | None = None) -> None:
-        """Set both robots' joint positions (n,) [rad] and the torque's shares (n,) in one update."""
+    def pose(
+        self, positions: Sequence[np.ndarray], arcs: tuple[np.ndarray | None, np.ndarray | None]
+    ) -> None:
+        """Set all robots' joint positions (n,) [rad] and the measured one's arcs in one update.
+
+        `arcs`: torque and deflection as shares (n,) of half a turn; None for none.
+        """
         with self._server.atomic():
-            self.measured.pose(measured)
-            self.identified.pose(identified)
-            self.measured.torque(torque, measured)
+            for robot, q in zip(self.robots, positions, strict=True):
+                robot.pose(q)
+            for kind, shares in zip(("torque", "deflection"), arcs, strict=True):
+                self.measured.arcs(kind, shares, positions[0])
+
+    def shadows(self, on: bool) -> None:
+        self._light.visible = on
 
     def remove(self) -> None:
-        for part in (self.measured, self.identified, self._grid, *self._labels.values()):
+        for part in (*self.robots, self._grid, self._light, *self._labels.values()):
             part.remove()
-
-
-class Cameras:
-    """The camera of every browser, pointed at both robots until its user moves it."""
-
-    def __init__(self, server: viser.ViserServer) -> None:
-        self._server = server
-        self._aimed: dict[int, float] = {}  # browser -> width ÷ height of its canvas
-        self._views: dict[int, np.ndarray] = {}  # browser -> camera position
-        self._answered: dict[int, float] = {}  # browser -> its last answer [s, monotonic]
-        self._nudged = 1e-4  # relative camera motion that triggers an update
-        self._asked = 0.0  # last request of the canvas size [s, monotonic]
-        server.scene.set_up_direction("+z")
-        server.scene.configure_default_lights(cast_shadow=False)
-
-    def show(self, stage: SceneLayout, layout: str, view: str) -> None:
-        """Point all cameras at the robots placed by `layout`, from the side that `view` names."""
-        self._stage, self._layout, self._view = stage, layout, view
-        self._begin, look = stage.camera(layout, view=view)
-        self._server.initial_camera.position = tuple(self._begin)  # type: ignore[assignment]
-        self._server.initial_camera.look_at = tuple(look)  # type: ignore[assignment]
-        self._server.initial_camera.fov = FIELD_OF_VIEW
-        for client in self._server.get_clients().values():
-            self.aim(client)
-
-    def aim(self, client: viser.ClientHandle) -> None:
-        """Point one browser's camera at both robots, as close as its window allows."""
-        self._aimed[client.client_id] = aspect = _aspect(client)
-        self._answered.setdefault(client.client_id, time.monotonic())
-        camera, look = self._stage.camera(self._layout, aspect, HIDDEN_SHARE, self._view)
-        self._views[client.client_id] = camera
-        with client.atomic():
-            client.camera.position = camera
-            client.camera.look_at = look
-
-    def gone(self, client: viser.ClientHandle) -> None:
-        self._aimed.pop(client.client_id, None)
-        self._views.pop(client.client_id, None)
-        self._answered.pop(client.client_id, None)
-
-    def watched(self) -> bool:
-        """Whether a page is shown: a hidden one does not answer, because its browser does not draw it."""
-        return any(time.monotonic() - seen < HIDDEN_AFTER for seen in list(self._answered.values()))
-
-    def resized(self, client: viser.ClientHandle) -> None:
-        """Aim again if the canvas size has changed and the user has not moved the camera."""
-        if client.client_id in self._aimed:
-            self._answered[client.client_id] = time.monotonic()
-        now = _aspect(client)
-        changed = abs(self._aimed.get(client.client_id, now) / now - 1.0) >= SAME_ASPECT
-        if changed and self._unmoved(client.client_id, client):
-            self.aim(client)
-
-    def _unmoved(self, number: int, client: viser.ClientHandle) -> bool:
-        """Whether the user has not moved this browser's camera."""
-        aimed = self._views.get(number)
-        if aimed is None:
-            return False
-        # a browser may apply the initial camera after it was aimed
-        ours = (aimed, self._begin)
-        away = min(float(np.linalg.norm(client.camera.position - place)) for place in ours)
-        return away < MOVED_CAMERA * self._stage.width
-
-    def tick(self) -> None:
-        """Ask every browser for its canvas size, which it sends only when its camera moves."""
-        if time.monotonic() - self._asked < SIZE_INTERVAL:
-            return
-        self._asked = time.monotonic()
-        for number, client in self._server.get_clients().items():
-            if self._unmoved(number, client):
-                self._nudged = -self._nudged
-                client.camera.position = self._views[number] * (1.0 + self._nudged)
-            elif time.monotonic() - self._answered.get(number, 0.0) > RESTING:
-                self._nudged = -self._nudged
-                client.camera.position = client.camera.position * (1.0 + self._nudged)
-
-
-def _aspect(client: viser.ClientHandle) -> float:
-    return max(client.camera.image_width, 1) / max(client.camera.image_height, 1)
 
 
 def _on_click(mesh: Any, joint: int, on_click: Click) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Flag, IntEnum, auto
 from pathlib import Path
@@ -19,6 +19,7 @@ from flexviz.scene import LAYOUTS, VIEWS, RobotShape
 from flexviz.session import Session
 from flexviz.simulation import Run
 
+KEPT_RESULTS = 8  # with simulated motions and maps
 Tone = Literal["", "busy", "bad"]
 
 
@@ -66,7 +67,9 @@ class ViewSettings:
     deflection: float | None = None  # its factor; None: chosen to suit the motion
     error: float = 1.0  # factor of simulated − measured
     link_side: bool = False  # compare link sides instead of motor sides
-    torque: bool = False  # draw arrows for the measured torque
+    arcs: bool = True  # draw torque and deflection around the joints
+    shadows: bool = True
+    beside: int | None = None  # model of the staircase that is compared with the shown one
     camera: tuple[str, int] = (VIEWS[0], 0)  # one of VIEWS, and how often it was asked for
 
 
@@ -90,6 +93,31 @@ class Derived:
     failed: set[str] = field(default_factory=set)  # groups, "maps" or "errors" that could not be computed
 
 
+class DerivedResults:
+    """Idle work on the latest results, so that undo shows it immediately."""
+
+    def __init__(self) -> None:
+        self._kept = [Derived(None)]  # the current result is the last
+
+    def __iter__(self) -> Iterator[Derived]:
+        return iter(self._kept)
+
+    def of(self, result: Identification | None) -> Derived | None:
+        """What is kept of a result."""
+        return next((derived for derived in self._kept if derived.result is result), None)
+
+    def keep(self, result: Identification | None, current: bool = False) -> Derived:
+        """What is kept of a result, from now on if it was not; `current`: as that of the current result."""
+        found = self.of(result)
+        if found is None:
+            found = Derived(result)
+            self._kept.insert(-1, found)
+        if current and self._kept[-1] is not found:
+            self._kept = [*(one for one in self._kept if one is not found), found]
+        self._kept = self._kept[-KEPT_RESULTS:]
+        return found
+
+
 class Changed(Flag):
     """What has changed in the store."""
 
@@ -105,6 +133,7 @@ class Changed(Flag):
     CHECK = auto()  # the sentence of the last check
     JOINT = auto()  # the selected joint
     GROUP = auto()  # the selected group
+    SPAN = auto()  # the time span that is played and drawn
     STEP = auto()  # the step whose controls are shown
     VIEW = auto()  # how the robots are drawn
     HIGHLIGHT = auto()  # the highlighted instants

@@ -6,6 +6,7 @@ notified. Only the loop's thread calls it.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,12 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.app.events import TaskRunner
-from flexviz.app.playback import PlaybackClock
+from flexviz.app.motions import Motions
+from flexviz.app.playback import PlaybackClock, part_of
 from flexviz.app.state import (
     Activity,
     Changed,
     ChangeSignal,
     Derived,
+    DerivedResults,
     FitProgress,
     Highlight,
     Message,
@@ -30,16 +33,14 @@ from flexviz.app.tasks import IdleTask, SetTask, open_set
 from flexviz.diagnosis import FreeCurve, PredictionErrors, ResidualMap
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
-from flexviz.identification import Identification
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
 from flexviz.progress import Progress, ProgressCallback
-from flexviz.scene import RobotMotion, measured_motion, nice_factor, with_replay
+from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
 
 PAUSE = 3.0  # [s] without a change that ends the dragging of a control
-KEPT_RESULTS = 8  # with simulated motions and maps, so that undo shows them immediately
 
 
 class Store(ChangeSignal):
@@ -70,11 +71,10 @@ class Store(ChangeSignal):
         self.opened, self.folder = opened, opened.folder  # folder of the saved session, or None
         self.session = opened.session or Session.of(opened.measurements)
         self.joint, self.group = 0, opened.measurements.groups[0]
-        self.view = replace(self.view, deflection=None)
+        self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
-        self._derived = [Derived(None)]  # the current result is the last
-        self._motion: tuple[tuple[Any, ...], RobotMotion] | None = None
+        self.kept, self._motions = DerivedResults(), Motions()
         self._span()
 
     @property
@@ -159,28 +159,24 @@ class Store(ChangeSignal):
     @property
     def derived(self) -> Derived:
         """Derived data of the current result."""
-        result = self.analysis.identification
-        if self._derived[-1].result is not result:
-            same = self.derived_of(result) or Derived(result)
-            others = [derived for derived in self._derived if derived is not same]
-            self._derived = [*others[1 - KEPT_RESULTS :], same]
-        return self._derived[-1]
-
-    def derived_of(self, result: Identification | None) -> Derived | None:
-        """Derived data of a result, if still kept."""
-        return next((derived for derived in self._derived if derived.result is result), None)
+        return self.kept.keep(self.analysis.identification, current=True)
 
     @property
     def motion(self) -> RobotMotion:
         """The motion of both robots in the selected group."""
-        result, group = self.analysis.identification, self.group
-        run = self.derived.replays.get(group.name)
-        if self._motion is None or any(
-            a is not b for a, b in zip(self._motion[0], (result, group, run), strict=True)
-        ):
-            motion = measured_motion(self.measurements, group, result)
-            self._motion = (result, group, run), motion if run is None else with_replay(motion, run)
-        return self._motion[1]
+        return self._motions.of(self.measurements, self.group, self.derived)
+
+    @property
+    def beside(self) -> tuple[ModelStep, Derived, RobotMotion] | None:
+        """The model that is compared with the shown one, its derived data and its motion."""
+        chain, at = self.chain if self.view.beside is not None else [], self.view.beside
+        if at is None or not 0 <= at < len(chain) or at == len(self.analysis.model_steps) - 1:
+            return None
+        step, state = chain[at]
+        if state is None or state.identification is None:
+            return None
+        derived = self.kept.keep(state.identification)
+        return step, derived, self._motions.of(self.measurements, self.group, derived)
 
     @property
     def deflection(self) -> float:
@@ -198,13 +194,12 @@ class Store(ChangeSignal):
         """Errors of the current model, from the diagnosis or from idle work; None while unknown."""
         return shown_errors(self.analysis, self.derived.errors)
 
-    @property
-    def link_colours(self) -> LinkColours | None:
-        """Colours of the links in the selected group; their scale ends at the largest error of all models."""
-        known = (*self._derived, *self.analysis.model_steps)
+    def link_colours(self, errors: PredictionErrors | DiagnosisStep | None) -> LinkColours | None:
+        """Colours of the links by a model's errors; their scale ends at the largest error of all models."""
+        known = (*self.kept, *self.analysis.model_steps)
         earlier = [one.errors if isinstance(one, Derived) else one.step for one in known]
         spread, group = self.measurements.torque_spread, self.group.name
-        return link_colours(self.errors, group, spread, [one for one in earlier if one is not None])
+        return link_colours(errors, group, spread, [one for one in earlier if one is not None])
 
     @property
     def free_curve(self) -> FreeCurve | None:
@@ -223,10 +218,15 @@ class Store(ChangeSignal):
             self._span()
             self.tell(Changed.GROUP)
 
-    def _span(self) -> None:
-        """Set the clock's span to the selected group."""
+    def set_span(self, first: float, last: float) -> None:
+        """Play and draw only `first` … `last` [s] of the selected group; too short a span means all of it."""
+        self._span(first, last)
+        self.tell(Changed.SPAN)
+
+    def _span(self, first: float = -math.inf, last: float = math.inf) -> None:
         segments = self.group.segments
-        self.clock.span(float(segments[0].time[0]), float(segments[-1].time[-1]))
+        self.span = part_of((float(segments[0].time[0]), float(segments[-1].time[-1])), first, last)
+        self.clock.span(*self.span)
 
     @property
     def joint_name(self) -> str:

@@ -32,11 +32,11 @@ CSS = """
 .fv details { margin-top: 0.4em; } .fv summary { cursor: pointer; }
 .fv-box { display: inline-block; width: 0.8em; height: 0.8em; border-radius: 2px; margin-right: 0.3em;
   border: 1px solid rgba(128, 128, 128, 0.6); vertical-align: -0.05em; }
-.fv-ghost { opacity: 0.55; margin-left: 0.8em; }
+.fv-ghost { opacity: 0.55; } .fv-name { white-space: nowrap; margin-right: 0.6em; }
 .fv-map { display: inline-block; width: 5em; height: 0.7em; vertical-align: -0.05em; border-radius: 2px; }
-.fv-joint { display: inline-block; margin-right: 0.9em; white-space: nowrap; }
 .fv-kind { padding-top: 0.35em; padding-bottom: 0.1em; font-weight: 600; }
-.fv-joints { max-height: 4.6em; overflow-y: auto; }
+.fv-joints td:first-child { white-space: nowrap; }
+.fv-joints .fv-dim { font-size: 10.5px; }
 .fv-next { margin-top: 0.25em; color: var(--mantine-color-dimmed); }
 .fv-next b { color: var(--mantine-color-text); }
 .fv-verdict { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; font-weight: 600;
@@ -51,7 +51,7 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-bar span { display: block; height: 100%; border-radius: 3px; background: #999; }
 .fv-stair { position: relative; padding: 1px 0 6px; }
 .fv-stair span { display: block; min-width: 2px; height: 9px; border-radius: 0 2px 2px 0; }
-.fv-stair .fit { height: 5px; margin-top: 1px; }
+.fv-stair .fit { height: 5px; margin-bottom: 1px; }
 .fv-stair.hatched span { background-image:
   repeating-linear-gradient(135deg, #fffc 0 3px, transparent 3px 7px); }
 .fv-stair i { position: absolute; top: 0; bottom: 3px; border-left: 2px dotted var(--mantine-color-text); }
@@ -74,7 +74,18 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
 .uplot .u-legend { white-space: normal; }
 .uplot .u-series:has(.u-label:empty) { display: none; }
-.fv-joint.fv-chosen { font-weight: 700; border-bottom: 2px solid #0072B2; }
+.fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }
+.fv-png { position: absolute; top: 8px; left: 8px; padding: 0 5px; font-size: 10.5px; cursor: pointer;
+  border: 1px solid rgba(128, 128, 128, 0.5); border-radius: 3px; background: none; color: inherit;
+  opacity: 0; } .uplot-container:hover .fv-png, .fv-png:focus { opacity: 1; }
+.fv-arc { display: inline-block; width: 0.9em; height: 0.45em; border: 2px solid; border-bottom: none;
+  border-radius: 0.9em 0.9em 0 0; }
+.fv-hover { position: fixed; z-index: 60; padding: 0.25em 0.6em; border-radius: 4px; font-size: 12px;
+  background: #212529; color: #fff; pointer-events: none; white-space: nowrap; }
+div[style*="background-color"]:has(> div > [data-dock-root]) {
+  background: linear-gradient(#dfe4ea, #ffffff 70%) !important; }
+[data-mantine-color-scheme="dark"] div[style*="background-color"]:has(> div > [data-dock-root]) {
+  background: linear-gradient(#59626d, #30363d 70%) !important; }
 """
 
 
@@ -89,6 +100,11 @@ def flex(uuid: str) -> str:
 def no_label(uuid: str) -> str:
     """A rule that gives a control the whole width."""
     return f"{flex(uuid)} > div:first-child {{ display: none; }}"
+
+
+def hidden(uuid: str) -> str:
+    """A rule that hides a control, for the page's own script."""
+    return f"{flex(uuid)} {{ display: none; }}"
 
 
 def no_number_box(uuid: str) -> str:

@@ -8,8 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from flexviz.app.plot_clicks import PLAYHEAD_LABEL
-from flexviz.charts import COLOURS, Chart, ChartAxis
+from flexviz.charts import COLOURS, TIME, Chart, ChartAxis
 from flexviz.wording import escape
 
 Array = NDArray[np.float64]
@@ -34,7 +33,7 @@ class UplotChart:
             self._data(),
             title=chart.heading,
             legend={"show": True},  # type: ignore[arg-type]
-            cursor={"sync": {"key": "time"}} if chart.playhead else None,  # type: ignore[arg-type]
+            cursor={"sync": {"key": "time"}} if chart.x.text == TIME.text else None,  # type: ignore[arg-type]
             height=chart.height,
             order=order,
             padding=(10, 14, 0, 0),
@@ -183,7 +182,7 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         fill = f"{SHADES[number % len(SHADES)]}30"
         entries.append({"label": stage.name, "fill": fill, "width": 0, **FLAGS})
     if chart.playhead:
-        entries.append({"label": PLAYHEAD_LABEL, **line})
+        entries.append({"label": "now", **line})
     return tuple(entries)
 
 

@@ -13,15 +13,16 @@ from flexviz.charts.chart import (
     thin,
     time_chart,
 )
-from flexviz.charts.files import chart_csv, charts_zip
+from flexviz.charts.files import chart_csv, chart_name, charts_zip
 from flexviz.charts.palette import COLOURS, cividis, css, gradient, rgb
-from flexviz.charts.svg import FILE, draw_svg
+from flexviz.charts.svg import FILE, PICTURE, draw_svg
 
 __all__ = [
     "COLOURS",
     "DASHED",
     "DASHES",
     "FILE",
+    "PICTURE",
     "TIME",
     "Chart",
     "ChartAxis",
@@ -29,6 +30,7 @@ __all__ = [
     "Ribbon",
     "ShadedStage",
     "chart_csv",
+    "chart_name",
     "charts_zip",
     "cividis",
     "css",

@@ -31,12 +31,17 @@ def chart_csv(chart: Chart) -> str:
     return text.getvalue()
 
 
+def chart_name(chart: Chart) -> str:
+    """A file name without its ending."""
+    return re.sub(r"[^\w]+", "-", chart.title).strip("-").lower() or chart.key
+
+
 def charts_zip(charts: Sequence[Chart]) -> bytes:
     """A zip with an SVG and a CSV of every chart that has lines."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for number, chart in enumerate((chart for chart in charts if chart.series), 1):
-            name = re.sub(r"[^\w]+", "-", chart.title).strip("-").lower() or chart.key
+            name = chart_name(chart)
             file.writestr(f"{number}-{name}.svg", draw_svg(chart, chart.key, FILE))
             file.writestr(f"{number}-{name}.csv", chart_csv(chart))
     return packed.getvalue()

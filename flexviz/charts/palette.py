@@ -13,6 +13,7 @@ class Palette:
 
     Attributes:
         playhead: playback time and highlighted data.
+        beside: a second model, compared with the first.
         series: for numbered lines.
         body: RGB of a link that has no residual yet.
     """
@@ -22,6 +23,8 @@ class Palette:
     playhead: str = "#D55E00"
     residual: str = "#009E73"
     torque: str = "#CC79A7"
+    deflection: str = "#56B4E9"
+    beside: str = "#009E73"
     reference: str = "#7b7b7b"
     series: tuple[str, ...] = (
         "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999",

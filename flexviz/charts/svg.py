@@ -40,6 +40,7 @@ class SvgTheme:
 
 
 PAGE = SvgTheme(720, "#222222", standalone=False)
+PICTURE = SvgTheme(720, "#222222", standalone=True)
 FILE = SvgTheme(480, COLOURS.reference, standalone=True)
 
 

@@ -132,13 +132,13 @@ def source(one: SessionSummary) -> str:
 
 
 def errors(found: SessionComparison) -> Table:
-    """Held-out and fitted error of each joint, one column per session."""
+    """Fitted and held-out error of each joint, one column per session."""
     from flexviz.results import plain_table
     from flexviz.wording import number
 
     joints = list(dict.fromkeys(joint for s in found.sessions for joint in s.joints))
     table = plain_table("rms [Nm]", numbers=[s.name for s in found.sessions])
-    labels = {"rms_validation": "held out", "rms": "fitted", "noise_floor": "noise floor"}
+    labels = {"rms": "fitted", "rms_validation": "held out", "noise_floor": "noise floor"}
     for joint in joints:
         for key, label in labels.items():
             cells = []

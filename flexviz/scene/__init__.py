@@ -1,18 +1,11 @@
-"""The 3D scene as plain data: robot shapes, motion, placement and torque arrows."""
+"""The 3D scene as plain data: robot shapes, motion, placement, and arcs of torque and deflection."""
 
-from flexviz.scene.motion import (
-    ARROW_RADIUS,
-    RobotMotion,
-    measured_motion,
-    nice_factor,
-    scene_labels,
-    torque_arrow,
-    torque_axes,
-    with_replay,
-)
+from flexviz.scene.arcs import JointAxis, arc_arrow, joint_axes
+from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
 from flexviz.scene.shape import (
     FIELD_OF_VIEW,
     LAYOUTS,
+    SIDE_BY_SIDE,
     VIEWS,
     RobotShape,
     SceneLayout,
@@ -23,21 +16,22 @@ from flexviz.scene.shape import (
 )
 
 __all__ = [
-    "ARROW_RADIUS",
     "FIELD_OF_VIEW",
     "LAYOUTS",
+    "SIDE_BY_SIDE",
     "VIEWS",
+    "JointAxis",
     "RobotMotion",
     "RobotShape",
     "SceneLayout",
+    "arc_arrow",
     "geometry_mesh",
+    "joint_axes",
     "measured_motion",
     "nice_factor",
     "robot_shape",
     "scene_labels",
     "scene_layout",
     "thinned_mesh",
-    "torque_arrow",
-    "torque_axes",
     "with_replay",
 ]

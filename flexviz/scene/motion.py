@@ -1,16 +1,16 @@
-"""Measured and simulated robot motion over time, with joint deflections and torque arrows."""
+"""Measured and simulated robot motion over time, with torques and joint deflections."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from flexviz.measurements import Group, MeasurementSet
-from flexviz.robot import Robot
+from flexviz.scene.arcs import round_up
 
 if TYPE_CHECKING:
     from flexviz.identification import Identification
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 SAMPLE_RATE = 100.0  # [1/s] of the drawn motion; playback interpolates
 ROUND_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of the deflection
-ARC_PIECES = 16  # line segments of an arc
-ARC_ANGLE = 1.6 * np.pi  # [rad] for the largest torque
-ARROW_RADIUS = 0.16  # relative to the robot's reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +70,28 @@ class RobotMotion:
             model = model - deflection * self.at(self.model_deflection, time)
         return drawn, model
 
-    def torque_shares(self, time: float) -> Array:
-        """(n,) torque at one instant relative to each joint's largest, −1 … 1."""
-        if self.torque is None:
-            return np.zeros(self.theta.shape[1])
-        largest = np.abs(self.torque).max(axis=0)
-        return self.at(self.torque, time) / np.where(largest > 0, largest, 1.0)
+    @cached_property
+    def half_turns(self) -> tuple[Array | None, Array | None]:
+        """Torque [Nm] and deflection [rad] of each joint that half a turn of its arcs means, (n,) each."""
+
+        def ends(values: Array | None) -> Array | None:
+            return None if values is None else np.array([round_up(top) for top in np.abs(values).max(axis=0)])
+
+        return ends(self.torque), ends(self.deflection)
+
+    def loads(self, time: float) -> tuple[Array | None, Array | None]:
+        """Torque [Nm] and deflection [rad] of the joints at one instant, (n,) each; None where unknown."""
+        torque, deflection = self.torque, self.deflection
+        return (
+            None if torque is None else self.at(torque, time),
+            None if deflection is None else self.at(deflection, time),
+        )
+
+    def arcs(self, time: float) -> tuple[Array | None, Array | None]:
+        """The loads at one instant as shares of half a turn, −1 … 1."""
+        pairs = zip(self.loads(time), self.half_turns, strict=True)
+        torque, deflection = (None if now is None or end is None else now / end for now, end in pairs)
+        return torque, deflection
 
 
 def scene_labels(
@@ -88,24 +101,25 @@ def scene_labels(
     why: str = "not identified yet",
     simulated_data: bool = False,
     link_side: bool = False,
+    name: str = "identified",
 ) -> tuple[str, str]:
     """Labels of the measured and the identified robot, with the scale factors.
 
-    `why` is the reason for a missing simulation of the identified model.
+    `why` is the reason for a missing simulation of the identified model, `name` what the model is called.
     """
     first = "measured (simulated data)" if simulated_data else "measured"
     if link_side and motion.link is not None:
         measured = f"{first}\nlink side q, encoders"
         if motion.model_theta is None:
             return measured, f"{why}:\nshows the measured link side"
-        return measured, f"identified, error ×{error:g}\nlink side q (simulated)"
+        return measured, f"{name}, error ×{error:g}\nlink side q (simulated)"
     if motion.deflection is None:
         measured = f"{first}\ndeflection unknown before Run"
     else:
         measured = f"{first}\ndeflection ×{deflection:g} ({motion.deflection_source})"
     if motion.model_theta is None:
         return measured, f"{why}:\nshows the measured motor angle"
-    return measured, f"identified, error ×{error:g}\ndeflection ×{deflection:g} (simulated)"
+    return measured, f"{name}, error ×{error:g}\ndeflection ×{deflection:g} (simulated)"
 
 
 def measured_motion(measurements: MeasurementSet, group: Group, result: Identification | None) -> RobotMotion:
@@ -169,52 +183,3 @@ def _smooth(values: Array, time: Array, width: float = 0.1) -> Array:
     low = np.clip(np.arange(len(values)) - count // 2, 0, len(values))
     high = np.clip(low + count, 1, len(values))
     return (sums[high] - sums[low]) / (high - low)[:, None]
-
-
-@dataclass(frozen=True, eq=False)
-class TorqueAxis:
-    """A joint axis in the frame of the link that it moves; it rotates from `across` to `along`."""
-
-    link: str
-    across: Array  # (3,) unit vectors normal to the axis
-    along: Array
-
-
-def torque_axes(robot: Robot) -> tuple[TorqueAxis | None, ...]:
-    """The axis of each joint of the set; None for prismatic joints and joints without a link."""
-    neutral = np.zeros(robot.n)
-    poses = robot.link_poses(neutral)
-    found: list[TorqueAxis | None] = []
-    for joint in range(robot.n):
-        link = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
-        if link is None:
-            found.append(None)
-            continue
-        turned = neutral.copy()
-        turned[joint] = 1e-4
-        rotation = poses[link][:3, :3].T @ robot.link_poses(turned)[link][:3, :3]
-        axis = Rotation.from_matrix(rotation).as_rotvec()
-        size = float(np.linalg.norm(axis))
-        if size < 1e-8:  # prismatic
-            found.append(None)
-            continue
-        axis /= size
-        across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-        across /= np.linalg.norm(across)
-        found.append(TorqueAxis(link, across, np.cross(axis, across)))
-    return tuple(found)
-
-
-def torque_arrow(axis: TorqueAxis, share: float, radius: float) -> NDArray[np.float32]:
-    """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of the largest angle."""
-    share = float(np.clip(share, -1.0, 1.0))
-    angle = np.linspace(0.0, share * ARC_ANGLE, ARC_PIECES + 1)
-    points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))
-    tip, direction = points[-1], points[-1] - points[-2]
-    size = float(np.linalg.norm(direction))
-    direction = direction / size if size > 0 else np.zeros(3)
-    outward = points[-1] / radius
-    head = min(0.35, 0.05 + abs(share)) * radius
-    barbs = [tip - head * direction + 0.6 * side * head * outward for side in (-1.0, 1.0)]
-    segments = [*np.stack([points[:-1], points[1:]], axis=1), *(np.stack([tip, barb]) for barb in barbs)]
-    return np.asarray(segments, dtype=np.float32)

@@ -19,7 +19,8 @@ from flexviz.robot_files import resolve_mesh
 Array = NDArray[np.float64]
 MAX_FACES = 3000  # of a link's mesh; larger ones are decimated
 FIELD_OF_VIEW = np.radians(50.0)  # vertical
-LAYOUTS = ("Side by side", "Overlaid")
+LAYOUTS = SIDE_BY_SIDE, OVERLAID = ("Side by side", "Overlaid")
+APART = 2.24  # between the bases of neighbouring robots, relative to the width of the motion
 VIEWS = ("Front", "Oblique", "Above")  # of the camera
 
 
@@ -175,7 +176,7 @@ def tip_link(robot: Robot, poses: dict[str, Array]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class SceneLayout:
-    """Placement of the two robots of one measurement set."""
+    """Placement of the robots of one measurement set."""
 
     right: Array  # (3,) horizontal unit vector to the viewer's right
     towards: Array  # (3,) unit vector from the scene to the viewer
@@ -185,37 +186,47 @@ class SceneLayout:
     depth: float  # the same towards the viewer
     floor: float  # height of the grid [m]
 
-    def offsets(self, layout: str) -> tuple[Array, Array]:
-        """Base positions (3,) of the measured and the identified robot [m]."""
-        if layout == "Overlaid":
-            return np.zeros(3), np.zeros(3)
-        apart = 1.12 * self.width * self.right
-        return -apart, apart
+    def offsets(self, layout: str, count: int = 2) -> tuple[Array, ...]:
+        """Base positions (3,) of `count` robots, left to right [m]."""
+        return self._row(0.0 if layout == OVERLAID else APART, count)
 
-    def label_places(self, layout: str) -> tuple[Array, Array]:
-        """Label positions (3,) of the measured and the identified robot [m]: under their motions."""
-        apart = (1.12 if layout != "Overlaid" else 0.62) * self.width * self.right
+    def label_places(self, layout: str, count: int = 2) -> tuple[Array, ...]:
+        """Label positions (3,) of the robots [m]: under their motions."""
         below = (self.centre @ self.right) * self.right + np.array([0.0, 0.0, self.floor - 0.02 * self.size])
-        return below - apart, below + apart
+        row = self._row(1.45 if layout == OVERLAID else APART, count)
+        return tuple(below + place for place in row)
+
+    def _row(self, apart: float, count: int) -> tuple[Array, ...]:
+        middle = (count - 1) / 2
+        return tuple((number - middle) * apart * self.width * self.right for number in range(count))
 
     def camera(
-        self, layout: str, aspect: float = 0.75, hidden: float = 0.25, view: str = VIEWS[0]
+        self,
+        layout: str,
+        aspect: float = 0.75,
+        hidden: tuple[float, float] = (0.0, 0.25),
+        view: str = VIEWS[0],
+        count: int = 2,
     ) -> tuple[Array, Array]:
-        """Camera position and target (3,) that fit both robots into a canvas of width / height `aspect`.
+        """Camera position and target (3,) that fit `count` robots into a canvas of width / height `aspect`.
 
-        The playback panel covers the lowest share `hidden` of the canvas; `view` is one of VIEWS.
+        Legend and playback panel cover the shares `hidden` of the canvas, at its top and bottom; `view` is
+        one of VIEWS.
         """
         up = np.array([0.0, 0.0, 1.0])
         turns = {"Oblique": self.towards + 0.8 * self.right + 0.4 * up, "Above": 0.25 * self.towards + up}
         towards = turns.get(view, self.towards)
         towards = towards / np.linalg.norm(towards)
-        half_width = self.width * (2.35 if layout != "Overlaid" else 1.15)
+        beside = (count - 1) * (0.72 if layout == OVERLAID else APART / 2)
+        half_width = self.width * (1.23 + beside)
         tall = self.size if view == VIEWS[0] else max(self.size, self.depth)
-        half_height = 1.3 * tall / (1.0 - hidden)  # with the labels
+        top, bottom = hidden
+        half_height = 1.2 * tall / (1.0 - top - bottom)  # with the labels
         half_height = max(half_height, half_width / aspect)
         distance = half_height / np.tan(FIELD_OF_VIEW / 2) + self.depth
         upward = up - (up @ towards) * towards
-        look = self.centre - (0.1 * tall + hidden * half_height) * upward / np.linalg.norm(upward)
+        down = 0.1 * tall + (bottom - top) * half_height
+        look = self.centre - down * upward / np.linalg.norm(upward)
         return look + distance * towards, look
 
 

@@ -23,7 +23,7 @@ from flexviz.view.fit_charts import (
     sweep_html,
 )
 from flexviz.view.free_curves import free_chart, free_html, model_curve_charts, physical
-from flexviz.view.link_colours import LinkColours, legend_html, link_colours
+from flexviz.view.link_colours import LinkColours, joints_html, legend_html, link_colours
 from flexviz.view.residuals import (
     MAP_COLUMNS,
     VARIABLES,
@@ -41,7 +41,7 @@ from flexviz.view.residuals import (
     time_residual,
 )
 from flexviz.view.shape_charts import shape_charts
-from flexviz.view.staircase import model_runs, staircase_chart, staircase_charts, staircase_html
+from flexviz.view.staircase import model_name, model_runs, staircase_chart, staircase_charts, staircase_html
 from flexviz.view.status import (
     error_text,
     next_step,
@@ -91,6 +91,7 @@ __all__ = [
     "groups_html",
     "heading_html",
     "joint_effects",
+    "joints_html",
     "joints_with",
     "leading_map",
     "legend_html",
@@ -101,6 +102,7 @@ __all__ = [
     "map_of",
     "matrix_html",
     "model_curve_charts",
+    "model_name",
     "model_runs",
     "more_effects",
     "next_step",

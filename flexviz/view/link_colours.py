@@ -1,4 +1,4 @@
-"""Colours of the links: the error of each joint beyond the noise floor, on a scale that keeps its end."""
+"""Legend of the scene, and the colours of the links: the error beyond the noise floor."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexviz.charts import COLOURS, cividis, css, gradient
 from flexviz.diagnosis import PredictionErrors
 from flexviz.diagnosis import Step as DiagnosisStep
+from flexviz.scene import RobotMotion
 from flexviz.wording import escape, number, short_names
 
 Array = NDArray[np.float64]
@@ -66,34 +67,80 @@ def _beyond(errors: Errors, group: str) -> Array:
 
 
 def legend_html(
-    joints: tuple[str, ...], found: LinkColours | None, group: str, note: str = "", chosen: int = -1
+    found: LinkColours | None,
+    group: str,
+    names: Sequence[str] = ("identified",),
+    arcs: bool = True,
 ) -> str:
-    """Legend of the scene's colours with each joint's error; `note` tells how the model was simulated.
-
-    The `chosen` joint is highlighted.
-    """
-    robots = (
-        f'<div><span class="fv-box" style="background:{COLOURS.measured}"></span>measured: solid, blue trail '
-        f'<span class="fv-box fv-ghost" style="background:{COLOURS.model}"></span>identified: ghost</div>'
-    )
-    if note:
-        robots += f'<div class="fv-dim">{escape(note)}</div>'
+    """Legend of the scene; `names` are those of the models."""
+    parts = [f"{_box(COLOURS.measured)}measured"]
+    colours = zip(names, (COLOURS.model, COLOURS.beside), strict=False)
+    parts += [f"{_box(colour, 'fv-ghost')}{escape(name)}" for name, colour in colours]
+    rows = [" ".join(f'<span class="fv-name">{part}</span>' for part in parts)]
     if found is None:
-        waiting = "Links are coloured by their error after Run."
-        return f'<div class="fv">{robots}<div class="fv-dim">{waiting}</div></div>'
-    cells = "".join(
-        f'<span class="fv-joint{" fv-chosen" if index == chosen else ""}" '
-        f'title="{number(float(found.rms[index]), 3)} Nm">'
-        f'<span class="fv-box" style="background:{css(colour)}"></span>'
-        f"{escape(name)} {_percent(found, index)}</span>"
-        for index, (name, colour) in enumerate(zip(short_names(joints), found.colours, strict=True))
-    )
-    return (
-        f'<div class="fv">{robots}<div>Link colour: error in {escape(group)} [% of the joint\'s torque], '
-        f'noise <span class="fv-map" style="background:{gradient()}"></span> '
-        f"{number(100 * found.end, 2)}</div>"
-        f'<div class="fv-joints">{cells}</div></div>'
-    )
+        rows.append('<span class="fv-dim">Links are coloured by their error after Run.</span>')
+    else:
+        meant = (
+            f"""<span title="in per cent of each joint's torque">Link: error in {escape(group)} [%]</span>"""
+        )
+        rows.append(
+            f"{meant}, noise "
+            f'<span class="fv-map" style="background:{gradient()}"></span> {number(100 * found.end, 2)}'
+        )
+    if arcs:
+        ends = '<span class="fv-dim">(half a turn: value after /)</span>'
+        rows.append(f"{_arc(COLOURS.torque)} τ {_arc(COLOURS.deflection)} deflection {ends}")
+    return f'<div class="fv">{"".join(f"<div>{row}</div>" for row in rows)}</div>'
+
+
+def _box(colour: str, kind: str = "") -> str:
+    return f'<span class="fv-box {kind}" style="background:{colour}"></span>'
+
+
+def _arc(colour: str) -> str:
+    return f'<span class="fv-arc" style="border-color:{colour}"></span>'
+
+
+def joints_html(
+    joints: tuple[str, ...], found: LinkColours | None, motion: RobotMotion, time: float, chosen: int = -1
+) -> str:
+    """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs."""
+    torque, deflection = motion.loads(time)
+    torque_end, deflection_end = motion.half_turns
+    rows = []
+    for index, (name, full) in enumerate(zip(short_names(joints), joints, strict=True)):
+        colour = css(COLOURS.body if found is None else found.colours[index])
+        error = "–" if found is None else _percent(found, index)
+        tip = "" if found is None else f' title="{number(float(found.rms[index]), 3)} Nm"'
+        cells = [
+            f'<td><span class="fv-box" style="background:{colour}"></span>{escape(name)}</td>',
+            f"<td{tip}>{error}</td>",
+            _load(torque, torque_end, index, 1.0),
+            _load(deflection, deflection_end, index, 1e3),
+        ]
+        look = "fv-joint fv-chosen" if index == chosen else "fv-joint"
+        node, texts = full.replace("/", "_"), [escape(full)]
+        if torque is not None:
+            texts.append(f"torque {number(float(torque[index]), 3)} Nm")
+        if deflection is not None:
+            texts.append(f"deflection {number(1e3 * float(deflection[index]), 3)} mrad")
+        if found is not None:
+            texts.append(f"error {error}" if error.endswith("Nm") else f"error {error} %")
+        data = f'data-node="{escape(node)}" data-hover="{", ".join(texts)}"'
+        rows.append(f'<tr class="{look}" {data}>{"".join(cells)}</tr>')
+    head = "<th>joint</th><th>error [%]</th><th>τ [Nm]</th><th>θ − q [mrad]</th>"
+    table = f'<table class="fv-table fv-joints"><tr>{head}</tr>{"".join(rows)}</table>'
+    return f'<div class="fv">{table}</div>'
+
+
+def _load(values: Array | None, ends: Array | None, joint: int, factor: float) -> str:
+    """A value with as many decimals as the end of its arc needs, and that end."""
+    if values is None or ends is None:
+        return "<td>–</td>"
+    end = factor * float(ends[joint])
+    decimals = min(max(1 - int(np.floor(np.log10(end))), 0), 4)
+    value = f"{factor * float(values[joint]):.{decimals}f}".replace("-", "−")
+    return f'<td>{value} <span class="fv-dim">/ {number(end, 1)}</span></td>'
 
 
 def _percent(found: LinkColours, index: int) -> str:

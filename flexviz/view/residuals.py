@@ -241,14 +241,18 @@ class ResidualSamples:
         return self.variables["time"][rows], (values >= low) & (values <= high)
 
 
-def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart:
-    """One joint's residual over time in the shown group, with the noise ribbon."""
+def time_residual(
+    found: ResidualSamples | None, name: str, shown: str, span: tuple[float, float] | None = None
+) -> Chart:
+    """One joint's residual over time [s] in the shown group, in a span, with the noise ribbon."""
     if found is None:
         return no_chart("time", EMPTY)
     rows = found.rows(shown)
     time, residual = found.variables["time"][rows], found.residual[rows]
     if len(time) < 2:
         return no_chart("time", left_out(shown))
+    if span is not None and np.count_nonzero(inside := (time >= span[0]) & (time <= span[1])) > 1:
+        time, residual = time[inside], residual[inside]
     x, (values,) = thin(time, [residual])
     half = np.full(len(x), NORMAL_95 * found.floor if np.isfinite(found.floor) else 0.0)
     return Chart(
@@ -260,7 +264,7 @@ def time_residual(found: ResidualSamples | None, name: str, shown: str) -> Chart
         playhead=True,
         highlights=(),
         height=HEIGHT,
-    ).spans(time[0], time[-1])
+    ).spans(*(span or (time[0], time[-1])))
 
 
 def left_out(group: str) -> str:

@@ -38,7 +38,7 @@ COMPARED_IN = (
 )
 HELD_OUT = "validation"
 KEY = (
-    '<div class="fv-stair-key"><span class="held"></span> validation <span class="fit"></span> fit '
+    '<div class="fv-stair-key"><span class="fit"></span> fit <span class="held"></span> validation '
     "┊ noise floor</div>"
 )
 MAX_GROUPS = 10  # drawn
@@ -101,6 +101,16 @@ def model_runs(model_steps: Sequence[ModelStep], joints: Sequence[str]) -> list[
         added.append([text for text in one.effects if text not in before])
         before |= set(one.effects)
     return text_runs(added, joints)
+
+
+def model_name(
+    model_steps: Sequence[ModelStep], joints: Sequence[str], index: int, spread: Sequence[float] = ()
+) -> str:
+    """ "model 1 (0.12 %)": its number in the staircase, and its error over all joints, held out if known."""
+    ends = [last for _, _, last in model_runs(model_steps, joints)]
+    found = next((count for count, last in enumerate(ends) if last >= index), index)
+    error = one_error(_judged(model_steps[index].step)[-1], None, spread)
+    return f"model {found} ({number(error, 2)} {'%' if spread else 'Nm'})"
 
 
 def staircase_chart(
@@ -226,18 +236,17 @@ def staircase_html(
 
 
 def _judged(step: Step) -> list[Sequence[float]]:
-    """Errors of the validation and of the fitted groups, as far as they are known."""
-    return [row for row in (step.rms_validation, step.rms) if row]
+    """Errors of the fitted and of the validation groups, as far as they are known."""
+    return [row for row in (step.rms, step.rms_validation) if row]
 
 
 def _bars(step: Step, spread: Sequence[float], top: float, hatched: bool) -> str:
-    """Bars from zero: held out above fit; the dotted line is the noise floor; of a free curve hatched."""
+    """Bars from zero: fit above held out; the dotted line is the noise floor; of a free curve hatched."""
     floor = one_error(step.noise_floor, None, spread) if step.noise_floor else math.nan
     line = f'<i style="left:{100 * floor / top:.2f}%"></i>' if floor <= top else ""
-    kinds = ("held", "fit")[-len(_judged(step)) :]
     bars = "".join(
         f'<span class="{kind}" style="width:{100 * one_error(row, None, spread) / top:.2f}%"></span>'
-        for kind, row in zip(kinds, _judged(step), strict=True)
+        for kind, row in zip(("fit", "held"), _judged(step), strict=False)
     )
     look = 'class="fv-stair hatched" title="a free curve: not physics"' if hatched else 'class="fv-stair"'
     return f"<div {look}>{bars}{line}</div>"

@@ -63,10 +63,17 @@ def model_torque(
 
 
 def signals_charts(
-    group: Group, joint: int, name: str, result: Identification | None, motion: RobotMotion | None
+    group: Group,
+    joint: int,
+    name: str,
+    result: Identification | None,
+    motion: RobotMotion | None,
+    span: tuple[float, float] | None = None,
 ) -> tuple[Chart, ...]:
-    """Torque, residual and motor-angle error of one joint."""
+    """Torque, residual and motor-angle error of one joint, in a span of time [s]."""
     time, recorded = torque(group, joint)
+    first, last = span or (float(time[0]), float(time[-1]))
+    time, recorded = within((first, last), time, recorded)
     lines = [("measured", COLOURS.measured, recorded)]
     model = model_torque(group, joint, result)
     if model is None:
@@ -75,25 +82,34 @@ def signals_charts(
         shown = time
     else:
         model_time, explained, residual = model
+        model_time, explained, residual = within((first, last), model_time, explained, residual)
         inside = (time >= model_time[0]) & (time <= model_time[-1])
         shown = time[inside]
         modelled = np.interp(shown, model_time, explained)
         lines = [("measured", COLOURS.measured, recorded[inside]), ("model", COLOURS.model, modelled)]
         second = _signal("residual", f"Residual, {name}", model_time, COLOURS.residual, residual)
-    first = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
-    charts = (first, second, _error_chart(joint, name, motion))
-    return tuple(chart.spans(time[0], time[-1]) for chart in charts)
+    upper = time_chart("torque", f"Torque, {name}", "Nm", shown, lines, height=SIGNAL_HEIGHT)
+    charts = (upper, second, _error_chart(joint, name, motion, (first, last)))
+    return tuple(chart.spans(first, last) for chart in charts)
+
+
+def within(span: tuple[float, float] | None, time: Array, *columns: Array) -> tuple[Array, ...]:
+    """Time (N,) [s] and columns (N,) in a span; all of them if it holds fewer than two samples."""
+    inside = np.ones(len(time), bool) if span is None else (time >= span[0]) & (time <= span[1])
+    rows = inside if np.count_nonzero(inside) > 1 else slice(None)
+    return time[rows], *(column[rows] for column in columns)
 
 
 def _signal(key: str, title: str, time: Array, colour: str, values: Array, unit: str = "Nm") -> Chart:
     return time_chart(key, title, unit, time, [(key, colour, values)], height=SIGNAL_HEIGHT)
 
 
-def _error_chart(joint: int, name: str, motion: RobotMotion | None) -> Chart:
+def _error_chart(joint: int, name: str, motion: RobotMotion | None, span: tuple[float, float]) -> Chart:
     if motion is None or motion.model_theta is None:
         return no_chart("error")
     error = motion.model_theta[:, joint] - motion.theta[:, joint]
-    return _signal("error", f"Simulated − measured θ, {name}", motion.time, COLOURS.model, error, "rad")
+    time, error = within(span, motion.time, error)
+    return _signal("error", f"Simulated − measured θ, {name}", time, COLOURS.model, error, "rad")
 
 
 # -- the observer's states -------------------------------------------------------------------------------
@@ -123,7 +139,12 @@ def observer_for(
 
 
 def states_charts(
-    group: Group, joint: int, observer: Observer, torque_hold: float = 0.0, at: float = 0.0
+    group: Group,
+    joint: int,
+    observer: Observer,
+    torque_hold: float = 0.0,
+    at: float = 0.0,
+    span: tuple[float, float] | None = None,
 ) -> tuple[Chart, ...]:
     """One chart each for θ and its derivatives up to the 4th, τ and the disturbance of one joint.
 
@@ -131,7 +152,9 @@ def states_charts(
     """
     segments, cut = stretch(group.segments, at)
     time, valid, columns = estimate(segments, joint, observer, torque_hold)
-    x, thinned = thin(time, [*columns, *(measured(segments, joint, name) for name in ("theta", "tau"))])
+    recorded = (measured(segments, joint, name) for name in ("theta", "tau"))
+    shown_time, *shown_columns = within(span, time, *columns, *recorded)
+    x, thinned = thin(shown_time, shown_columns)
     inside, note = settled(x, time[valid])
 
     def state(key: str, title: str, unit: str, column: int, recorded: int | None = None) -> Chart:
@@ -152,7 +175,7 @@ def states_charts(
         charts.append(state("disturbance", "disturbance", "rad/s⁵", 6))
     else:
         charts.append(no_chart("disturbance", "This observer has no disturbance state; the ESO has one."))
-    return tuple(chart.spans(x[0], x[-1]) for chart in charts)
+    return tuple(chart.spans(*(span or (x[0], x[-1]))) for chart in charts)
 
 
 def estimate(
@@ -190,7 +213,7 @@ def settled(x: Array, valid: Array) -> tuple[NDArray[np.bool_], str]:
     inside = (x >= valid[0]) & (x <= valid[-1]) if len(valid) else np.zeros(len(x), bool)
     if np.count_nonzero(inside) < 2:
         return np.ones(len(x), bool), "At this bandwidth the whole recording is transient."
-    start, end = float(valid[0] - x[0]), float(x[-1] - valid[-1])
+    start, end = max(float(valid[0] - x[0]), 0.0), max(float(x[-1] - valid[-1]), 0.0)
     if start + end < 1e-6:
         return inside, ""
     return (

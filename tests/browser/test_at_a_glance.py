@@ -29,7 +29,7 @@ def pixels(page: Any, box: dict[str, float] | None = None) -> np.ndarray:
 
 def yellow(page: Any) -> int:
     """How many pixels of the robots are yellow, the colour of a large error (the ghost is orange)."""
-    seen = pixels(page, {"x": 345, "y": 110, "width": 500, "height": 470})
+    seen = pixels(page, {"x": 345, "y": 260, "width": 640, "height": 380})  # between legend and panel
     red, green, blue = seen[..., 0], seen[..., 1], seen[..., 2]
     return int(np.count_nonzero((green > 0.88 * red) & (red > 110) & (blue < 0.55 * green)))
 
@@ -85,12 +85,13 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     )
     shot(page, f"stairs-{'dark' if dark else 'light'}")
     after = percent(page)
-    page.get_by_role("button", name="0", exact=True).click()
+    row(page, "Show model").get_by_role("button", name="0", exact=True).click()
     until(lambda: percent(page) == before, 60, "the error of the first model")
     until(lambda: yellow(page) > 150, 60, "its colours")
     assert verdict.inner_text().startswith("Missing") and bars.count() == 2
-    page.get_by_role("button", name="1", exact=True).click()
+    row(page, "Show model").get_by_role("button", name="1", exact=True).click()
     until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
+    compared_side_by_side(page, shot, "dark" if dark else "light")
     # the map: where nothing is explained the cell is as the page
     tab(page, "Where it fails").click()
     cells = page.locator(".fv-heat td[title]")
@@ -104,6 +105,21 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
         seen = pixels(page, {"x": box["x"] + 1, "y": box["y"] + 1, "width": 3, "height": 3})[1, 1]
         assert np.abs(seen - paper).max() < 16, (seen, paper)
     shot(page, f"glance-{'dark' if dark else 'light'}")
+
+
+def compared_side_by_side(page: Any, shot: Any, name: str) -> None:
+    """The first model beside the last: three robots, of which only the first model's is yellow."""
+    row(page, "Compare with").get_by_role("button", name="0", exact=True).click()
+    legend = page.locator(".fv-name")
+    until(lambda: legend.count() == 3 and legend.all_inner_texts()[2].startswith("model 0 ("), what="3 names")
+    until(lambda: node(page, "/beside/joint2"), what="the third robot")
+    page.wait_for_timeout(2000)
+    shot(page, f"beside-{name}")
+    seen = pixels(page, {"x": 345, "y": 260, "width": 640, "height": 380})
+    columns = np.nonzero((seen[..., 1] > 0.88 * seen[..., 0]) & (seen[..., 2] < 0.55 * seen[..., 1]))[1]
+    assert len(columns) > 100 and np.median(columns) > 380, "the yellow robot is the right one"
+    row(page, "Compare with").get_by_role("button", name="nothing", exact=True).click()
+    until(lambda: legend.count() == 2 and node(page, "/beside/joint2") is None, what="two robots again")
 
 
 def cpu(process: subprocess.Popen[str], seconds: float = 8.0) -> float:
@@ -185,6 +201,40 @@ def test_plots_are_zoomed_clicked_read_and_saved(
         assert first == pytest.approx(low + 0.3 * (high - low), abs=0.1)
         assert last == pytest.approx(low + 0.6 * (high - low), abs=0.1)
 
+    # only that span is played and drawn, in all tabs, until a double click; the slider shows it
+    span = row(page, "Span [s]").locator("input").first
+    first, last = (float(end) for end in span.input_value().split(" – "))
+    assert first == pytest.approx(low + 0.3 * (high - low), abs=0.1)
+    assert (
+        first <= float(row(page, "Time [s]").locator("input:not([type=hidden])").first.input_value()) <= last
+    )
+    tab(page, "States").click()
+    until(lambda: page.evaluate(SPANS).get("τ [Nm]") == [first, last], what="the same span of the states")
+    tab(page, "Signals").click()
+    page.mouse.dblclick(over["x"] + 0.5 * over["width"], y)
+    until(lambda: span.input_value().startswith("0.00 – 12.0"), what="all of it")
+
+    # the name of the joint under the pointer, with its torque and deflection
+    page.mouse.move(660, 300)
+    hover = page.locator(".fv-hover")
+    for x in range(360, 980, 12):
+        for level in range(290, 560, 24):
+            page.mouse.move(x, level)
+            if hover.is_visible():
+                break
+        if hover.is_visible():
+            break
+    assert re.match(r"joint\d, torque .* Nm, deflection .* mrad, error .* %", hover.inner_text())
+
+    # a plot as picture
+    page.locator(".uplot-container").filter(has_text="Torque, joint1").first.hover()
+    with page.expect_download(timeout=60_000) as download:
+        page.locator(".fv-png").first.click()
+    assert download.value.suggested_filename == "torque-joint1.png"
+    download.value.save_as(tmp_path / "plot.png")
+    drawn = np.asarray(pytest.importorskip("PIL.Image").open(tmp_path / "plot.png").convert("RGB"))
+    assert drawn.shape[1] == 2160 and (np.abs(drawn - np.array([0, 114, 178])).max(axis=2) < 8).sum() > 3000
+
     # torque over angle and the spectrum are there, and everything can be saved
     assert len(chart(page, "Torque against motor angle")) == 3
     assert max(chart(page, "Spectrum of the torque")[0]) <= 40
@@ -231,6 +281,11 @@ def test_effects_are_ticked_on_all_joints_or_one(
 def test_the_camera_has_presets(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
     page = open_page(serve(), 1440, 900)
     button(page, "Pause").click()
+    row(page, "Group").get_by_role("combobox").click()
+    page.get_by_role("option", name="t3p3", exact=True).click()
+    label = "() => window.__viserSceneTree.getState()['/measured/payload0']?.message?.props?.text"
+    until(lambda: page.evaluate(label) == "payload 1.6 kg", what="the label of the payload")
+    assert node(page, "/measured/joint2/payload0")
     page.wait_for_timeout(1500)
     shot(page, "labels")
     tab(page, "View").click()

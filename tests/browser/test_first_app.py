@@ -170,6 +170,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     )
     assert node(page, "/identified/joint2") is not None
     shot(page, "4-signals")
+    tab(page, "View").click()
     row(page, "Layout").get_by_role("combobox").click()
     page.get_by_role("option", name="Overlaid").click()
     until(lambda: place(page, "/identified") == place(page, "/measured"), what="one robot in the other")
@@ -186,7 +187,7 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
     image = pytest.importorskip("PIL.Image").open(io.BytesIO(page.screenshot())).convert("RGB")
     pixels = np.asarray(image).astype(int)
     ghost = (pixels[..., 0] - pixels[..., 2] > 60) & (pixels[..., 0] > 150)  # orange
-    ghost[:, :345] = ghost[:, 840:] = ghost[:110] = ghost[500:] = False
+    ghost[:, :345] = ghost[:, 840:] = ghost[:240] = ghost[560:] = False
     rows, columns = np.nonzero(ghost)
     assert len(rows) > 200, "no ghost to click"
     chosen = set()
@@ -239,7 +240,7 @@ ROWS = {
     "Identify": (),
     "Diagnose": (),
 }
-ROWS_ALWAYS = ("Joint", "Group", "Speed", "Deflection ×", "Layout")
+ROWS_ALWAYS = ("Joint", "Group", "Speed", "Deflection ×", "Span [s]")
 
 
 def test_every_agreed_name_is_on_one_control(address: str, open_page: Any) -> None:

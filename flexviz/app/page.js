@@ -1,0 +1,96 @@
+// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; and a button at every plot.
+// The values go into the page's own controls, as if they had been typed, and are checked there.
+if (!window.flexvizPage) {
+  window.flexvizPage = true;
+  const CLICK = 4;  // [px] a press may move; more is a drag, which zooms
+  const over = e => (e.target.closest ? e.target.closest('.u-over') : null);
+  const timed = place => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart)
+    .find(one => one.over === place && one.series[0].label === 'AXIS');
+  const type = (input, text) => {
+    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, text);
+    input.dispatchEvent(new Event('input', { bubbles: true }));
+  };
+  const inputs = name => {
+    const label = [...document.querySelectorAll('label')].find(one => one.textContent.trim() === name);
+    const row = label && label.closest('.mantine-Flex-root');
+    return row ? [...row.querySelectorAll('input:not([type=hidden])')] : [];
+  };
+
+  let down = null;
+  document.addEventListener('mousedown', e => {
+    const place = over(e);
+    down = place ? { place, x: e.clientX, y: e.clientY } : null;
+  }, true);
+  document.addEventListener('mouseup', e => {
+    const from = down, chart = from && timed(from.place);
+    down = null;
+    if (!chart) return;
+    const left = from.place.getBoundingClientRect().left;
+    const [first, last] = [from.x, e.clientX].map(x => chart.posToVal(x - left, 'x')).sort((a, b) => a - b);
+    if (Math.hypot(e.clientX - from.x, e.clientY - from.y) <= CLICK) {
+      inputs('TIME').slice(0, 1).forEach(input => type(input, last.toFixed(2)));
+    } else if (Math.abs(e.clientX - from.x) > CLICK) {
+      inputs('SPAN').slice(0, 1).forEach(input => type(input, `${first.toFixed(2)} – ${last.toFixed(2)}`));
+    }
+  }, true);
+  document.addEventListener('dblclick', e => {
+    if (over(e) && timed(over(e))) inputs('SPAN').slice(0, 1).forEach(input => type(input, 'all'));
+  }, true);
+
+  let saved = 0;
+  document.addEventListener('mouseover', e => {
+    const box = e.target.closest ? e.target.closest('.uplot-container') : null;
+    if (!box || box.querySelector('.fv-png')) return;
+    const button = document.createElement('button');
+    button.className = 'fv-png';
+    button.textContent = 'PNG';
+    button.title = 'save this plot as a picture';
+    button.onclick = () => {
+      saved += 1;
+      const title = box.querySelector('.u-title').textContent;
+      inputs('PICTURE').slice(0, 1).forEach(input => type(input, `${saved} ${title}`));
+    };
+    box.append(button);
+  }, true);
+
+  const tip = document.createElement('div');
+  tip.className = 'fv-hover';
+  tip.style.display = 'none';
+  document.body.append(tip);
+  let waiting = false;
+  const bodyUnder = e => {
+    const scene = window.__viserMutable, nodes = (scene || {}).nodeRefFromName || {};
+    const canvas = scene && scene.canvas;
+    if (!canvas || !scene.camera) return null;
+    const box = canvas.getBoundingClientRect();
+    const bodies = Object.keys(nodes).filter(name => nodes[name] && /^\/(measured|identified|beside)\/[^/]+$/.test(name))
+      .filter(name => document.querySelector(`[data-node="${CSS.escape(name.split('/')[2])}"]`));
+    const root = bodies.length && nodes[bodies[0]].__r3f && nodes[bodies[0]].__r3f.root;
+    if (!root) return null;
+    const ray = root.getState().raycaster;
+    const at = { x: (2 * (e.clientX - box.left)) / box.width - 1, y: 1 - (2 * (e.clientY - box.top)) / box.height };
+    ray.setFromCamera(at, scene.camera);
+    let best = null;
+    for (const name of bodies) {
+      const hit = ray.intersectObject(nodes[name], true)[0];
+      if (hit && (!best || hit.distance < best.distance)) best = { distance: hit.distance, name };
+    }
+    return best && best.name.split('/')[2];
+  };
+  document.addEventListener('mousemove', e => {
+    if (waiting) return;
+    waiting = true;
+    requestAnimationFrame(() => {
+      waiting = false;
+      const free = e.buttons === 0 && e.target.tagName !== 'BUTTON' && !e.target.closest('[data-dock-group], .u-over');
+      const body = free ? bodyUnder(e) : null;
+      const row = body && document.querySelector(`[data-node="${CSS.escape(body)}"]`);
+      tip.style.display = row ? '' : 'none';
+      if (row) {
+        tip.textContent = row.dataset.hover;
+        tip.style.left = `${Math.min(e.clientX + 14, window.innerWidth - tip.offsetWidth - 8)}px`;
+        tip.style.top = `${e.clientY + 16}px`;
+      }
+    });
+  }, true);
+}

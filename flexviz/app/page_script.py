@@ -1,0 +1,50 @@
+"""The script on the page: clicks and zooms of plots, names of joints under the pointer, pictures of plots.
+
+viser reports none of them, so `page.js` writes them into controls; it comes with an element of the page.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+
+from flexviz.charts import TIME
+from flexviz.wording import escape
+
+TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
+PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
+SAVE = """
+const c = document.createElement('canvas'), x = c.getContext('2d');
+c.width = SCALE * this.naturalWidth; c.height = SCALE * (this.naturalHeight + 24);
+x.fillStyle = '#fff'; x.fillRect(0, 0, c.width, c.height); x.scale(SCALE, SCALE);
+x.drawImage(this, 0, 24); x.fillStyle = '#222'; x.font = '14px sans-serif'; x.fillText(TITLE, 74, 18);
+c.toBlob(b => {
+  const a = document.createElement('a');
+  a.href = window.URL.createObjectURL(b); a.download = NAME; a.click();
+  setTimeout(() => window.URL.revokeObjectURL(a.href), 10000);
+}, 'image/png');
+"""
+
+
+def page_script() -> str:
+    """The script as an element (HTML)."""
+    text = (Path(__file__).parent / "page.js").read_text(encoding="utf-8")
+    for name, value in (
+        ("TIME", TIME_LABEL),
+        ("SPAN", SPAN_LABEL),
+        ("AXIS", TIME.text),
+        ("PICTURE", PICTURE_LABEL),
+    ):
+        text = text.replace(f"'{name}'", f"'{value}'")
+    return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
+
+
+def picture(svg: str, title: str, file: str) -> str:
+    """An SVG as an element (HTML) that the browser draws under its title and saves as PNG `file`."""
+    data = base64.b64encode(svg.encode()).decode()
+    text = SAVE.replace("SCALE", str(PICTURE_SCALE)).replace("NAME", json.dumps(file))
+    text = text.replace("TITLE", json.dumps(title))
+    return (
+        f'<img src="data:image/svg+xml;base64,{data}" alt="" style="display: none" onload="{escape(text)}">'
+    )
