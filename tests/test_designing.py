@@ -38,7 +38,7 @@ LIMITS = {
     "box_lower": [0.3, -3.0, -1.0],
 }
 QUICK = DesignSettings.of(groups=2, duration=5.0, evaluations=48, passes=1, limits=LIMITS)
-SMOOTH = Fourier(np.array([0.2, -0.4]), *np.full((2, 2, 3), 0.1), frequency=1.2, end=5.0)
+SMOOTH = Fourier(np.array([0.2, -0.4]), np.full((2, 3), 0.1), np.full((2, 3), 0.1), 1.2, end=5.0)
 
 
 @pytest.fixture(scope="module")
@@ -161,9 +161,8 @@ def test_files_read_back(found: Design, tmp_path: Path) -> None:
         slope = np.gradient(velocity, 0.001, axis=0)
         given = np.array([[float(row[f"acceleration_ref_{j}"]) for j in found.joints] for row in rows])
         assert np.abs(given - slope)[1:-1].max() < 0.01
-        again = Fourier(
-            *(np.array(entry[k]) for k in ("centre", "sine", "cosine")), entry["frequency"], end=5.0
-        )
+        centre, sine, cosine = (np.array(entry[k]) for k in ("centre", "sine", "cosine"))
+        again = Fourier(centre, sine, cosine, entry["frequency"], end=5.0)
         assert np.allclose(again.sample(time)[0], position)
     with pytest.raises(InputError, match="expected a new or empty folder"):
         write_design(found, folder)
@@ -175,6 +174,10 @@ def test_files_read_back(found: Design, tmp_path: Path) -> None:
         ("groups = 0", "groups: found 0, expected a number of at least 1"),
         ("gruops = 1", 'unknown key "gruops"; did you mean "groups"'),
         ('payloads = ["p9"]', 'payloads: payload "p9" is not defined'),
+        (
+            "harmonics = 12\nfrequency = 0.5",
+            "harmonics: the fastest harmonic has 6 Hz, expected at most 4 Hz",
+        ),
         ("[limits]\ntorque = [1.0]", "limits.torque: 1 values, expected 2, one per joint: joint1, joint2"),
         ("[limits]\nfloor = 9.0", "no motion within the limits was found: workspace of link2"),
         ('[limits]\ntool = "hand"', 'limits.tool: link "hand" does not exist'),

@@ -16,7 +16,7 @@ from flexviz.designing.information import Columns
 from flexviz.designing.motion import MotionSpace, Reached, shrunk
 from flexviz.designing.prediction import PredictedError, predict_errors
 from flexviz.designing.search import GroupSearch
-from flexviz.designing.settings import DesignSettings, choose_payloads, limits_of
+from flexviz.designing.settings import DesignSettings, check_band, choose_payloads, limits_of
 from flexviz.designing.subject import Planned, Subject, subject_of
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
@@ -127,6 +127,7 @@ def design(
     if len(separate) not in (0, 2) or len(set(separate)) != len(separate):
         raise InputError(f"effects to tell apart: found {', '.join(separate)}; expected two different ones")
     settings = settings or DesignSettings()
+    check_band(settings, settings_file)
     with threadpool_limits(1, "blas"):
         subject = subject_of(source, effects, separate, progress=progress, should_stop=should_stop)
         limits = limits_of(subject.robot, settings.limits, settings_file)
@@ -257,6 +258,6 @@ class _Teller:
     def __call__(self, done: int, value: float) -> None:
         if self.progress is not None:
             shown = f", {self.criterion.shown(value):.3g} {self.criterion.unit}" if np.isfinite(value) else ""
-            self.progress(Progress(f"designing{shown}", min(done / self.total, 1.0)))
+            self.progress(Progress(f"designing{shown}".rstrip(), min(done / self.total, 1.0)))
         if self.should_stop is not None and self.should_stop() and not self.patient:
             raise _Stop

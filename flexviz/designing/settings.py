@@ -23,6 +23,7 @@ FORMAT = 1
 URDF_SHARE = 0.8  # of the URDF's velocity and torque limits that a motion may use
 URDF_MARGIN = 0.05  # [rad] or [m] kept from the URDF's position limits
 UNLIMITED_REACH = 1.5  # [rad] or [m] to either side of zero of a joint without position limits
+FASTEST = 4.0  # [Hz] of a harmonic: the identification sees motions below about 6 Hz
 WIDEST_RANGE = 20.0  # [rad] wider position limits count as none
 UNLIMITED_SPEED = 2.0  # [rad/s] or [m/s] of a joint whose URDF states no velocity
 
@@ -152,6 +153,14 @@ def limits_of(robot: Robot, table: LimitTable, file: str | Path | None = None) -
     torque = _or(given("torque"), effort)
     broadcast = np.broadcast_to(acceleration, (robot.n,))
     return Limits(lower, upper, velocity, np.array(broadcast), torque, tool, box)
+
+
+def check_band(settings: DesignSettings, file: str | Path | None = None) -> None:
+    """Refuse motions faster than the band in which parameters are identified."""
+    fastest = settings.harmonics * settings.base / (2 * np.pi)
+    if fastest > FASTEST:
+        message = f"the fastest harmonic has {fastest:.3g} Hz, expected at most {FASTEST:g} Hz"
+        raise InputError(message, file=file, place="harmonics")
 
 
 def choose_payloads(

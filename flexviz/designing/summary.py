@@ -5,7 +5,7 @@ from __future__ import annotations
 from flexviz.designing.run import Design
 from flexviz.equation import INERTIAL_NAMES
 from flexviz.results import interval
-from flexviz.wording import effect_text_name, unit_text
+from flexviz.wording import effect_text_name, plural, unit_text
 
 MOST_LIMITS = 3  # per group
 FROM_PRIOR = 0.5  # share of a variance from the prior, above which the motion does not show a parameter
@@ -13,7 +13,7 @@ FROM_PRIOR = 0.5  # share of a variance from the prior, above which the motion d
 
 def summary_lines(design: Design) -> list[str]:
     """What to record, what it uses of the limits, and what it is expected to show."""
-    lines = [f"{design.subject}: {len(design.groups)} groups, seed {design.seed}"]
+    lines = [f"{design.subject}: {plural(len(design.groups), 'group')}, seed {design.seed}"]
     for group in design.groups:
         planned = group.planned
         used = ", ".join(f"{one.limit} {100 * one.share:.0f} %" for one in group.used[:MOST_LIMITS])
