@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 import typer
 
-import flexviz.batch
+import flexviz.batch.study
 import flexviz.cli
 import flexviz.diagnosis
 import flexviz.simulation.sets as sets
@@ -93,6 +93,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         return replace(found, set_name=measurements.name)
 
     monkeypatch.setattr(flexviz.diagnosis, "diagnose", known)
+    runs = flexviz.batch.study.study_tasks
+    monkeypatch.setattr(flexviz.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
     here = flexviz.batch.ClusterChoice(1, processes=False)
     monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given: here)
     served: list[Path | None] = []

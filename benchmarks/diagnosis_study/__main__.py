@@ -72,6 +72,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--scheduler", default="", help="tcp://HOST:PORT of a dask cluster to run on")
     parser.add_argument("--only", default="", metavar="TEXT", help="cases with TEXT in their names")
     parser.add_argument("--of-each", type=int, metavar="N", help="at most N cases of every kind and robot")
     parser.add_argument("--label", default="results", help="folder in DIR for the results of this version")
@@ -83,7 +84,7 @@ def main(arguments: list[str] | None = None) -> int:
             make_all(options.work, cases, options.jobs)
         if options.command in ("run", "all"):
             names = [case.name for case in cases if is_made(options.work, case)]
-            run_all(options.work, names, options.jobs, options.label)
+            run_all(options.work, names, options.jobs, options.label, options.scheduler)
         if options.command in ("table", "all"):
             return 0 if table(options.work, cases, options.label, options.write) else 1
         if options.command == "calibrate":

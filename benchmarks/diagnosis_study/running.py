@@ -47,15 +47,38 @@ def make_all(work: Path, cases: list[Case], jobs: int) -> None:
         say(f"{done}/{len(missing)} {case.name}{f': {failed}' if failed else ''}")
 
 
-def run_all(work: Path, names: list[str], jobs: int, label: str) -> None:
-    """Diagnose, and fit with the truth known, what has no result yet."""
+def run_all(work: Path, names: list[str], jobs: int, label: str, scheduler: str = "") -> None:
+    """Diagnose, and fit with the truth known, what has no result yet.
+
+    With a scheduler (tcp://HOST:PORT) on the workers of its dask cluster, which see `work` and this project.
+    """
     missing = [
         n for n in names if not (known_file(work, n).is_file() and result_file(work, n, label).is_file())
     ]
-    for done, (name, line) in enumerate(
-        spread(run_one, [(work, n, label) for n in missing], missing, jobs), 1
-    ):
+    lines = spread(run_one, [(work, n, label) for n in missing], missing, jobs)
+    if scheduler:
+        lines = on_cluster(work, missing, label, scheduler)
+    for done, (name, line) in enumerate(lines, 1):
         say(f"{done}/{len(missing)} {name}: {line}")
+
+
+def on_cluster(work: Path, names: list[str], label: str, scheduler: str) -> Iterator[tuple[str, str]]:
+    """`run_one` for each on a dask cluster: (name, line) as they are done."""
+    from flexviz.batch import ClusterChoice
+    from flexviz.batch import spread as spread_texts
+
+    texts = ((name, json.dumps([str(work.resolve()), name, label])) for name in names)
+    for answer in spread_texts(run_text, texts, ClusterChoice(scheduler=scheduler), note=say):
+        yield answer.name, answer.text or f"failed, {answer.failure}"
+
+
+def run_text(text: str) -> str:
+    """`run_one` of its arguments as JSON; a failure is a line."""
+    work, name, label = json.loads(text)
+    try:
+        return run_one(Path(work), name, label)
+    except Exception as error:
+        return f"failed, {error!r}"
 
 
 def run_one(work: Path, name: str, label: str) -> str:

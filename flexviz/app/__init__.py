@@ -9,6 +9,11 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexviz.app.state import Opened
+    from flexviz.batch import FleetRow
 
 __all__ = ["DEMO", "serve"]
 
@@ -20,19 +25,22 @@ def serve(
 ) -> None:
     """Serve a measurement set (the bundled demonstration when None) until interrupted.
 
+    Of the results of a batch, the first set that can be opened is shown, and all are listed.
     Without `port` it listens on 8080 or the next free one.
     """
     from flexviz.app.access import TOKEN, is_loopback
     from flexviz.app.application import Application
     from flexviz.app.server import start_server
     from flexviz.app.tasks import open_set
+    from flexviz.batch import is_batch, read_batch
     from flexviz.resources import sessions_dir
 
     begin = time.monotonic()
-    opened = open_set(sessions_dir() / DEMO if path is None else path)
+    fleet = read_batch(path) if path is not None and is_batch(path) else []
+    opened = open_first(fleet) if fleet else open_set(sessions_dir() / DEMO if path is None else path)
     token = "" if is_loopback(host) else secrets.token_urlsafe(24)
     server = start_server(host, port, token)
-    application = Application(server, opened)
+    application = Application(server, opened, fleet)
     shown = f"[{host}]" if ":" in host else host
     url = f"http://{'localhost' if host in ('0.0.0.0', '::') else shown}:{server.get_port()}"
     url += f"/?{TOKEN}={token}" if token else ""
@@ -53,6 +61,15 @@ def serve(
     finally:
         application.close()
         server.stop()
+
+
+def open_first(fleet: list[FleetRow]) -> Opened:
+    """The first set of a fleet that was computed and is still there; else the error of its first set."""
+    from flexviz.app.tasks import open_set
+    from flexviz.measurements import FILE_NAME
+
+    there = [row for row in fleet if row.state == "done" and (Path(row.path) / FILE_NAME).is_file()]
+    return open_set(Path((there or fleet)[0].path))
 
 
 def _interrupt(*_: object) -> None:

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import viser
@@ -23,6 +23,7 @@ from flexviz.app.state import Changed, Opened
 from flexviz.app.steps import STEPS
 from flexviz.app.store import Store
 from flexviz.app.tasks import WARM
+from flexviz.batch import FleetRow
 from flexviz.errors import FlexvizError, one_line
 from flexviz.jobs import LoadModules
 
@@ -33,14 +34,15 @@ UNWATCHED_TICK = 1.0  # [s] the same while no page is shown; events are processe
 class Application:
     """Store, page with its panels, and display of the robots, changed by the loop's thread only."""
 
-    def __init__(self, server: viser.ViserServer, opened: Opened) -> None:
+    def __init__(self, server: viser.ViserServer, opened: Opened, fleet: Sequence[FleetRow] = ()) -> None:
+        """`fleet` are the sets of a batch, to choose from."""
         self.queue = EventQueue()  # of browsers and the worker
         self.page = Page(server, self.queue)
         self.tasks = TaskRunner(self.queue, lambda reason: self.store.fail(reason))
         self.store = Store(opened, STEPS[0].title, self.tasks, self.page.alert)
         self.dock = Dock(self.store, self.page, STEPS)
         self.display = Display(self.store, server, self.queue)
-        self.plots = PlotPanel(self.store, self.page)
+        self.plots = PlotPanel(self.store, self.page, list(fleet))
         self.legend = LegendPanel(self.store, self.page)
         self.playback_panel = PlaybackPanel(self.store, self.page)
         self.idle = IdleWork(self.store)

@@ -6,12 +6,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from flexviz.app.fleet import FleetTab
 from flexviz.app.page import Page
 from flexviz.app.page_script import PICTURE_LABEL
 from flexviz.app.state import Changed, Highlight
 from flexviz.app.store import Store
 from flexviz.app.style import hidden
 from flexviz.app.uplot import ChartColumn
+from flexviz.batch import FleetRow
 from flexviz.charts import PICTURE, chart_name, charts_zip, draw_svg
 from flexviz.errors import InputError
 from flexviz.identification import Identification
@@ -45,11 +47,14 @@ OFF = "nothing"
 
 
 class PlotPanel:
-    """Signals, States, Convergence, Where it fails, Compare."""
+    """Fleet, Signals, States, Convergence, Where it fails, Compare."""
 
-    def __init__(self, store: Store, page: Page) -> None:
+    def __init__(self, store: Store, page: Page, fleet: list[FleetRow]) -> None:
+        """`fleet` are the sets of a batch, if one is served."""
         self._store, self._page = store, page
         panel = page.gui.add_panel()
+        if fleet:
+            FleetTab(store, page, panel.add_tab("Fleet"), fleet)
         self._signals, self._states, self._convergence = (
             ChartColumn(page.server, panel.add_tab(label)) for label in ("Signals", "States", "Convergence")
         )

@@ -72,6 +72,14 @@ div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-poles { display: block; width: 100%; }
 .fv-heat td { text-align: center; } .fv-heat th { text-align: center; }
 [data-dock-group] .mantine-ScrollArea-content { padding-right: 5px; }
+.fv-fleet { max-height: 36vh; overflow-y: auto; margin-top: 0.3em; }
+.fv-fleet tr[data-fleet] { cursor: pointer; }
+.fv-fleet tr[data-fleet]:hover { background: rgba(86, 180, 233, 0.25); }
+.fv-fleet .fv-table th { text-align: left; }
+.fv-fleet .fv-table td:first-child, .fv-fleet .fv-table th:first-child { min-width: 2.2em; }
+.fv-fleet .fv-table td:nth-child(3), .fv-fleet .fv-table td:last-child { white-space: nowrap; }
+.fv-fleet .fv-chosen td { background: rgba(128, 128, 128, 0.18); }
+.fv-fleet .fv-open td:first-child { border-left: 3px solid #0072B2; padding-left: 3px; }
 .uplot .u-legend { white-space: normal; }
 .uplot .u-series:has(.u-label:empty) { display: none; }
 .fv-chosen td { font-weight: 700; border-bottom: 2px solid #0072B2; }

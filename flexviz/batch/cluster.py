@@ -12,7 +12,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,10 +22,8 @@ from flexviz.progress import StopCallback, never
 if TYPE_CHECKING:
     from distributed import Client
 
-WAITING_PER_WORKER = 4  # tasks handed in beyond those that run, so that no worker waits for the client
-LEAST_HANDED_IN = 32
+MOST_HANDED_IN = 2000  # tasks that a scheduler holds: enough for as many workers, little memory
 SCHEMES = ("tcp://", "tls://")
-COUNTED_EVERY = 5.0  # [s] between two counts of a cluster's workers, which may come and go
 TICK = 0.2  # [s] between two looks at a request to stop
 PREFIX = "flexviz"
 
@@ -109,7 +107,8 @@ def connected(where: ClusterChoice) -> Iterator[Client]:
                     threads_per_worker=1,
                     processes=where.processes,
                     host="127.0.0.1" if where.processes else None,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",
+                    worker_dashboard_address="127.0.0.1:0",
                 ) as cluster,
                 distributed.Client(cluster) as client,
             ):
@@ -152,7 +151,6 @@ class _Spread:
         self._ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._numbers = 0
         self._lost_at: float | None = None
-        self._threads, self._counted_at = 0, -COUNTED_EVERY  # of all workers of a cluster
 
     def answers(self, should_stop: StopCallback) -> Iterator[Answer]:
         while (self._waiting or self._handed_in) and not should_stop():
@@ -186,7 +184,7 @@ class _Spread:
         return False
 
     def _hand_in(self) -> None:
-        room = self._room() - len(self._handed_in)
+        room = MOST_HANDED_IN - len(self._handed_in)
         while self._waiting and room > 0:
             task = self._waiting.popleft()
             self._numbers += 1
@@ -195,16 +193,6 @@ class _Spread:
             self._handed_in[key] = future, task
             future.add_done_callback(self._ended.put)
             room -= 1
-
-    def _room(self) -> int:
-        """How many tasks may be handed in."""
-        if not self._where.scheduler:
-            return max((1 + WAITING_PER_WORKER) * self._where.workers, LEAST_HANDED_IN)
-        if time.monotonic() - self._counted_at > COUNTED_EVERY:
-            self._counted_at = time.monotonic()
-            with suppress(OSError):  # lost at this moment
-                self._threads = sum(self._client.nthreads().values())  # type: ignore[union-attr]
-        return max((1 + WAITING_PER_WORKER) * self._threads, LEAST_HANDED_IN)
 
     def _answer(self, future: Any, name: str) -> Answer | None:
         """What came back; None if it was lost on the way."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from flexviz.batch.rows import DONE, FleetRow, FleetValue
 from flexviz.batch.thresholds import THRESHOLDS
@@ -132,7 +132,7 @@ def line(days: Array, value: Array, std: Array) -> tuple[float, float, float, fl
     slope_std = math.sqrt(covariance[0, 0] * inflation)
     if slope_std <= 0:
         return float(slope), slope_std, float(offset), math.nan
-    return float(slope), slope_std, float(offset), float(2 * stats.t.sf(abs(slope) / slope_std, n - 2))
+    return float(slope), slope_std, float(offset), float(2 * special.stdtr(n - 2, -abs(slope) / slope_std))
 
 
 def outliers(rows: Sequence[FleetRow]) -> list[Outlier]:
@@ -157,7 +157,7 @@ def outliers(rows: Sequence[FleetRow]) -> list[Outlier]:
         spread = MAD_TO_SPREAD * float(np.median(np.abs(values - median)))
         scale = np.hypot(spread, std)
         freedom = THRESHOLDS.robust_freedom * (len(fleet) - 1)
-        limit = float(stats.t.isf(THRESHOLDS.false_alarms / (2 * judged), freedom))
+        limit = -float(special.stdtrit(freedom, THRESHOLDS.false_alarms / (2 * judged)))
         for (index, value), distance, width in zip(fleet, values - median, scale, strict=True):
             deviations = float(distance / width) if width > 0 else 0.0
             if abs(deviations) > limit:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 
 from flexviz.batch.analysis import analyse_set
+from flexviz.batch.study_runs import detection_run, resampled_run, simulated_run, sweep_run
 from flexviz.batch.tasks import Json, TaskResult, failed
 from flexviz.errors import FlexvizError, InputError
 
@@ -15,6 +16,10 @@ log = logging.getLogger("flexviz.batch")
 
 KINDS: dict[str, Callable[[Json, Json], Json]] = {
     "set": analyse_set,
+    "monte-carlo": simulated_run,
+    "bootstrap": resampled_run,
+    "bandwidth": sweep_run,
+    "detection": detection_run,
 }
 
 

@@ -15,7 +15,7 @@ import typer
 
 from flexviz import __version__
 from flexviz.cli.analysis import diagnose, identify, record, report
-from flexviz.cli.batch import batch
+from flexviz.cli.batch import batch, study
 from flexviz.cli.design import design
 from flexviz.cli.effects import effects
 from flexviz.cli.export import export
@@ -49,6 +49,7 @@ for _command in (
     with_shared_options(compare),
     with_shared_options(session),
     with_shared_options(batch),
+    with_shared_options(study),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

@@ -1,4 +1,4 @@
-"""`flexviz batch`: many measurement sets, one table."""
+"""`flexviz batch` and `flexviz study`: many measurement sets, or many runs, in one table."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexviz.cli.terminal import Reporter, interruptible
 from flexviz.errors import InputError
 
 if TYPE_CHECKING:
-    from flexviz.batch import BatchOutcome
+    from flexviz.batch import BatchOutcome, StudyOutcome
 
 OutOption = Annotated[
     Path, typer.Option(metavar="RESULTS", help="Folder for the results: new, or that of an earlier run.")
@@ -94,3 +94,87 @@ def lines(done: BatchOutcome) -> list[str]:
     out = [f"{len(done.rows)} sets: {said}", f"computed now: {count.done}; kept from before: {count.kept}"]
     out += [f"failed: {row.set}: {row.error}" for row in done.rows if row.state == "failed"][:10]
     return [*out, f"{done.folder}: results.parquet, summary.html"]
+
+
+def study(
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="monte-carlo, bootstrap, bandwidth or detection.")
+    ],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="PRESET|URDF|SET",
+            help="What is simulated, as in flexviz simulate; of bootstrap and bandwidth a measurement set.",
+        ),
+    ],
+    out: OutOption,
+    options: IdentificationOptions,
+    runs: int = typer.Option(100, metavar="N", min=1, help="Seeds; of detection for each size."),
+    at: list[float] | None = typer.Option(
+        None, "--at", metavar="X", help="A bandwidth [rad/s], or a size of the effect; repeat for more."
+    ),
+    hide: list[str] | None = typer.Option(
+        None,
+        metavar="NAME[:joint][:param=value,...]",
+        help="Hide an effect in the robot; repeat for more.",
+    ),
+    parameter: str = typer.Option("", metavar="NAME", help="Of the hidden effect: what --at varies."),
+    start: str = typer.Option("rest", metavar="rest|moving", help="How a simulated motion starts."),
+    block: float = typer.Option(2.0, metavar="S", help="Length of the blocks of a bootstrap [s]."),
+    diagnose: bool = typer.Option(False, "--diagnose", help="Of monte-carlo: also diagnose each run."),
+    workers: WorkersOption = 2,
+    scheduler: SchedulerOption = "",
+    patience: PatienceOption = 60.0,
+    retry: RetryOption = False,
+) -> int:
+    """Repeat an analysis: noise seeds, resampled data, bandwidths, or sizes of a hidden effect."""
+    from flexviz.batch import ClusterChoice, StudyPlan, run_study
+    from flexviz.observers import make_observer
+
+    if options.group:
+        raise InputError("--group: a study fits the groups that the set says")
+    bandwidth = parse_bandwidth(options.bandwidth)
+    make_observer(options.observer, bandwidth)
+    plan = StudyPlan(
+        kind, source, runs, tuple(hide or ()), parameter, tuple(at or ()),
+        effects=tuple(options.effect or ()),
+        observer=options.observer,
+        bandwidth=tuple(bandwidth) if isinstance(bandwidth, list) else bandwidth,
+        refine=options.refine,
+        diagnosed=diagnose,
+        start=start,
+        block=block,
+    )  # fmt: skip
+    where = ClusterChoice(workers, scheduler, patience)
+    with Reporter(f"study of {source}") as report, interruptible("finished runs are kept") as should_stop:
+        done = run_study(
+            plan, out, where, retry=retry, progress=report, should_stop=should_stop, note=terminal.note
+        )
+    terminal.print_lines(study_lines(done))
+    return 130 if not done.complete else 1 if done.count.failed else 0
+
+
+def study_lines(done: StudyOutcome) -> list[str]:
+    """What the runs say together, and where the results are."""
+    from flexviz.batch import detected, detection_limit, spreads
+    from flexviz.wording import number
+
+    out = [f"{len(done.runs)} runs; computed now: {done.count.done}; kept from before: {done.count.kept}"]
+    if done.plan.kind == "detection":
+        counts = detected(done.plan, done.runs)
+        out += [f"{size:g}: found exactly in {right} of {of}" for size, right, of in counts]
+        limit = detection_limit(counts)
+        out.append("no size is detected" if limit is None else f"detected from {limit:g} on")
+    elif done.plan.kind == "bandwidth":
+        out += [
+            f"{run.setting:g} rad/s: error {number(100 * run.result['residual'], 3)} % of the torque"
+            for run in done.runs
+            if run.result is not None
+        ]
+    else:
+        for one in spreads(done.runs):
+            right = "" if one.coverage is None else f"; truth in {100 * one.coverage:.0f} % of the intervals"
+            stated = f"spread {number(one.spread, 3)}, stated {number(one.claimed, 3)} {one.unit}"
+            out.append(f"{one.parameter}: {number(one.mean, 5)}, {stated}{right}")
+    out += [f"failed: run {run.number}: {run.error}" for run in done.runs if run.error][:10]
+    return [*out, f"{done.folder}: runs.parquet, summary.html"]

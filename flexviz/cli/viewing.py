@@ -168,8 +168,9 @@ def say(text: str) -> None:
 def serve(
     source: Path | None = typer.Argument(
         None,
-        metavar="SET|SESSION",
-        help="Folder with measurements.toml or session.json; default: a bundled example.",
+        metavar="SET|SESSION|RESULTS",
+        help="Folder with measurements.toml or session.json, or of a batch's results; default: a bundled "
+        "example.",
     ),
     port: int | None = typer.Option(
         None, metavar="P", help="Port to listen on; default: 8080 or the next free one."

@@ -1,0 +1,64 @@
+"""The results of a batch in the app, by what a person reads: table, drift, a click that opens a set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexviz.batch.batch import MARKER
+from flexviz.batch.table import TABLE, write_table
+from tests.browser.page import button, chart, row, status, tab, until, well_laid_out
+from tests.small_set import write_small_set
+from tests.test_batch_fleet import fleet
+
+pytestmark = pytest.mark.browser
+MONTHS = 6
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of three robots, of which the first becomes softer; two of their sets are there."""
+    folder = tmp_path_factory.mktemp("fleet")
+    out = folder / "results"
+    out.mkdir()
+    (out / MARKER).write_text("{}")
+    rows = fleet(1, robots=3, months=MONTHS, spread=20.0, slope=-0.5)
+    rows = [replace(one, path=str(folder / "lost")) for one in rows]
+    for number in (1, 7):
+        write_small_set(folder / f"set{number}")
+        rows[number] = replace(rows[number], path=str(folder / f"set{number}"))
+    nothing: dict[str, Any] = {"residual": None, "found": (), "parameters": {}}
+    rows[2] = replace(rows[2], state="failed", error="robot.urdf, <inertial>: no mass", **nothing)
+    write_table(rows, out / TABLE)
+    return out
+
+
+def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page: Any, shot: Any) -> None:
+    page = open_page(serve(str(results)), 1440, 900)
+    button(page, "Pause").click()
+    tab(page, "Fleet").click()
+    lines = page.locator("tr[data-fleet]")
+    until(lambda: lines.count() == 3 * MONTHS, what="the table")
+    assert "17 effects missing, 1 failed" in page.locator(".fv", has_text="A click opens a set").inner_text()
+    # the robot that drifts is shown first, with the years' change and the values of its dates
+    said = page.locator(".fv-dim", has_text="Drifts by")
+    until(said.count, what="the drift")
+    assert "in 150 days" in said.inner_text() and "Nm/rad per year" in said.inner_text()
+    days, value, *_ = chart(page, "robot0: stiffness, joint1")
+    assert days == [0, 30, 90, 120, 150] and value[-1] < value[0] - 40  # a failed set has no value
+    opened = page.locator("tr.fv-open")
+    assert opened.locator("td").first.inner_text() == "2"
+    well_laid_out(page)
+    shot(page, "fleet")
+    lines.nth(7).locator("td").nth(1).click()
+    until(lambda: opened.count() and opened.locator("td").first.inner_text() == "8", what="the other set")
+    assert row(page, "Measurement set").locator("input").first.input_value() == "set7"
+    until(lambda: page.locator(".fv", has_text="robot1/2025-02-09").count(), what="what was found about it")
+    lines.nth(2).locator("td").nth(1).click()  # its folder is not there
+    until(lambda: "not there any more" in status(page), what="the reason")
+    assert page.get_by_text("robot.urdf, <inertial>: no mass").count()
+    assert str(results.parent) not in page.content().replace(str(results.parent / "lost"), "")
