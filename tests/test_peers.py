@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.peers import tables
+from benchmarks.peers import claims, tables
 from benchmarks.peers.judging import Judged, Quantity
 from benchmarks.peers.methods import didim, idim_iv, idim_ls
 from benchmarks.peers.prepare import moving_urdf
@@ -85,15 +85,22 @@ def test_table_and_findings() -> None:
     assert lines[2] == "| flexviz identify --refine | 0.02 | 0.3 | 0.1 | 2.0 | 1.0 | 4.0 | 7 | 250 | 1 |"
     assert lines[5].startswith("| IDIM-LS, rigid | — | 0.28 | 30 |")
     assert lines[6].startswith("| mujoco.sysid | no result within 240 s of CPU | — | — | 240.0 | — | 300.0 |")
-    found = tables.findings(CASES[0], rows)
+    decided = claims.claims(CASES[0], rows)
+    found = [claim.text for claim in decided]
     assert found[0] == "Accuracy: flexviz identify --refine first in 2 of 3 quantities, within noise in 1."
     assert "first, 0.1 % against 2 %" in found[1]
     assert "at least 120.0 times as fast as mujoco.sysid" in found[2]
     assert found[3] == (
-        "Speed: flexviz identify is 40.0 times as fast as trust-constr, the paper's way in CPU time, "
+        "Speed: flexviz identify 40.0 times as fast as trust-constr, the paper's way in CPU time, "
         "start included (claim 50: not met); computing alone 40 times."
     )
     assert tables.percent(12.0) == "> 1000"
+    assert claims.overall([("a", decided)]) == [
+        "First or within noise in every quantity: met on a.",
+        "Smallest held-out error: met on a.",
+        "At least 20 times as fast as mujoco.sysid: met on a.",
+        "At least 50 times as fast as trust-constr: not met on a.",
+    ]
 
 
 def test_a_method_that_fails_is_a_row(tmp_path) -> None:

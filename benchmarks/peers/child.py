@@ -32,7 +32,8 @@ def main(method: str, problem: str, out: str) -> None:
         found = {"missing": error.name}
     except Exception as error:
         traceback.print_exc()
-        found = {"error": f"{type(error).__name__}: {error}"}
+        name = "" if isinstance(error, FloatingPointError) else f"{type(error).__name__}: "
+        found = {"error": f"{name}{error}"}
     found["megabytes"] = peak_megabytes()
     Path(out).write_text(json.dumps(found), encoding="utf-8")
 

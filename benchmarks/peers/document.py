@@ -10,7 +10,7 @@ import platform
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.peers import tables
+from benchmarks.peers import claims, tables
 from benchmarks.peers.running import ROOT, THIS, versions
 from benchmarks.peers.sets import Case
 
@@ -27,6 +27,8 @@ in a process of its own, one at a time, one thread, at most {limit:.0f} s of CPU
 continues a run that was interrupted.
 
 {environment}
+
+{overall}
 
 ## The methods
 
@@ -48,7 +50,8 @@ controller and is not compared. Told to all but `diagnose`: Coulomb friction on 
 and offsets on the KUKA (offsets not to trust-constr and mujoco.sysid, whose scripts have none).
 
 The columns: largest error of each kind over the joints, relative to the truth (or to a tenth of the largest of its kind, if that
-is more). *Viscous friction* is the sum of both sides, *link inertia* the base parameters of the links ("R": a regrouped sum).
+is more). An asterisk: flexviz itself marks the value as not determined by the data.
+*Viscous friction* is the sum of both sides, *link inertia* the base parameters of the links ("R": a regrouped sum).
 *Held out*: torque that the model does not explain in runs that no method has fitted, rms while moving ÷ standard deviation
 of the torque, mean over joints, by the same filter (5 Hz) and the same equation for all. CPU and wall time start with the
 interpreter, *computing* is CPU time after its imports; the wall clock depends on what else the machine does. *Evaluations*: passes
@@ -80,7 +83,7 @@ TAIL = """\
 def section(case: Case, rows: Sequence[tables.Row]) -> str:
     """One set: its table, what it says of the claims, and every quantity."""
     parts = [f"## {case.name}", case.text[0].upper() + case.text[1:] + ".", tables.summary(rows)]
-    parts += [f"- {text}" for text in tables.findings(case, rows)]
+    parts += [f"- {claim.text}" for claim in claims.claims(case, rows)]
     found = tables.details(rows)
     if found:
         parts += ["Error of every quantity in per cent:", found]
@@ -107,6 +110,10 @@ def _processor() -> str:
 
 def write(results: Results, options: argparse.Namespace) -> None:
     """Renew the page."""
-    head = HEAD.format(limit=options.limit, environment=environment(options), none=tables.NONE)
+    found = claims.overall((case.name, claims.claims(case, rows)) for case, rows in results)
+    overall = "\n".join(f"- {text}" for text in found)
+    head = HEAD.format(
+        limit=options.limit, environment=environment(options), overall=overall, none=tables.NONE
+    )
     sections = [section(case, rows) for case, rows in results]
     PAGE.write_text("\n".join([head, *(f"{text}\n" for text in sections), TAIL]), encoding="utf-8")

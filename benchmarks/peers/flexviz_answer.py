@@ -53,6 +53,7 @@ def answered(result: Identification | Diagnosis, count: Count) -> dict[str, Any]
         "effects": [asdict(effect) for effect in model.effects],
         "std": {f"{p.name}:{p.joint}": p.std for p in result.parameters}
         | {c.name: c.std for c in getattr(result, "combinations", ())},
+        "undetermined": [f"{p.name}:{p.joint}" for p in result.parameters if p.identifiable == "no"],
         "evaluations": count.value,
         "converged": result.converged if isinstance(result, Identification) else not result.stopped,
     }

@@ -114,12 +114,14 @@ class Judged:
         truth: in SI units.
         error: relative; None where the answer says nothing.
         noise: half the 95 % interval that flexviz states, relative; zero for the others.
+        undetermined: whether the program itself says that the data do not determine it.
     """
 
     quantity: Quantity
     truth: float
     error: float | None
     noise: float
+    undetermined: bool = False
 
 
 def errors(robot: Robot, truth: dict[str, Any], answer: dict[str, Any]) -> list[Judged]:
@@ -136,7 +138,8 @@ def errors(robot: Robot, truth: dict[str, Any], answer: dict[str, Any]) -> list[
         size = max(abs(right), FLOOR * largest)
         share = None if found is None else abs(found - right) / size
         noise = QUANTILE * answer.get("std", {}).get(quantity.parameter, 0.0) / size
-        rows.append(Judged(quantity, right, share, noise))
+        doubted = quantity.parameter in answer.get("undetermined", ())
+        rows.append(Judged(quantity, right, share, noise, doubted))
     return rows
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.peers.judging import KINDS, Judged
 from benchmarks.peers.running import Method, Outcome, lines
-from benchmarks.peers.sets import Case
 
 NONE = "—"
+MARK = " \\*"  # behind a value that its own program calls undetermined
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ def details(rows: Sequence[Row]) -> str:
     heads = ["", "truth", *(row.method.label for row in answered)]
     out = [line(heads), line(["---", *["---:"] * (len(heads) - 1)])]
     for k, one in enumerate(answered[0].judged):
-        errors = [percent(row.judged[k].error) for row in answered]
+        judged = [row.judged[k] for row in answered]
+        errors = [percent(j.error) + MARK * j.undetermined for j in judged]
         out.append(line([one.quantity.name, f"{one.truth:.4g}", *errors]))
     return "\n".join(out)
 
@@ -86,62 +87,3 @@ def details(rows: Sequence[Row]) -> str:
 def line(cells: Sequence[str]) -> str:
     """A row of a Markdown table."""
     return "| " + " | ".join(cells) + " |"
-
-
-def ours(case: Case, rows: Sequence[Row]) -> Row | None:
-    """flexviz as one would use it: `diagnose` where something is hidden, else `identify --refine`."""
-    name = "flexviz_diagnose" if case.hidden else "flexviz_refine"
-    return next((row for row in rows if row.method.name == name and row.outcome.answer), None)
-
-
-def findings(case: Case, rows: Sequence[Row]) -> list[str]:
-    """What the set says of the claims: accuracy first or within noise, 20 and 50 times as fast."""
-    mine = ours(case, rows)
-    peers = [row for row in rows if not row.method.name.startswith("flexviz") and row.outcome.answer]
-    if mine is None or not peers:
-        return []
-    found = [accuracy(mine, peers)] if mine.judged else []
-    best = min(peers, key=lambda row: row.held_out)
-    place = "first" if mine.held_out <= best.held_out else "not first"
-    found.append(
-        f"Held-out error: {mine.method.label} {place}, {percent(mine.held_out)} % against "
-        f"{percent(best.held_out)} % of {best.method.label}."
-    )
-    plain = next((r for r in rows if r.method.name == "flexviz_identify" and r.outcome.answer), mine)
-    for name, times, one in (("mujoco_sysid", 20, mine), ("trust_constr", 50, plain)):
-        found += [faster(one, row, times) for row in rows if row.method.name == name]
-    return [text for text in found if text]
-
-
-def faster(one: Row, other: Row, times: float) -> str:
-    """How many times as fast flexviz is, with the start of the interpreter and without."""
-    if one.outcome.answer is None or not np.isfinite(other.outcome.cpu):
-        return ""
-    ratio = other.outcome.cpu / one.outcome.cpu
-    least = "at least " if other.outcome.answer is None else ""
-    met = "met" if ratio >= times else "not met" if other.outcome.answer else "open"
-    own = other.outcome.answer and other.outcome.answer["computing"] / one.outcome.answer["computing"]
-    alone = f"; computing alone {own:.0f} times" if own else ""
-    text = (
-        f"Speed: {one.method.label} is {least}{ratio:.1f} times as fast as {other.method.label} in CPU time"
-    )
-    return f"{text}, start included (claim {times}: {met}){alone}."
-
-
-def accuracy(mine: Row, peers: Sequence[Row]) -> str:
-    """Of how many quantities flexviz's error is the smallest, or larger by less than its own interval."""
-    first, near, behind = 0, 0, []
-    for k, judged in enumerate(mine.judged):
-        others = [(row.judged[k].error, row) for row in peers]
-        best, by = min(((e, row.method.label) for e, row in others if e is not None), default=(np.inf, ""))
-        error = np.inf if judged.error is None else judged.error
-        if error <= best:
-            first += 1
-        elif error - best <= judged.noise:
-            near += 1
-        else:
-            behind.append(f"{judged.quantity.name} ({percent(error)} % against {percent(best)} % of {by})")
-    text = (
-        f"Accuracy: {mine.method.label} first in {first} of {len(mine.judged)} quantities, within noise in "
-    )
-    return text + f"{near}" + (f"; behind in {', '.join(behind)}." if behind else ".")
