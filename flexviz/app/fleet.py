@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flexviz.app.page import Page, dim
+from flexviz.app.page_script import NUMBER_LABEL, OPEN_LABEL
 from flexviz.app.state import Changed
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
@@ -23,26 +24,6 @@ from flexviz.errors import InputError
 from flexviz.measurements import FILE_NAME
 from flexviz.wording import escape
 
-NUMBER, OPEN = "Set no.", "Open set"
-DELAY = 150  # [ms] between the chosen number and the press of the button, which may overtake it
-SCRIPT = f"""
-if (!window.flexvizFleet) {{
-  window.flexvizFleet = true;
-  document.addEventListener('click', e => {{
-    const row = e.target.closest ? e.target.closest('tr[data-fleet]') : null;
-    if (!row) return;
-    const label = [...document.querySelectorAll('label')].find(l => l.textContent.trim() === '{NUMBER}');
-    const input = label && label.closest('.mantine-Flex-root').querySelector('input:not([type=hidden])');
-    const button = [...document.querySelectorAll('button')].find(b => b.textContent.trim() === '{OPEN}');
-    if (!input || !button) return;
-    Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, row.dataset.fleet);
-    input.dispatchEvent(new Event('input', {{ bubbles: true }}));
-    setTimeout(() => button.click(), {DELAY});
-  }}, true);
-}}
-"""
-HTML = f'<img src="data:," alt="" style="display: none" onerror="{escape(SCRIPT)}">'
-
 
 class FleetTab:
     """Table of the sets, and the chosen set's robot over its dates.
@@ -56,11 +37,10 @@ class FleetTab:
         drifting = next((one.rows[0] for one in self._lines if one.drifts), 0)
         gui = page.gui
         with tab:
-            gui.add_html(HTML)
             self._table = gui.add_html("")
-            number = gui.add_number(NUMBER, drifting + 1, min=1, max=len(rows), step=1)
+            number = gui.add_number(NUMBER_LABEL, drifting + 1, min=1, max=len(rows), step=1)
             self._number = page.watch(number, lambda _: self._chosen())
-            page.button(OPEN, self._open, hint="opens the set with this number")
+            page.button(OPEN_LABEL, self._open, hint="opens the set with this number")
             self._about = gui.add_html("")
             self._parameter = page.dropdown("Parameter", ("–",), lambda _: self._draw())
             self._drift = gui.add_html("")

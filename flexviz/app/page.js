@@ -37,6 +37,14 @@ if (!window.flexvizPage) {
     if (over(e) && timed(over(e))) inputs('SPAN').slice(0, 1).forEach(input => type(input, 'all'));
   }, true);
 
+  document.addEventListener('click', e => {
+    const row = e.target.closest ? e.target.closest('tr[data-fleet]') : null;
+    const open = row && [...document.querySelectorAll('button')].find(one => one.textContent.trim() === 'OPEN');
+    if (!open) return;
+    inputs('NUMBER').slice(0, 1).forEach(input => type(input, row.dataset.fleet));
+    setTimeout(() => open.click(), 150);  // the press must not overtake the number
+  }, true);
+
   let saved = 0;
   document.addEventListener('mouseover', e => {
     const box = e.target.closest ? e.target.closest('.uplot-container') : null;

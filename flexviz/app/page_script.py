@@ -1,4 +1,4 @@
-"""The script on the page: clicks and zooms of plots, names of joints under the pointer, pictures of plots.
+"""The script on the page: clicks into plots and lists, zooms, names under the pointer, pictures of plots.
 
 viser reports none of them, so `page.js` writes them into controls; it comes with an element of the page.
 """
@@ -13,6 +13,7 @@ from flexviz.charts import TIME
 from flexviz.wording import escape
 
 TIME_LABEL, SPAN_LABEL, PICTURE_LABEL = "Time [s]", "Span [s]", "Plot to save"  # of the controls
+NUMBER_LABEL, OPEN_LABEL = "Set no.", "Open set"  # of the list of a batch's sets
 PICTURE_SCALE = 3  # pixels of a PNG per pixel of its SVG
 SAVE = """
 const c = document.createElement('canvas'), x = c.getContext('2d');
@@ -35,6 +36,8 @@ def page_script() -> str:
         ("SPAN", SPAN_LABEL),
         ("AXIS", TIME.text),
         ("PICTURE", PICTURE_LABEL),
+        ("NUMBER", NUMBER_LABEL),
+        ("OPEN", OPEN_LABEL),
     ):
         text = text.replace(f"'{name}'", f"'{value}'")
     return f'<img src="data:," alt="" style="display: none" onerror="{escape(text)}">'
