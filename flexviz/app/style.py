@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 TOOLTIP_DELAY = 0.5  # [s] as viser's own
@@ -219,6 +220,7 @@ class Tooltips:
         ]
 
 
+@lru_cache(maxsize=256)
 def css_text(text: str) -> str:
     """A text as a CSS string that is safe in HTML."""
     escaped = "".join(

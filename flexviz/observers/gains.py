@@ -32,6 +32,9 @@ def binomial_gains(bandwidth: float) -> Array:
     return np.array([comb(ORDER, i) * bandwidth**i for i in range(1, ORDER + 1)])
 
 
+EQUAL = binomial_gains(1.0)
+
+
 def mean_bandwidth(gains: ArrayLike) -> float:
     """β₆^(1/6), the geometric mean of the poles' distances from the origin [rad/s]."""
     return float(np.asarray(gains, float)[-1] ** (1 / ORDER))
@@ -41,7 +44,7 @@ def eso_poles(gains: ArrayLike) -> NDArray[np.complex128]:
     """Roots of s⁶ + β₁s⁵ + … + β₆ for positive gains, shape (6,) [rad/s]."""
     w = mean_bandwidth(gains)
     shape = np.asarray(gains, float) / w ** np.arange(1, ORDER + 1)
-    if np.allclose(shape, binomial_gains(1.0), rtol=SAME_SHAPE, atol=0):
+    if np.abs(shape / EQUAL - 1.0).max() < SAME_SHAPE:
         return np.full(ORDER, -w, complex)  # a sixfold root loses five sixths of the digits
     return w * np.roots(np.r_[1.0, shape]).astype(complex)
 

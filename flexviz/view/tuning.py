@@ -14,7 +14,7 @@ from flexviz.wording import escape, number
 
 Array = NDArray[np.float64]
 
-SPARK_WIDTH, SPARK_HEIGHT, SPARK_POINTS = 140, 40, 140  # [px], [px], samples drawn
+SPARK_WIDTH, SPARK_HEIGHT, SPARK_POINTS = 140, 40, 100  # [px], [px], samples drawn
 NOISE_BAND = 2.0  # noise floors: 95 % of the noise
 POLES_WIDTH, POLES_HEIGHT = 290, 160  # [px]
 TRADE_HEIGHT = 170  # [px]

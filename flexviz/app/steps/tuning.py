@@ -36,6 +36,7 @@ class LiveResidual:
         self._failed: set[float] = set()  # bandwidths of the grid that cannot be used
         self._observer = make_observer(store.analysis.observer)  # as drawn
         self._took = 0.0  # [s] of processor time, the last evaluation
+        self._touched = 0.0  # the last change [s, monotonic]
         self._due: float | None = None  # when a slow evaluation is due [s, monotonic]
         self._draft: EsoGains | None = None  # gains to show instead of those in use
         self._head, self._grid = page.gui.add_html(""), page.gui.add_html("")
@@ -60,15 +61,17 @@ class LiveResidual:
         """Evaluate and draw at once, or when the slider rests if that takes long."""
         if not self._shown():
             return
+        self._touched = time.monotonic()
         if self._took > SLOW and self._preview is not None and self._of == self._now():
-            self._due = time.monotonic() + REST
+            self._due = self._touched + REST
         else:
             self._draw()
 
     def _tick(self) -> None:
-        if self._due is not None and time.monotonic() >= self._due:
-            self._draw()
-        elif self._shown() and self._due is None and not self._store.running:
+        if self._due is not None:
+            if time.monotonic() >= self._due:
+                self._draw()
+        elif self._shown() and not self._store.running and time.monotonic() - self._touched > REST:
             self._fill_trade()
 
     def _now(self) -> tuple[object, ...]:
