@@ -296,9 +296,11 @@ def test_torque_over_angle_and_its_spectrum(measurements: MeasurementSet) -> Non
     tau = np.zeros((len(time), 1))
     tau[:, 0] = 3.0 * np.sin(2 * np.pi * 4.0 * time)
     sine: Any = Namespace(segments=[replace(segment, time=time, theta=tau / 10, tau=tau)], name="g")
-    (line,) = shape_charts(sine, 0, "joint1", None)[1].series
+    spectrum = shape_charts(sine, 0, "joint1", None)[1]
+    (line,) = spectrum.series
+    assert spectrum.y.unit == "mNm/√Hz" and line.y.min() >= 1e-3  # an axis writes no smaller values
     assert line.x[np.argmax(line.y)] == pytest.approx(4.0, abs=0.2)
-    assert np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(3.0 / np.sqrt(2), rel=0.05)
+    assert np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(3e3 / np.sqrt(2), rel=0.05)
 
 
 def test_plots_are_saved_as_pictures_and_tables() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
@@ -16,6 +18,7 @@ PHASE_POINTS = 500  # per line
 LONGEST_WINDOW = 8.0  # [s] of a spectrum
 HIGHEST_DRAWN = 40.0  # [Hz]; the observers' bands end far below
 LEAST_DENSITY = 1e-6  # of the largest, drawn on a logarithmic axis
+SMALLEST_TICK = 1e-3  # that an axis on the page can write
 HEIGHT = 230  # [px]
 
 
@@ -61,8 +64,11 @@ def _spectra(name: str, lines: list[Line]) -> Chart:
         inside = (hertz > 0) & (hertz <= HIGHEST_DRAWN)
         hertz, density = hertz[inside], np.sqrt(power[inside])
         top = max(top, float(density.max(initial=0.0)))
-        series.append(
-            ChartSeries(label, colour, hertz, np.maximum(density, LEAST_DENSITY * top or LEAST_DENSITY))
-        )
-    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", "Nm/√Hz", logarithmic=True)
+        density = np.maximum(density, LEAST_DENSITY * top or LEAST_DENSITY)
+        series.append(ChartSeries(label, colour, hertz, density))
+    small = min(float(one.y.min(initial=np.inf)) for one in series) < SMALLEST_TICK
+    if small:
+        series = [replace(one, y=1e3 * one.y) for one in series]
+    unit = "mNm/√Hz" if small else "Nm/√Hz"
+    x, y = ChartAxis("frequency", "Hz"), ChartAxis("torque", unit, logarithmic=True)
     return Chart("spectrum", f"Spectrum of the torque, {name}", x, y, tuple(series), height=HEIGHT)
