@@ -54,7 +54,12 @@ def write_spread(rows: dict[str, list[spread.Row]], seeds: int) -> None:
 def write_ties(found: Sequence[ties.Outcome]) -> None:
     """The table of ties."""
     broken = sum(one.broken for one in found)
-    text = f"{len(found)} ties; the designed motion broke {broken}.\n\n{ties.table(list(found))}"
+    wrong = sum(one.first[0] != one.hidden for one in found)
+    said = (
+        f"{len(found)} ties. With the designed group {broken} are broken: the true effect is named, no more "
+        f"tied with what it was tied with. The poor record had named the wrong effect in {wrong}."
+    )
+    text = f"{textwrap.fill(said, 120)}\n\n{ties.table(list(found))}"
     replace_part("ties", text)
 
 
