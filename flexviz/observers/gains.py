@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,7 +47,8 @@ def eso_poles(gains: ArrayLike) -> NDArray[np.complex128]:
     shape = np.asarray(gains, float) / w ** np.arange(1, ORDER + 1)
     if np.abs(shape / EQUAL - 1.0).max() < SAME_SHAPE:
         return np.full(ORDER, -w, complex)  # a sixfold root loses five sixths of the digits
-    return w * np.roots(np.r_[1.0, shape]).astype(complex)
+    roots = np.asarray(np.roots(np.r_[1.0, shape]), np.complex128)
+    return w * roots
 
 
 def why_unusable(gains: Sequence[float]) -> str:
@@ -122,7 +124,8 @@ class StateFilter:
 
         matrix = np.eye(ORDER, k=1)
         matrix[:, 0] -= self.shape
-        triangular, orthogonal = schur(matrix)
+        form: Any = schur(matrix)
+        triangular, orthogonal = form
         held = np.zeros((ORDER + 2, ORDER + 2))
         held[:ORDER, :ORDER] = bandwidth * step * triangular
         held[:ORDER, ORDER] = bandwidth * step * orthogonal.T @ self.shape
