@@ -9,6 +9,7 @@ from __future__ import annotations
 import concurrent.futures
 import logging
 import queue
+import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -109,6 +110,7 @@ def connected(where: ClusterChoice) -> Iterator[Client]:
                     host="127.0.0.1" if where.processes else None,
                     dashboard_address="127.0.0.1:0",
                     worker_dashboard_address="127.0.0.1:0",
+                    **({"preload": [__name__]} if where.processes else {}),
                 ) as cluster,
                 distributed.Client(cluster) as client,
             ):
@@ -123,6 +125,12 @@ def connected(where: ClusterChoice) -> Iterator[Client]:
             yield client
         finally:
             client.close(timeout=2)
+
+
+def dask_setup(worker: Any) -> None:
+    """Called by dask in every local worker process: Ctrl+C is for the program that has started it."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _library() -> tuple[Any, Any]:

@@ -48,8 +48,8 @@ for _command in (
     with_shared_options(report),
     with_shared_options(compare),
     with_shared_options(session),
-    with_shared_options(batch),
-    with_shared_options(study),
+    with_shared_options(batch, own_effects=False),
+    with_shared_options(study, own_effects=False),
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 

@@ -29,7 +29,7 @@ SchedulerOption = Annotated[
     ),
 ]
 PatienceOption = Annotated[
-    float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler [s].")
+    float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler, in s.")
 ]
 RetryOption = Annotated[bool, typer.Option("--retry", help="Also do again what failed in an earlier run.")]
 
@@ -49,7 +49,10 @@ def batch(
         True, "--diagnose/--no-diagnose", help="Look for missing effects, add them, and refit."
     ),
     limit: float = typer.Option(
-        0.0, metavar="S", min=0.0, help="Time after which a diagnosis ends with what it has found; 0: none."
+        0.0,
+        metavar="S",
+        min=0.0,
+        help="Seconds after which a diagnosis ends with what it has found; 0: none.",
     ),
     workers: WorkersOption = 2,
     scheduler: SchedulerOption = "",
@@ -111,7 +114,7 @@ def study(
     options: IdentificationOptions,
     runs: int = typer.Option(100, metavar="N", min=1, help="Seeds; of detection for each size."),
     at: list[float] | None = typer.Option(
-        None, "--at", metavar="X", help="A bandwidth [rad/s], or a size of the effect; repeat for more."
+        None, "--at", metavar="X", help="A bandwidth in rad/s, or a size of the effect; repeat for more."
     ),
     hide: list[str] | None = typer.Option(
         None,
@@ -120,7 +123,7 @@ def study(
     ),
     parameter: str = typer.Option("", metavar="NAME", help="Of the hidden effect: what --at varies."),
     start: str = typer.Option("rest", metavar="rest|moving", help="How a simulated motion starts."),
-    block: float = typer.Option(2.0, metavar="S", help="Length of the blocks of a bootstrap [s]."),
+    block: float = typer.Option(2.0, metavar="S", help="Length of the blocks of a bootstrap, in s."),
     diagnose: bool = typer.Option(False, "--diagnose", help="Of monte-carlo: also diagnose each run."),
     workers: WorkersOption = 2,
     scheduler: SchedulerOption = "",

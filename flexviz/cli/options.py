@@ -94,8 +94,11 @@ class IdentificationOptions:
         }
 
 
-def with_shared_options(command: Callable[..., int]) -> Callable[..., int]:
-    """The command with `--effects-from`, and its parameter `options` as `IdentificationOptions`' fields."""
+def with_shared_options(command: Callable[..., int], own_effects: bool = True) -> Callable[..., int]:
+    """The command with its parameter `options` as `IdentificationOptions`' fields, and `--effects-from`.
+
+    Without `own_effects` it has no `--effects-from`: its work is done by other processes.
+    """
     hints = get_type_hints(IdentificationOptions, include_extras=True)
     options = {field.name: field.default for field in fields(IdentificationOptions)}
     signature = inspect.signature(command, eval_str=True)
@@ -107,10 +110,11 @@ def with_shared_options(command: Callable[..., int]) -> Callable[..., int]:
             continue
         for name, default in options.items():
             parameters.append(inspect.Parameter(name, kind, default=default, annotation=hints[name]))
-    parameters.append(inspect.Parameter("effects_from", kind, default=None, annotation=EffectsFromOption))
+    if own_effects:
+        parameters.append(inspect.Parameter("effects_from", kind, default=None, annotation=EffectsFromOption))
 
     @functools.wraps(command)
-    def run(*, effects_from: list[Path] | None, **values: Any) -> int:
+    def run(*, effects_from: list[Path] | None = None, **values: Any) -> int:
         if effects_from:
             from flexviz.effects import load_effects
 
