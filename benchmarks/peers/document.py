@@ -116,4 +116,8 @@ def write(results: Results, options: argparse.Namespace) -> None:
         limit=options.limit, environment=environment(options), overall=overall, none=tables.NONE
     )
     sections = [section(case, rows) for case, rows in results]
+    if any(row.outcome.failure == "not run" for _, rows in results for row in rows):
+        sections.append(
+            "Rows that say *not run* were left out for time: this page was put together from kept runs (`--resume`)."
+        )
     PAGE.write_text("\n".join([head, *(f"{text}\n" for text in sections), TAIL]), encoding="utf-8")

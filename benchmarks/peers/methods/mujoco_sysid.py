@@ -22,7 +22,8 @@ import_module("mujoco.sysid._src.parameter")  # fails where the extra packages o
 STEP = 0.002  # [s] of the simulation
 HERTZ = 20.0  # of the filter for the servo's reference velocity and for the state at the start
 SERVO = 10.0  # [rad/s]
-FRICTION = 0.5  # [Nm s/rad], [Nm] at the start
+FRICTION = 0.5  # [Nm s/rad] at the start
+COULOMB_SHARE = 0.1  # of the torque's spread, at the start
 WEIGHT = 1e4  # of the residual, so that the optimiser's regularisation is small beside it
 ITERATIONS = 30
 TOLERANCE = 1e-4  # a step this small, relative to the start values, ends the search
@@ -95,7 +96,7 @@ def parameters(problem: Problem, spec: Any) -> Any:
         for key, place in (("fm", f"motor{i}"), ("fl", name)):
             add(f"{key}{i}", FRICTION, lambda s, x, p=place: setattr(s.joint(p), "damping", [x, 0, 0]))
         if COULOMB in problem.effects:
-            add(f"fc{i}", FRICTION, joint(f"motor{i}", "frictionloss"))
+            add(f"fc{i}", coulomb_start(problem)[i], joint(f"motor{i}", "frictionloss"))
         kind = sysid.InertiaType.Pseudo
         found.add(
             sysid.body_inertia_param(spec, model, link, inertia_type=kind, modifier=pseudo_inertia(link))
@@ -103,9 +104,14 @@ def parameters(problem: Problem, spec: Any) -> Any:
     return found
 
 
+def coulomb_start(problem: Problem) -> Array:
+    """(n,) [Nm]"""
+    return COULOMB_SHARE * np.concatenate([group.tau for group in problem.fitted]).std(axis=0)
+
+
 def joint_values(problem: Problem, given: Any) -> list[Array]:
     """K, B, f_l, f_m and, if it is in the model, f_c, (n,) each."""
-    start = {"K": problem.stiffness, "B": problem.motor_inertia}
+    start = {"K": problem.stiffness, "B": problem.motor_inertia, "fc": coulomb_start(problem)}
     keys = [key for key in ("K", "B", "fl", "fm", "fc") if f"{key}0" in given]
     return [
         start.get(key, np.full(problem.n, FRICTION))
@@ -183,17 +189,26 @@ def estimate(problem: Problem) -> dict[str, Any]:
                 models_sequences=[made], custom_rollout=rollout, resample_true=False, n_threads=1
             )
         )
-    evaluations = 0
+    evaluations, diverged, latest = 0, 0, []
 
     def residual(x: Array, params: Any) -> Any:
-        nonlocal evaluations
+        nonlocal evaluations, diverged
         evaluations += 1 if x.ndim == 1 else x.shape[1]
-        residuals, *rest = zip(*[function(x, params) for function in functions], strict=True)
-        return [WEIGHT * r for part in residuals for r in part], *rest
+        try:
+            residuals, *rest = zip(*[function(x, params) for function in functions], strict=True)
+        except (
+            ValueError
+        ):  # MuJoCo starts again where a candidate diverges; the optimiser steps back from NaN
+            diverged += 1
+            return [np.full((len(r), *x.shape[1:]), np.nan) for r in latest], [], []
+        latest[:] = [WEIGHT * r for part in residuals for r in part]
+        return latest.copy(), *rest
 
     found, _ = sysid.optimize(
         parameters(problem, specs[0]), residual, max_iters=ITERATIONS, xtol=TOLERANCE, verbose=False
     )
+    if diverged:
+        raise FloatingPointError("stopped early: candidates diverge in its simulation")
     k, b, link, motor, *coulomb = joint_values(problem, found)
     final = sysid.apply_param_modifiers_spec(found, specs[0])
     return answer(
