@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from benchmarks.diagnosis_study.cases import selected
+from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
 from flexviz.diagnosis.elimination import eliminate
 from flexviz.diagnosis.motion_fit import MotionContext
@@ -108,3 +110,13 @@ def test_seven_effects_at_once():
     assert all(s.added.confidence > 0.9 for s in result.steps if s.added is not None)
     stiffness = [p.value for p in result.parameters if p.name == "stiffness"]
     np.testing.assert_allclose(stiffness, truth["stiffness"], rtol=0.05)
+
+
+def test_imitations_of_a_law_of_no_library_are_not_applied(tmp_path):
+    (case,) = selected(7, "unknown-2r-002-sawtooth_cogging")
+    make(tmp_path, case)
+    result = diagnose(read_set(case_folder(tmp_path, case.name)), apply=True)
+    assert result.verdict == "unknown" and len(result.steps) == 1 and not result.model.effects
+    assert result.findings and all(f.confidence < 0.7 for f in result.findings)
+    (hidden,) = json.loads(truth_file(tmp_path, case.name).read_text(encoding="utf-8"))["effects"]
+    assert result.where[0].joint == hidden["joint"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
-from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.result import Diagnosis, Finding
 from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichModel, RichSearch
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -77,8 +77,12 @@ class ManyEffects:
         stairs = staircase(self.context, self.layout, rich, self.band)
         found = list(findings(stairs, rich, self.band))
         last = verdict_on(rich)
+        if found and last == "unknown" and doubtful(found):
+            apply = False  # imitations of a law of no library
+        elif not apply and found:
+            last = "missing"
         if not apply:
-            stairs, last = stairs[:1], "missing" if found else last
+            stairs = stairs[:1]
         taken = steps(stairs, found if apply else [], last)
         final = rich.fit if apply else self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
         context = FitContext(self.measurements, final.layout)
@@ -143,3 +147,8 @@ class ManyEffects:
             )
             out.append(Note("other", text))
         return out
+
+
+def doubtful(found: Sequence[Finding]) -> bool:
+    """Whether none of the effects is certain."""
+    return all(finding.confidence < LIMITS.doubtful for finding in found)

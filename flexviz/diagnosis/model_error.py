@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.acceptance import credible, held_to_be_zero
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep, by_objective
+from flexviz.diagnosis.evidence import explain
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.search import Search
@@ -57,7 +58,10 @@ class ModelErrorSearch:
                 break
             before, fit = fit, self.adapted(chosen.fit.layout, chosen.fit.x)
             objectives = {chosen.effect: chosen.fit.objective}
-            steps.append(SearchStep(before, chosen, objectives, scores.shortened(), fit))
+            step = SearchStep(before, chosen, objectives, scores.shortened(), fit)
+            if explain(self.context, step, fit).confidence < LIMITS.least_confidence:
+                break
+            steps.append(step)
         return steps
 
     def adapted(self, layout: Layout, x: Array) -> Fit:

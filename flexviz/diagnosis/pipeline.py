@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,10 +246,7 @@ class _Pipeline:
     def continue_beside_model_error(self, apply: bool) -> None:
         """Withdraw imitations, then add effects that held-out groups confirm, allowing for a model error."""
         limits = THRESHOLDS.model_error
-        for k, step in enumerate(self.steps):
-            if self.imitates(step):
-                del self.steps[k:]
-                break
+        self.steps = list(takewhile(lambda step: not self.imitates(step), self.steps))
         if excess(self.final) < limits.needed_excess or (not apply and self.steps):
             return
         search = ModelErrorSearch(self.search, limits.effects if apply else 1)
@@ -257,7 +255,9 @@ class _Pipeline:
             self.model_error_variance = search.variance
 
     def imitates(self, step: SearchStep) -> bool:
-        """Whether an effect explains much less than a free curve of its joint."""
+        """Whether an effect is far from certain or explains much less than a free curve of its joint."""
+        if explain(self.context, step, self.final).confidence < THRESHOLDS.model_error.least_confidence:
+            return True
         if step.chosen.effect.joint is None or step.scores is None:
             return False
         return not FreeCurveTest(self.search, step.before, step.scores).passed(step.chosen.effect)

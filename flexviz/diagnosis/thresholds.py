@@ -66,6 +66,9 @@ class ModelErrorThresholds:
 
     needed_excess: float = 20.0  # known models end at 3, backlash at 13, unknown effects above 200
     free_curve_share: float = 0.5  # share of a free curve's gain; an effect below is an imitation
+    least_confidence: float = (
+        0.3  # of an effect that is added beside a model error; less certain ones imitate
+    )
     first_error: float = 0.05  # initial model error relative to the rms torque
     error_rounds: int = 6  # maximum number of adaptations of the model error
     error_settled: float = 0.25  # |log χ²| of every joint that ends the adaptation
@@ -131,6 +134,7 @@ class MotionThresholds:
     curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
+    doubtful: float = 0.7  # largest confidence of effects that together leave an unknown law: they imitate it
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
     surely_many: int = 6  # ... without further question if they are that many, and weighty:
     weighty_share: float = 0.03  # share of a joint's torque spread
