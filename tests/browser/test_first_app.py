@@ -203,7 +203,7 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
 def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
     one, two = open_page(address), open_page(address)
     button(one, "Pause").click()
-    one.mouse.click(600, 120)  # the empty sky: no control has the focus
+    one.mouse.click(760, 120)  # the empty sky: no control has the focus
     still = at_rest(one)
     one.keyboard.press("Space")
     until(lambda: node(one, "/measured/joint2") != still, what="playing")
@@ -216,7 +216,7 @@ def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
     row(one, "t1p1: t1, p1").get_by_role("combobox").click()
     one.get_by_role("option", name="Ignore").click()
     until(lambda: role(two) == "Ignore", what="the other page")
-    one.mouse.click(600, 120)  # out of the text field, which has an undo of its own
+    one.mouse.click(760, 120)  # out of the text field, which has an undo of its own
     for key, word, expected in (
         ("Control+z", "undone", "Fit"),
         ("Control+Shift+z", "redone", "Ignore"),
