@@ -147,8 +147,7 @@ class LiveResidual:
             self._failed.add(rest[0])
             return
         self._trade[rest[0]] = Cost(found.rms, found.noise_floor)
-        if len(rest) == 1:
-            self._draw_trade()
+        self._draw_trade()
 
     def _draw_trade(self) -> None:
         store = self._store
