@@ -17,6 +17,7 @@ from flexviz import __version__
 from flexviz.cli.analysis import diagnose, identify, record, report
 from flexviz.cli.batch import batch, study
 from flexviz.cli.design import design
+from flexviz.cli.doctor import doctor
 from flexviz.cli.effects import effects
 from flexviz.cli.export import export
 from flexviz.cli.import_ import import_
@@ -50,6 +51,7 @@ for _command in (
     with_shared_options(session),
     with_shared_options(batch, own_effects=False),
     with_shared_options(study, own_effects=False),
+    doctor,
 ):
     app.command(_command.__name__.rstrip("_"))(_command)
 
