@@ -20,7 +20,19 @@ LONGEST_FUNCTION = 60  # [lines]
 
 # Data flow one way: a module may import from its own row and from rows above it.
 LAYERS = (
-    ("errors", "limits", "files", "resources", "progress", "statistics", "jobs", "schemas", "toml", "charts"),
+    (
+        "errors",
+        "limits",
+        "files",
+        "resources",
+        "progress",
+        "statistics",
+        "jobs",
+        "schemas",
+        "toml",
+        "charts",
+        "doctor",
+    ),
     ("_pinocchio", "_scipy", "robot", "urdf_checks", "robot_files", "model"),
     ("effects",),
     ("wording",),
