@@ -143,6 +143,7 @@ def test_they_are_used_saved_and_shown(tmp_path):
     fitted = analysis.with_identification(result, analysis.settings)
     save_session(session.then("gains", fitted), measurements, tmp_path / "session")
     again = open_session(tmp_path / "session").session.analysis
+    assert again.identification is not None
     assert again.gains == gains and again.up_to_date and again.identification.gains == result.gains
     # and an unstable set in the file is refused in one line
     file = tmp_path / "session" / "session.json"

@@ -89,12 +89,11 @@ class Cameras:
         if time.monotonic() - self._asked < SIZE_INTERVAL:
             return
         self._asked = time.monotonic()
+        self._nudged = -self._nudged  # once for all: where it was before, a camera does not move
         for number, client in self._server.get_clients().items():
             if self._unmoved(number, client):
-                self._nudged = -self._nudged
                 client.camera.position = self._views[number] * (1.0 + self._nudged)
             elif time.monotonic() - self._answered.get(number, 0.0) > RESTING:
-                self._nudged = -self._nudged
                 client.camera.position = client.camera.position * (1.0 + self._nudged)
 
 

@@ -89,10 +89,10 @@ class EsoGains:
                 raise InputError(f"gains of {signal}: {why}")
 
     @staticmethod
-    def of(theta: Sequence[float], tau: Sequence[float] | None = None) -> EsoGains:
+    def of(theta: ArrayLike, tau: ArrayLike | None = None) -> EsoGains:
         """Gains of θ and τ, the same for both if `tau` is None."""
         given = theta, theta if tau is None else tau
-        return EsoGains(*(tuple(map(float, gains)) for gains in given))
+        return EsoGains(*(tuple(np.asarray(gains, float).tolist()) for gains in given))
 
     @property
     def bandwidth(self) -> float:
@@ -102,7 +102,7 @@ class EsoGains:
     def scaled(self, bandwidth: float) -> EsoGains:
         """Gains with every pole moved along its ray from the origin, to another bandwidth [rad/s]."""
         factor = (bandwidth / self.bandwidth) ** np.arange(1, ORDER + 1)
-        return EsoGains.of((factor * self.theta).tolist(), (factor * self.tau).tolist())
+        return EsoGains.of(factor * self.theta, factor * self.tau)
 
 
 class StateFilter:
