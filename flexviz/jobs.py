@@ -246,7 +246,7 @@ class _Child:
         self._pipe, theirs = Pipe()
         environment = os.environ | dict.fromkeys(_THREADS, "1")
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _CHILD, str(theirs.fileno())],
+            [sys.executable, "-P", "-c", _CHILD, str(theirs.fileno())],
             pass_fds=[theirs.fileno()],
             stdin=subprocess.DEVNULL,
             stdout=sys.stderr.fileno() if _has_fileno(sys.stderr) else None,

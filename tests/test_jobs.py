@@ -6,6 +6,7 @@ import os
 import queue
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -143,6 +144,18 @@ def test_stop_keeps_a_partial_result(worker: Worker, in_process: bool) -> None:
     worker.stop(WaitUntilStopped)
     _, end = ears.until_end()
     assert (end.kind, end.value) == ("done", "what was there")
+
+
+def test_modules_in_the_current_folder_are_not_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("numpy", "dataclasses", "multiprocessing"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(9)", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    worker, ears = Worker(), Ears()
+    worker.submit(Count(2), ears)
+    assert ears.until_end()[1].value == 2
+    worker.close()
 
 
 def test_stop_without_result(worker: Worker) -> None:

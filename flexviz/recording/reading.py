@@ -82,7 +82,7 @@ def check_recording(path: str | Path, *, own: bool = False) -> Recorded:
         reason = getattr(error, "strerror", None) or "its .sha256 file cannot be read"
         raise InputError(f"cannot be read ({reason})", file=file) from None
     if not own and not (beside and found == expected):
-        run = subprocess.run([sys.executable, "-c", _DECODE, str(file)], capture_output=True)
+        run = subprocess.run([sys.executable, "-P", "-c", _DECODE, str(file)], capture_output=True)
         if run.returncode < 0:
             message = f"is damaged: Rerun's reader ended with signal {-run.returncode}"
             raise InputError(message, file=file)
