@@ -181,7 +181,7 @@ def test_a_curve_takes_nothing_that_is_explained(demo: MeasurementSet) -> None:
     complete = identify(demo, effects=["coulomb_friction:joint2"])
     beside = identify(demo, effects=["coulomb_friction:joint2", "free_curve_position:joint2"])
     (table,) = beside.document().curves
-    assert np.abs(np.array(table.value, float)).max() < 0.05
+    assert np.abs(np.array(table.value, float)).max() < 0.03 * 3.0  # [Nm] of the Coulomb friction
     for name in ("stiffness", "motor_inertia", "coulomb_friction.coulomb"):
         before, after = complete[name, "joint2"], beside[name, "joint2"]
         assert abs(after.value - before.value) < 3 * max(before.std, after.std) + 1e-3 * abs(before.value)

@@ -120,7 +120,7 @@ def wider_than_its_place(page: Any) -> list[str]:
 
 OVERLAPPING = """() => {
     const seen = [...document.querySelectorAll('.fv, .uplot, button, label, input, [role=tab]')]
-        .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root'))
+        .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root, .fv-png'))  // lie over plots
         .filter(e => e.tagName !== 'BUTTON' || !e.closest('.mantine-Input-wrapper'))
         .map(e => {
             const r = e.getBoundingClientRect(), box = e.closest('.mantine-ScrollArea-viewport');
@@ -148,7 +148,7 @@ def overlapping(page: Any) -> list[str]:
 def well_laid_out(page: Any) -> None:
     """Nothing is cut off, nothing overlaps, as soon as what moves into its place has come to rest."""
     wrong = within(SOON, lambda: wider_than_its_place(page) + overlapping(page), lambda wrong: not wrong)
-    assert not wrong
+    assert not wrong, wrong
 
 
 def status(page: Any) -> str:
