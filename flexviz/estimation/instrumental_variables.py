@@ -143,7 +143,7 @@ class _Outlook:
         impatient = self._patience is not None and self._idle >= self._patience
         if impatient and float(point.chi.mean()) > ESTIMATION.far_above_noise:
             return True
-        return point.objective_after(PREDICTED * length**2) > self._beat
+        return bool(point.objective_after(PREDICTED * length**2) > self._beat)
 
 
 def feasible_step(prior: Prior, bounds: Bounds, x: Array, step: Array) -> Array:
