@@ -23,6 +23,7 @@ from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
+from flexviz.estimation import ESTIMATION, TrackingWhitening
 from flexviz.estimation.score_test import Projection, ScoredCandidate, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
@@ -321,3 +322,14 @@ def test_a_real_robot_step_by_step() -> None:
     assert any(note.kind == "model-error" for note in result.notes)
     assert any(note.kind == "standstill" for note in result.notes) and result.free_curve is not None
     assert all(s.added.confidence > 0.3 for s in result.steps if s.added is not None)
+
+
+def test_shared_noise_counts_again_near_the_noise(demo: Any) -> None:
+    layout = Layout(demo.joints, (ChosenEffect("coulomb_friction", 1),))
+    near = layout.vector(identify(demo, effects=["coulomb_friction:joint2"]).model)
+    far = near.copy()
+    far[layout.compliance] *= 1.4
+    whitening = TrackingWhitening(FitContext(demo, layout).two_band)
+    points = [whitening.point(x) for x in (far, 1.2 * far, near)]
+    assert points[1].chi.mean() > ESTIMATION.far_above_noise > points[2].chi.mean()
+    assert not np.any(points[1].bias) and np.any(points[2].bias)

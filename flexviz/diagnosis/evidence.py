@@ -56,6 +56,11 @@ def explain(context: FitContext, step: SearchStep, final: Fit, shown: Evidence |
     )
 
 
+def uncertain(context: FitContext, step: SearchStep, final: Fit) -> bool:
+    """Whether an effect found while a law is still missing is too uncertain: it may imitate that law."""
+    return explain(context, step, final).confidence < THRESHOLDS.model_error.least_confidence
+
+
 def made_step(added: Finding | None, fit: Fitted, errors: PredictionErrors, verdict: Verdict) -> Step:
     """One step of a result: the model after adding an effect."""
     model = fit.layout.model(fit.x)

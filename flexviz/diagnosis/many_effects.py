@@ -69,7 +69,8 @@ class ManyEffects:
 
         Args:
             rich: the model.
-            apply: whether the result describes it.
+            apply: whether the result describes it, provided that any of its effects is certain or no law of
+                no library is left: otherwise they imitate that law.
             guarded: whether to check it against the observer's bandwidth.
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
@@ -78,7 +79,7 @@ class ManyEffects:
         found = list(findings(stairs, rich, self.band))
         last = verdict_on(rich)
         if found and last == "unknown" and doubtful(found):
-            apply = False  # imitations of a law of no library
+            apply = False
         elif not apply and found:
             last = "missing"
         if not apply:

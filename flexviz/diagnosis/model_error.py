@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.acceptance import credible, held_to_be_zero
 from flexviz.diagnosis.candidates import with_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep, by_objective
-from flexviz.diagnosis.evidence import explain
+from flexviz.diagnosis.evidence import uncertain
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.search import Search
@@ -59,7 +59,7 @@ class ModelErrorSearch:
             before, fit = fit, self.adapted(chosen.fit.layout, chosen.fit.x)
             objectives = {chosen.effect: chosen.fit.objective}
             step = SearchStep(before, chosen, objectives, scores.shortened(), fit)
-            if explain(self.context, step, fit).confidence < LIMITS.least_confidence:
+            if uncertain(self.context, step, fit):
                 break
             steps.append(step)
         return steps

@@ -16,7 +16,7 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import NearNoise
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
-from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, made_step
+from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, made_step, uncertain
 from flexviz.diagnosis.final_refit import final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
@@ -255,8 +255,8 @@ class _Pipeline:
             self.model_error_variance = search.variance
 
     def imitates(self, step: SearchStep) -> bool:
-        """Whether an effect is far from certain or explains much less than a free curve of its joint."""
-        if explain(self.context, step, self.final).confidence < THRESHOLDS.model_error.least_confidence:
+        """Whether an effect is too uncertain or explains much less than a free curve of its joint."""
+        if uncertain(self.context, step, self.final):
             return True
         if step.chosen.effect.joint is None or step.scores is None:
             return False

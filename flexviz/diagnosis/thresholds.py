@@ -66,9 +66,7 @@ class ModelErrorThresholds:
 
     needed_excess: float = 20.0  # known models end at 3, backlash at 13, unknown effects above 200
     free_curve_share: float = 0.5  # share of a free curve's gain; an effect below is an imitation
-    least_confidence: float = (
-        0.3  # of an effect that is added beside a model error; less certain ones imitate
-    )
+    least_confidence: float = 0.3  # of an effect where a law is missing; a less certain one imitates it
     first_error: float = 0.05  # initial model error relative to the rms torque
     error_rounds: int = 6  # maximum number of adaptations of the model error
     error_settled: float = 0.25  # |log χ²| of every joint that ends the adaptation

@@ -15,7 +15,7 @@ from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fi
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics
 from flexviz.equation.signals import Block, Signals
-from flexviz.observers import ButterworthZeroPhase
+from flexviz.observers import ButterworthZeroPhase, largest_divisor
 
 Array = NDArray[np.float64]
 
@@ -151,8 +151,7 @@ class EffectContext:
         for block, fine in zip(self._signals.blocks, self.fine(), strict=True):
             # no content may be folded into the band of the observer
             most = 1.0 if band is None else 2 * np.pi / (fine.step * (band + highest))
-            stride = block.stride // fine_stride(block)
-            out.append(max(d for d in range(1, stride + 1) if d == 1 or (stride % d == 0 and d <= most)))
+            out.append(largest_divisor(block.stride // fine_stride(block), most))
         return out
 
     def filtered_block(self, index: int, part: Array, joint: int, depth: int, every: int = 1) -> Array:

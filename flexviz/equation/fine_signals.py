@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation.signals import FINE_STEP, Block, Signals
+from flexviz.equation.signals import Block, Signals, fine_samples
 from flexviz.noise import segments_noise
-from flexviz.observers import ButterworthZeroPhase
+from flexviz.observers import ButterworthZeroPhase, largest_divisor
 
 Array = NDArray[np.float64]
 
@@ -48,8 +48,7 @@ class FineSignals:
 
 def fine_stride(block: Block) -> int:
     """Raw samples per fine sample: a divisor of the block's own stride."""
-    wanted = max(1, int(FINE_STEP / block.segment.step + 1e-6))
-    return max(d for d in range(1, min(wanted, block.stride) + 1) if block.stride % d == 0)
+    return largest_divisor(block.stride, fine_samples(block.segment))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 
 MIN_SAMPLES = 10  # of a segment without its transients
 FINE_STEP = 2e-3  # [s] maximum step at which effects are evaluated
-QUICK = 2  # raw samples per such step from which strides are adapted to it
 
 
 @dataclass(frozen=True)
@@ -86,13 +85,18 @@ def equation_stride(
 ) -> int:
     """Raw samples per equation sample; unless exact, at least eight per cycle of the bandwidth.
 
-    Of quick records a multiple of the stride to the grid on which effects are evaluated.
+    Where possible a multiple of those to the grid on which effects are evaluated.
     """
     if observer.zero_phase and not exact_step:
         sample_step = min(sample_step, 2 * np.pi / (8 * float(np.max(observer.bandwidth))))
     stride = max(1, int(np.floor(sample_step / segment.step + 1e-6)))
-    fine = int(np.floor(FINE_STEP / segment.step + 1e-6))
-    return stride // fine * fine if QUICK <= fine <= stride else stride
+    fine = fine_samples(segment)
+    return stride - stride % fine if fine <= stride else stride
+
+
+def fine_samples(segment: Segment) -> int:
+    """Raw samples per step of the grid on which effects are evaluated, at most `FINE_STEP`."""
+    return max(1, int(FINE_STEP / segment.step + 1e-6))
 
 
 def build_signals(

@@ -315,7 +315,10 @@ class TrackingWhitening(Whitening):
 
     def point(self, x: Array) -> Point:
         point = super().point(x)
-        self._far = float(point.chi.mean()) > ESTIMATION.far_above_noise
+        before, self._far = self._far, float(point.chi.mean()) > ESTIMATION.far_above_noise
+        if before and not self._far:
+            self._bias = None  # was left out
+            point = super().point(x)
         return point
 
     def _renew(self, here: BandEvaluation) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from flexviz.errors import InputError
-from flexviz.observers.base import Observer, ObserverStates
+from flexviz.observers.base import Observer, ObserverStates, largest_divisor
 from flexviz.observers.eso import CausalEso, EqualDelayEso
 from flexviz.observers.gains import EsoGains, binomial_gains, eso_poles, why_unusable
 from flexviz.observers.zero_phase import ButterworthZeroPhase, EsoZeroPhase, FlatZeroPhase
@@ -25,6 +25,7 @@ __all__ = [
     "ObserverStates",
     "binomial_gains",
     "eso_poles",
+    "largest_divisor",
     "make_observer",
     "why_unusable",
 ]

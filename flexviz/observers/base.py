@@ -172,3 +172,8 @@ def shifted(y: Array, step: float, delay: float) -> Array:
     whole, part = divmod(delay / step, 1.0)
     index = np.maximum(np.arange(len(y)) - int(whole), 0)
     return (1 - part) * y[index] + part * y[np.maximum(index - 1, 0)]
+
+
+def largest_divisor(number: int, most: float) -> int:
+    """The largest divisor up to `most`, or 1: every how many samples are enough for every number-th one."""
+    return max(d for d in range(1, number + 1) if d == 1 or (number % d == 0 and d <= most))

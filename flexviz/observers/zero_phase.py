@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz._scipy import fft
-from flexviz.observers.base import Observer
+from flexviz.observers.base import Observer, largest_divisor
 
 Array = NDArray[np.float64]
 
@@ -94,10 +94,7 @@ class ZeroPhaseObserver(Observer):
         # by powers of ω would cause ringing over the whole segment
         inner, band = 1, self.cutoff(count - 1)
         if band is not None:
-            wide = (
-                d for d in range(1, stride + 1) if stride % d == 0 and (d == 1 or np.pi / (d * step) >= band)
-            )
-            inner = max(wide)
+            inner = largest_divisor(stride, np.pi / (band * step))
         continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
         bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
         omega, spectrum = continued.spectrum()
