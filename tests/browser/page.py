@@ -62,6 +62,15 @@ def button(page: Any, name: str) -> Any:
     return buttons
 
 
+def press(page: Any, name: str, done: Callable[[], Any]) -> None:
+    """Press this button until it has worked; a click into what still unfolds may miss."""
+    for _ in range(3):
+        button(page, name).click()
+        if within(SOON, done):
+            return
+    raise AssertionError(f"the button {name!r} does nothing")
+
+
 def tick(page: Any, label: str, on: bool = True) -> None:
     """Tick this box, or take the tick away; a click into what still unfolds may miss."""
     box = row(page, label).get_by_role("checkbox")
