@@ -21,7 +21,7 @@ from packaging.requirements import Requirement
 State = Literal["ok", "warning", "problem"]
 
 OLDEST_PYTHON = (3, 11)
-PORT = 8080  # the app's
+APP_PORT = 8080  # or the next free one
 LEAST_MEMORY = 3e9  # bytes: a diagnosis of ten minutes of seven joints at 1 kHz
 LEAST_DISK = 1e9  # bytes: sessions, recordings and uploads
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -56,7 +56,7 @@ def examine() -> Iterator[Check]:
     yield from map(check_binary, BINARIES)
     yield check_memory(available_memory(), os.cpu_count() or 1)
     yield check_disk(Path(tempfile.gettempdir()))
-    yield check_port(PORT)
+    yield check_port(APP_PORT)
     yield check_webgl(
         os.environ.get("FLEXVIZ_CHROMIUM") or next(filter(None, map(shutil.which, BROWSERS)), None)
     )

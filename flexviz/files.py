@@ -12,7 +12,18 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from flexviz.errors import InputError
+
 PART = ".part"  # suffix of a file while it is written
+
+
+@contextmanager
+def named_errors(file: Path | None, done: str = "written") -> Iterator[None]:
+    """Errors of the system as an InputError: that this file cannot be written (read, made …), and why."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot be {done} ({error.strerror or error})", file=file) from None
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -39,6 +50,12 @@ def write_whole(path: Path, content: bytes) -> None:
         Path(name).unlink(missing_ok=True)
         raise
     sync_folder(target.parent)
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """`write_whole`, with an InputError for a file that cannot be written."""
+    with named_errors(path):
+        write_whole(path, content.encode() if isinstance(content, str) else content)
 
 
 @contextmanager

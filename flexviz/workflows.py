@@ -10,7 +10,7 @@ from typing import Any
 from flexviz.diagnosis import BandwidthCheck, check_bandwidth, diagnose, maps_of
 from flexviz.equation import layout_of
 from flexviz.errors import Cancelled, InputError, choose_from
-from flexviz.files import write_whole
+from flexviz.files import write_file
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import FlexibleModel
@@ -93,10 +93,7 @@ def write_report(
     folder = keep or (opened.folder if saved and session is opened.session else None)
     folder = None if folder is None else folder.resolve()
     text = session_report(session, opened.measurements, kind, folder=folder, changed=opened.changed)
-    try:
-        write_whole(out, text.encode())
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=out) from None
+    write_file(out, text)
     return WrittenReport(out, session, opened.changed)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pyarrow.parquet as papq
 import pytest
 
-from flexviz.batch import ClusterChoice, SetOptions, read_batch, run_batch, set_results, working
+from flexviz.batch import ClusterChoice, SetOptions, read_batch, run_batch, set_results, tasks, working
 from flexviz.batch.cluster import _Spread
 from flexviz.batch.sources import find_sets
 from flexviz.cli import main
@@ -86,6 +86,23 @@ def test_a_run_goes_on_where_it_was_stopped_and_counts_nothing_twice(
     assert failed.state == "failed" and "lost.urdf" in failed.error and failed.parameters == {}
     other = run_batch(fleet, out, SetOptions(diagnosed=False, refine=True), HERE)
     assert other.count.done == 2  # other options are other tasks
+
+
+def test_another_program_gives_other_results(
+    fleet: Path, tmp_path: Path, calls: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def analysed(what: Any, where: Any) -> Any:
+        calls.append(where["path"])
+        return {}
+
+    monkeypatch.setitem(working.KINDS, "set", analysed)
+    run_batch(fleet, tmp_path / "out", IDENTIFY, HERE)
+    monkeypatch.setattr(tasks, "code_sha256", lambda: "changed")
+    monkeypatch.setattr(working, "code_sha256", lambda: "changed")
+    assert run_batch(fleet, tmp_path / "out", IDENTIFY, HERE).count.done == 2 and len(calls) == 4
+    monkeypatch.setattr(working, "code_sha256", lambda: "not installed here")
+    rows = run_batch(fleet, tmp_path / "out", SetOptions(), HERE).rows
+    assert "other files of flexviz" in rows[0].error and len(calls) == 4
 
 
 def test_the_table_is_read_back_and_names_its_units(fleet: Path, tmp_path: Path) -> None:
@@ -202,6 +219,7 @@ def test_bad_arguments_end_with_one_line(fleet: Path, tmp_path: Path, capsys: An
         ([str(tmp_path / "none"), "--out", str(tmp_path / "o")], "does not exist"),
         ([str(fleet), "--out", str(tmp_path / "o"), "--scheduler", "localhost"], "tcp://HOST:PORT"),
         ([str(fleet), "--out", str(tmp_path / "o"), "--observer", "eye"], "eye"),
+        ([str(fleet), "--out", str(tmp_path / "o"), "--observer", "eso", "--gains", "1,2"], "--gains"),
     ):
         assert main(["batch", *arguments]) == 2
         assert said in capsys.readouterr().err

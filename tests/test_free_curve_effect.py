@@ -6,6 +6,7 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.estimation.prior import Prior, physically_consistent
 from flexviz.exporting import export
+from flexviz.exporting.parameters import curve_files
 from flexviz.identification import Identification, identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue, FlexibleModel
@@ -122,6 +124,15 @@ def test_range_is_that_of_the_data(curve) -> None:
     low, high = curve.constants(reach)
     wanted = (0.0, 2.51) if curve.variable == "velocity" else reach[curve.variable]
     assert low <= wanted[0] and high >= wanted[1] and high - low < 1.11 * (wanted[1] - wanted[0])
+
+
+def test_joints_whose_names_differ_in_punctuation_have_a_table_each() -> None:
+    curve = EFFECTS[EFFECT]
+    values = {p.name: float(size) for p, size in zip(curve.parameters, curve.sizes(), strict=True)}
+    effects = [EffectValue(EFFECT, joint, values) for joint in ("arm.1", "arm 1", "arm/1", "arm_1")]
+    robot: Any = SimpleNamespace(model=SimpleNamespace(effects=effects))
+    files = curve_files(robot)
+    assert len(files) == 4 and not any("/" in name for name in files)
 
 
 def test_never_a_candidate() -> None:

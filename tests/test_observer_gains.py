@@ -9,6 +9,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from flexviz.errors import InputError
 from flexviz.identification import ResidualPreview, identify
 from flexviz.measurements import Segment, read_set
+from flexviz.noise import segments_noise
 from flexviz.observers import EsoGains, binomial_gains, eso_poles, make_observer, why_unusable
 from flexviz.session import Session, open_session, save_session
 from tests.small_set import write_small_set
@@ -100,6 +101,33 @@ def test_bandwidths_scale_gains_also_per_joint():
     for j, w in enumerate((30.0, 60.0)):
         alone = make_observer("eso", gains=gains.scaled(w)).derivatives(y[:, j : j + 1], STEP, 4)[:, :, 0]
         np.testing.assert_allclose(both[:, :, j], alone, rtol=0, atol=1e-9 * np.abs(alone[3]).max())
+
+
+@pytest.mark.parametrize(
+    ("observer", "gains"), [("butterworth-zero-phase", None), ("eso", EsoGains.of(GAINS))]
+)
+def test_every_joint_has_the_noise_floor_of_its_own_bandwidth(tmp_path, observer, gains):
+    """Against noise added to the measured samples of a fixed model."""
+    measurements = read_set(write_small_set(tmp_path / "set"))
+    (group,) = (g for g in measurements.groups if g.name == "g1")
+    fit = identify(
+        measurements, groups=["g1"], observer=observer, bandwidth=[30.0, 70.0], gains=gains, max_iterations=2
+    )
+    sigma, rng = segments_noise(group.segments), np.random.default_rng(0)
+
+    def noisy(segment, added):
+        theta, tau = (added * s * rng.normal(size=segment.theta.shape) for s in sigma)
+        return replace(segment, theta=segment.theta + theta, tau=segment.tau + tau)
+
+    def seen(added):
+        part = replace(group, segments=tuple(noisy(segment, added) for segment in group.segments))
+        return ResidualPreview(measurements, part, fit.model).at(fit.observer)
+
+    plain = seen(0.0)
+    change = [seen(1.0).residual - plain.residual for _ in range(6)]
+    rms = np.sqrt(np.mean(np.square(change), axis=(0, 1)))
+    np.testing.assert_allclose(fit.residual.noise_floor, rms, rtol=0.15)
+    np.testing.assert_allclose(plain.noise_floor, rms, rtol=0.15)
 
 
 def test_unstable_gains_are_refused_and_explained():

@@ -303,6 +303,14 @@ def test_torque_over_angle_and_its_spectrum(measurements: MeasurementSet) -> Non
     assert np.sqrt(np.trapezoid(line.y**2, line.x)) == pytest.approx(3e3 / np.sqrt(2), rel=0.05)
 
 
+def test_the_longest_segment_may_have_no_residual(measurements: MeasurementSet) -> None:
+    group = measurements.groups[0]
+    late = Namespace(time=group.segments[0].time + 100.0, residual=group.segments[0].tau)
+    result: Any = Namespace(residuals={group.name: late})
+    phase, spectrum = shape_charts(group, 0, "joint1", result)
+    assert [line.label for line in (*phase.series, *spectrum.series)] == ["measured", "measured"]
+
+
 def test_plots_are_saved_as_pictures_and_tables() -> None:
     x = np.arange(3.0)
     line = ChartSeries("torque", "#0072B2", x, np.array([0.5, -1.25, 2.0]))

@@ -45,7 +45,7 @@ class FleetTab:
             self._parameter = page.dropdown("Parameter", ("–",), lambda _: self._draw())
             self._drift = gui.add_html("")
         self._charts = ChartColumn(page.server, tab)
-        store.subscribe(Changed.OPENED, self._opened)
+        store.subscribe(Changed.OPENED, self._chosen)
 
     @property
     def _index(self) -> int:
@@ -56,9 +56,6 @@ class FleetTab:
         if not (Path(row.path) / FILE_NAME).is_file():
             raise InputError("this set is not there any more", file=row.set)
         self._store.open_path(Path(row.path), row.set)
-
-    def _opened(self) -> None:
-        self._chosen()
 
     def _chosen(self) -> None:
         """Show the chosen set and the parameters of its robot, those that drift first."""

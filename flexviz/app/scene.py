@@ -59,7 +59,7 @@ class RobotNodes:
 
     def pose(self, q: np.ndarray) -> None:
         """Take the joint positions q (n,) [rad]."""
-        poses = self._robot.link_poses(q)
+        self._poses = poses = self._robot.link_poses(q)
         for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
             pose = poses[body.link]
             handle.wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
@@ -105,16 +105,12 @@ class RobotNodes:
                 self._payload[-1].append(label)
                 self._loads.append((link, at, label))
 
-    def arcs(self, kind: str, shares: np.ndarray | None, q: np.ndarray) -> None:
-        """Draw arcs around the joints at q (n,) [rad]: shares (n,) of half a turn.
-
-        `kind` is "torque" or "deflection".
-        """
+    def arcs(self, kind: str, shares: np.ndarray | None) -> None:
+        """Draw the arcs "torque" or "deflection" around the posed joints: shares (n,) of half a turn."""
         if shares is None:
             for key in [key for key in self._arcs if key[0] == kind]:
                 self._arcs.pop(key).remove()
             return
-        poses = self._robot.link_poses(q)
         outer = kind == "torque"
         for joint, axis in enumerate(self._axes):
             if axis is None:
@@ -126,8 +122,9 @@ class RobotNodes:
                 self._arcs[key] = self._lines(f"{kind}{joint}", points, colour, ARC_WIDTH)
             else:
                 self._arcs[key].points = points
-            self._arcs[key].wxyz = tf.SO3.from_matrix(poses[axis.link][:3, :3]).wxyz
-            self._arcs[key].position = poses[axis.link][:3, 3]
+            pose = self._poses[axis.link]
+            self._arcs[key].wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
+            self._arcs[key].position = pose[:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
         """Pieces (M − 1, 2, 3) [m] of the tip's path over M joint positions (n,) [rad]."""
@@ -236,7 +233,7 @@ class Scene:
             for robot, q in zip(self.robots, positions, strict=True):
                 robot.pose(q)
             for kind, shares in zip(("torque", "deflection"), arcs, strict=True):
-                self.measured.arcs(kind, shares, positions[0])
+                self.measured.arcs(kind, shares)
 
     def shadows(self, on: bool) -> None:
         self._light.visible = on

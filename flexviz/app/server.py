@@ -21,10 +21,10 @@ from viser import _messages as messages
 
 from flexviz.app.access import Access, guarded_serve, is_loopback, limit_logs
 from flexviz.app.uploads import LARGEST_UPLOAD
+from flexviz.doctor import APP_PORT
 from flexviz.errors import InputError
 
 log = logging.getLogger("flexviz.app")
-DEFAULT_PORT = 8080
 LONGEST_TEXT = 2000
 LARGEST_INTEGER = 2**63
 UNWANTED = (
@@ -54,7 +54,7 @@ def start_server(host: str = "127.0.0.1", port: int | None = None, token: str = 
         contextlib.redirect_stdout(io.StringIO()),
     ):  # hides viser's banner
         server = viser.ViserServer(
-            host=host, port=DEFAULT_PORT if port is None else port, label="flexviz", verbose=False
+            host=host, port=APP_PORT if port is None else port, label="flexviz", verbose=False
         )
     guard_messages(server)
     return server

@@ -15,9 +15,9 @@ from flexviz.batch.rows import FleetRow, fleet_row
 from flexviz.batch.running import RunCount, result_folder, run_tasks
 from flexviz.batch.sources import BatchSet, find_sets
 from flexviz.batch.table import TABLE, read_table, write_table
-from flexviz.batch.tasks import ResultStore, TaskResult
+from flexviz.batch.tasks import ResultStore, TaskResult, code_sha256
 from flexviz.errors import InputError
-from flexviz.files import as_json, write_whole
+from flexviz.files import as_json, write_file
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 from flexviz.results import ResultDocument
 
@@ -77,10 +77,11 @@ def run_batch(
     about = {
         "format": 1,
         "flexviz": __version__,
+        "code": code_sha256(),
         "source": str(source.absolute()),
         "options": asdict(options),
     }
-    _write(out / MARKER, as_json(about))
+    write_file(out / MARKER, as_json(about))
     tasks = {one: set_task(one, options) for one in sets if not one.error}
     try:
         results, count = run_tasks(
@@ -102,15 +103,8 @@ def _publish(
     rows = tuple(fleet_row(one, keys.get(one, ""), results.get(keys.get(one, ""))) for one in sets)
     write_table(rows, out / TABLE)
     title = source.resolve().stem
-    _write(out / PAGE, summary_page(rows, title, dt.datetime.now().astimezone()))
+    write_file(out / PAGE, summary_page(rows, title, dt.datetime.now().astimezone()))
     return rows
-
-
-def _write(file: Path, text: str) -> None:
-    try:
-        write_whole(file, text.encode())
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
 
 
 def is_batch(folder: Path) -> bool:

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from flexviz.batch.sources import BatchSet
 from flexviz.batch.tasks import TaskResult
-from flexviz.results import ParameterEntry, ResultDocument
+from flexviz.results import ResultDocument
 from flexviz.wording import INERTIAL, mean_nrms
 
 DONE, FAILED, WAITING = "done", "failed", "not done"
@@ -115,12 +115,12 @@ def _done(common: dict[str, Any], result: TaskResult) -> FleetRow:
         residual_before=before,
         converged=identified.converged,
         seconds=result.seconds,
-        parameters={p.label: _value(p) for p in final.all_parameters if p.name not in INERTIAL},
+        parameters={
+            p.label: FleetValue(p.value, p.std, p.unit, p.identifiable)
+            for p in final.all_parameters
+            if p.name not in INERTIAL
+        },
     )
-
-
-def _value(p: ParameterEntry) -> FleetValue:
-    return FleetValue(p.value, p.std, p.unit, p.identifiable)
 
 
 def _errors(
@@ -134,9 +134,8 @@ def _errors(
         return first, last
     if identified.residual is None:
         return None, None
-    share = _share(
-        identified.residual.rms_validation or identified.residual.rms, identified.residual.torque_spread
-    )
+    residual = identified.residual
+    share = _share(residual.rms_validation or residual.rms, residual.torque_spread)
     return share, share
 
 

@@ -13,6 +13,7 @@ from flexviz.batch.cluster import ClusterChoice, spread
 from flexviz.batch.tasks import BatchTask, ResultStore, TaskResult, failed
 from flexviz.batch.working import perform
 from flexviz.errors import InputError
+from flexviz.files import named_errors
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
 
 
@@ -83,10 +84,8 @@ def result_folder(folder: Path, marker: str, names: Sequence[str]) -> ResultStor
     if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
         message = f"is not empty and has no {marker}, expected a new folder or the results of an earlier run"
         raise InputError(message, file=folder)
-    try:
+    with named_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot be made ({error.strerror or error})", file=folder) from None
     store = ResultStore(folder)
     store.clean()
     for name in names:  # refuse before the work, not after it

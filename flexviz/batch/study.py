@@ -17,8 +17,8 @@ from flexviz.batch.cluster import ClusterChoice
 from flexviz.batch.running import RunCount, result_folder, run_tasks
 from flexviz.batch.study_page import study_page
 from flexviz.batch.study_plan import StudyPlan, StudyRun, is_right, run_of, study_tasks
-from flexviz.errors import InputError
-from flexviz.files import as_json, write_whole
+from flexviz.batch.tasks import code_sha256
+from flexviz.files import as_json, write_file
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
 
 MARKER, TABLE = "study.json", "runs.parquet"
@@ -63,13 +63,14 @@ def run_study(
     out = Path(out)
     tasks = list(study_tasks(plan))
     store = result_folder(out, MARKER, (MARKER, TABLE, "summary.html"))
-    _write(out / MARKER, as_json({"format": 1, "flexviz": __version__, "plan": asdict(plan)}).encode())
+    about = {"format": 1, "flexviz": __version__, "code": code_sha256(), "plan": asdict(plan)}
+    write_file(out / MARKER, as_json(about))
     options: dict[str, Any] = {"retry": retry, "progress": progress, "should_stop": should_stop, "note": note}
     results, count = run_tasks(tasks, store, where, **options)
     runs = tuple(run_of(i, task, results.get(task.key)) for i, task in enumerate(tasks, 1))
-    _write(out / TABLE, table_bytes(plan, runs))
+    write_file(out / TABLE, table_bytes(plan, runs))
     page = study_page(plan, runs, dt.datetime.now().astimezone())
-    _write(out / "summary.html", page.encode())
+    write_file(out / "summary.html", page)
     return StudyOutcome(out, plan, runs, count)
 
 
@@ -90,10 +91,3 @@ def table_bytes(plan: StudyPlan, runs: Sequence[StudyRun]) -> bytes:
     buffer = io.BytesIO()
     papq.write_table(table, buffer, compression="zstd")
     return buffer.getvalue()
-
-
-def _write(file: Path, content: bytes) -> None:
-    try:
-        write_whole(file, content)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None

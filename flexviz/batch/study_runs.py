@@ -6,7 +6,6 @@ import tempfile
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from flexviz.wording import INERTIAL, mean_nrms
 
 MARGIN = 1.0  # [s] beside a block of a bootstrap, for the ends that an observer needs
 NOTHING = "none"
+CHOSEN = ("observer", "bandwidth", "refine")  # of what `identify` is told
 
 
 def simulated_run(what: Json, where: Json) -> Json:
@@ -29,11 +29,6 @@ def simulated_run(what: Json, where: Json) -> Json:
     with tempfile.TemporaryDirectory() as folder:
         measurements, truth = _simulated(what, where, Path(folder) / "set")
         return {**_outcome(measurements, what), "truth": truth}
-
-
-def detection_run(what: Json, where: Json) -> Json:
-    """Hide an effect of one size, and look for what is missing."""
-    return simulated_run({**what, "diagnosed": True}, where)
 
 
 def resampled_run(what: Json, where: Json) -> Json:
@@ -51,36 +46,19 @@ def sweep_run(what: Json, where: Json) -> Json:
 
 def _outcome(measurements: MeasurementSet, what: Json) -> Json:
     """Values with standard errors, error relative to the torque, verdict and effects found."""
-    chosen: dict[str, Any] = {name: what[name] for name in ("bandwidth", "refine")}
-    effects = tuple(what.get("effects") or ())
-    result = identify(measurements, effects=effects, observer=what["observer"], **chosen)
-    parameters, out = result.parameters, _errors(measurements, result.residual)
+    effects = tuple(what["effects"])
+    result = identify(measurements, effects=effects, **{name: what[name] for name in CHOSEN})
+    rms, parameters = result.residual.rms_validation or result.residual.rms, result.parameters
+    out: Json = {"converged": bool(result.converged), "residual": mean_nrms(rms, measurements.torque_spread)}
     if what.get("diagnosed"):
         extended = replace(measurements, effects=(*measurements.effects, *effects))
         document = diagnose(extended, apply=True).document()
         parameters = document.all_parameters
         out |= {"verdict": document.verdict, "final_verdict": document.final_verdict}
         out["found"] = [step.added.text for step in document.steps if step.added is not None]
-    out["parameters"] = {
-        ":".join(filter(None, (p.name, p.joint, p.payload, p.group))): [
-            p.value,
-            p.std,
-            p.unit,
-            p.identifiable,
-        ]
-        for p in parameters
-        if p.name not in INERTIAL
-    }
-    return out | {"converged": bool(result.converged)}
-
-
-def _label(*parts: str | None) -> str:
-    return ":".join(part for part in parts if part)
-
-
-def _errors(measurements: MeasurementSet, residual: Any) -> Json:
-    rms = residual.rms if residual.rms_validation is None else residual.rms_validation
-    return {"residual": mean_nrms(list(map(float, rms)), measurements.torque_spread)}
+    known = (p for p in parameters if p.name not in INERTIAL)
+    out["parameters"] = {p.label: [p.value, p.std, p.unit, p.identifiable] for p in known}
+    return out
 
 
 def _simulated(what: Json, where: Json, folder: Path) -> tuple[MeasurementSet, dict[str, float]]:
@@ -89,9 +67,8 @@ def _simulated(what: Json, where: Json, folder: Path) -> tuple[MeasurementSet, d
     noisy = simulate_plan(plan, seed) if plan.sensors.feedback else record(plan, runs, seed)
     write_plan(plan, noisy, folder, seed)
     truth = truth_values(read_json(folder / "truth.json"))
-    return read_set(folder, logged=False), {
-        _label(*key): value for key, value in truth.items() if key[0] not in INERTIAL
-    }
+    known = {":".join(filter(None, key)): value for key, value in truth.items() if key[0] not in INERTIAL}
+    return read_set(folder, logged=False), known
 
 
 @lru_cache(maxsize=2)

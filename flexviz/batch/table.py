@@ -15,7 +15,7 @@ import pyarrow.parquet as papq
 from flexviz import __version__
 from flexviz.batch.rows import FleetRow, FleetValue
 from flexviz.errors import InputError
-from flexviz.files import write_whole
+from flexviz.files import write_file
 from flexviz.limits import check_numbers, check_size
 
 TABLE = "results.parquet"
@@ -60,10 +60,7 @@ def write_table(rows: Sequence[FleetRow], file: Path) -> None:
     schema = pa.schema(heads, metadata={MARK: json.dumps({"format": 1, "flexviz": __version__}).encode()})
     buffer = io.BytesIO()
     papq.write_table(pa.Table.from_arrays(columns, schema=schema), buffer, compression="zstd")
-    try:
-        write_whole(file, buffer.getvalue())
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
+    write_file(file, buffer.getvalue())
 
 
 def read_table(file: Path) -> list[FleetRow]:

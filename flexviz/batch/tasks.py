@@ -1,7 +1,7 @@
 """Tasks of a batch and their kept results.
 
 A task is named by the SHA-256 of everything that determines its result: kind, content of the data, options,
-version of flexviz. Its result is one file of that name, written completely or not at all, so that a run can
+flexviz's own files. Its result is one file of that name, written completely or not at all, so that a run can
 end at any time, go on later, and count nothing twice.
 """
 
@@ -10,20 +10,29 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from flexviz import __version__
 from flexviz.errors import InputError, one_line
-from flexviz.files import as_json, remove_parts, write_whole
+from flexviz.files import as_json, named_errors, remove_parts, sha256_of, write_whole
 from flexviz.limits import read_json
 
 Json = dict[str, Any]
 FORMAT = 1
 KEPT = "done"  # folder of the results
 LARGEST_RESULT = 50_000_000  # [bytes] of one of them
+
+
+@cache
+def code_sha256() -> str:
+    """SHA-256 of flexviz's own files: after a change of the program no earlier result counts."""
+    found, package = hashlib.sha256(), Path(__file__).parents[1]
+    for file in sorted(package.rglob("*.py")):
+        found.update(f"{file.relative_to(package).as_posix()} {sha256_of(file)};".encode())
+    return found.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -45,12 +54,13 @@ class BatchTask:
     @property
     def key(self) -> str:
         """Its name: hexadecimal SHA-256."""
-        named = {"kind": self.kind, "what": self.what, "flexviz": __version__}
+        named = {"kind": self.kind, "what": self.what, "code": code_sha256()}
         return hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()
 
     def text(self) -> str:
         """What a worker is told."""
-        return json.dumps({"kind": self.kind, "key": self.key, "what": self.what, "where": self.where})
+        told = {"kind": self.kind, "key": self.key, "what": self.what, "where": self.where}
+        return json.dumps({**told, "code": code_sha256()})
 
 
 class TaskResult(BaseModel):
@@ -96,11 +106,9 @@ class ResultStore:
     def put(self, result: TaskResult) -> None:
         """Keep a result."""
         file = self.file(result.key)
-        try:
+        with named_errors(file):
             file.parent.mkdir(parents=True, exist_ok=True)
             write_whole(file, as_json(result.model_dump()).encode())
-        except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
 
     def clean(self) -> None:
         """Remove what a killed run has left half written."""

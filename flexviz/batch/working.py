@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable
 
 from flexviz.batch.analysis import analyse_set
-from flexviz.batch.study_runs import detection_run, resampled_run, simulated_run, sweep_run
-from flexviz.batch.tasks import Json, TaskResult, failed
+from flexviz.batch.study_runs import resampled_run, simulated_run, sweep_run
+from flexviz.batch.tasks import Json, TaskResult, code_sha256, failed
 from flexviz.errors import FlexvizError, InputError
 
 log = logging.getLogger("flexviz.batch")
@@ -19,7 +19,7 @@ KINDS: dict[str, Callable[[Json, Json], Json]] = {
     "monte-carlo": simulated_run,
     "bootstrap": resampled_run,
     "bandwidth": sweep_run,
-    "detection": detection_run,
+    "detection": simulated_run,
 }
 
 
@@ -31,6 +31,8 @@ def perform(text: str) -> str:
     key, began, cpu = task["key"], time.perf_counter(), time.process_time()
     with threadpool_limits(1):  # small matrices: the workers are the parallel part
         try:
+            if task["code"] != code_sha256():
+                raise FlexvizError("the worker has other files of flexviz than the program that was called")
             done = TaskResult(key=key, result=KINDS[task["kind"]](task["what"], task["where"]))
         except FlexvizError as error:
             done = failed(key, str(error), lasting=isinstance(error, InputError))

@@ -19,6 +19,7 @@ from flexviz.cli.options import (
 )
 from flexviz.cli.terminal import Reporter, interruptible
 from flexviz.errors import InputError
+from flexviz.files import write_file
 
 if TYPE_CHECKING:
     from flexviz.diagnosis import Diagnosis
@@ -111,7 +112,7 @@ def write_draft(result: Diagnosis, file: Path) -> None:
     if draft is None:
         terminal.note("note: no effect is drafted: there is no free curve that resembles a simple law")
         return
-    terminal.write_file(file, draft.content)
+    write_file(file, draft.content)
     name = draft.name.removesuffix(".py")
     terminal.note(
         f"{file}: {draft.form.text}; to fit it: --effect {name}:{draft.joint} --effects-from {file}"

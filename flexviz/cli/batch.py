@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from flexviz.cli import terminal
-from flexviz.cli.options import IdentificationOptions, parse_bandwidth
+from flexviz.cli.options import IdentificationOptions, WorkOptions, parse_bandwidth
 from flexviz.cli.terminal import Reporter, interruptible
 from flexviz.errors import InputError
 
@@ -19,19 +19,6 @@ if TYPE_CHECKING:
 OutOption = Annotated[
     Path, typer.Option(metavar="RESULTS", help="Folder for the results: new, or that of an earlier run.")
 ]
-WorkersOption = Annotated[int, typer.Option(metavar="N", min=1, help="Local processes.")]
-SchedulerOption = Annotated[
-    str,
-    typer.Option(
-        metavar="tcp://HOST:PORT",
-        help="Scheduler of a running dask cluster, instead of local processes. Its network must be trusted; "
-        "tls:// with certificates otherwise.",
-    ),
-]
-PatienceOption = Annotated[
-    float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler, in s.")
-]
-RetryOption = Annotated[bool, typer.Option("--retry", help="Also do again what failed in an earlier run.")]
 
 
 def batch(
@@ -45,6 +32,7 @@ def batch(
     ],
     out: OutOption,
     options: IdentificationOptions,
+    work: WorkOptions,
     diagnose: bool = typer.Option(
         True, "--diagnose/--no-diagnose", help="Look for missing effects, add them, and refit."
     ),
@@ -54,37 +42,38 @@ def batch(
         min=0.0,
         help="Seconds after which a diagnosis ends with what it has found; 0: none.",
     ),
-    workers: WorkersOption = 2,
-    scheduler: SchedulerOption = "",
-    patience: PatienceOption = 60.0,
-    retry: RetryOption = False,
 ) -> int:
     """Identify and diagnose many measurement sets; go on where an earlier run ended."""
     from flexviz.batch import ClusterChoice, SetOptions, run_batch
-    from flexviz.observers import make_observer
 
-    if options.group:
-        raise InputError("--group: sets of a batch are fitted as they say themselves")
-    bandwidth = parse_bandwidth(options.bandwidth)
-    make_observer(options.observer, bandwidth)
-    what = SetOptions(
-        effects=tuple(options.effect or ()),
-        observer=options.observer,
-        bandwidth=tuple(bandwidth) if isinstance(bandwidth, list) else bandwidth,
-        refine=options.refine,
-        diagnosed=diagnose,
-        limit=limit,
-    )
-    where = ClusterChoice(workers, scheduler, patience)
+    what = SetOptions(**of_every_set(options), diagnosed=diagnose, limit=limit)
+    where = ClusterChoice(work.workers, work.scheduler, work.patience)
     with Reporter(f"reading {source}") as report, interruptible("finished sets are kept") as should_stop:
         done = run_batch(
             source, out, what, where,
-            retry=retry, progress=report, should_stop=should_stop, note=terminal.note,
+            retry=work.retry, progress=report, should_stop=should_stop, note=terminal.note,
         )  # fmt: skip
     terminal.print_lines(lines(done))
     if not done.complete:
         return 130
     return 1 if any(row.state == "failed" for row in done.rows) else 0
+
+
+def of_every_set(options: IdentificationOptions) -> dict[str, Any]:
+    """What the identification of every set is told; InputError for what only a single one can be told."""
+    from flexviz.observers import make_observer
+
+    if options.group or options.gains:
+        name = "group" if options.group else "gains"
+        raise InputError(f"--{name}: only of flexviz identify; here all sets are identified alike")
+    bandwidth = parse_bandwidth(options.bandwidth)
+    make_observer(options.observer, bandwidth)
+    return {
+        "effects": tuple(options.effect or ()),
+        "observer": options.observer,
+        "bandwidth": tuple(bandwidth) if isinstance(bandwidth, list) else bandwidth,
+        "refine": options.refine,
+    }
 
 
 def lines(done: BatchOutcome) -> list[str]:
@@ -112,6 +101,7 @@ def study(
     ],
     out: OutOption,
     options: IdentificationOptions,
+    work: WorkOptions,
     runs: int = typer.Option(100, metavar="N", min=1, help="Seeds; of detection for each size."),
     at: list[float] | None = typer.Option(
         None, "--at", metavar="X", help="A bandwidth in rad/s, or a size of the effect; repeat for more."
@@ -125,33 +115,18 @@ def study(
     start: str = typer.Option("rest", metavar="rest|moving", help="How a simulated motion starts."),
     block: float = typer.Option(2.0, metavar="S", help="Length of the blocks of a bootstrap, in s."),
     diagnose: bool = typer.Option(False, "--diagnose", help="Of monte-carlo: also diagnose each run."),
-    workers: WorkersOption = 2,
-    scheduler: SchedulerOption = "",
-    patience: PatienceOption = 60.0,
-    retry: RetryOption = False,
 ) -> int:
     """Repeat an analysis: noise seeds, resampled data, bandwidths, or sizes of a hidden effect."""
     from flexviz.batch import ClusterChoice, StudyPlan, run_study
-    from flexviz.observers import make_observer
 
-    if options.group:
-        raise InputError("--group: a study fits the groups that the set says")
-    bandwidth = parse_bandwidth(options.bandwidth)
-    make_observer(options.observer, bandwidth)
     plan = StudyPlan(
         kind, source, runs, tuple(hide or ()), parameter, tuple(at or ()),
-        effects=tuple(options.effect or ()),
-        observer=options.observer,
-        bandwidth=tuple(bandwidth) if isinstance(bandwidth, list) else bandwidth,
-        refine=options.refine,
-        diagnosed=diagnose,
-        start=start,
-        block=block,
+        **of_every_set(options), diagnosed=diagnose, start=start, block=block,
     )  # fmt: skip
-    where = ClusterChoice(workers, scheduler, patience)
+    where = ClusterChoice(work.workers, work.scheduler, work.patience)
     with Reporter(f"study of {source}") as report, interruptible("finished runs are kept") as should_stop:
         done = run_study(
-            plan, out, where, retry=retry, progress=report, should_stop=should_stop, note=terminal.note
+            plan, out, where, retry=work.retry, progress=report, should_stop=should_stop, note=terminal.note
         )
     terminal.print_lines(study_lines(done))
     return 130 if not done.complete else 1 if done.count.failed else 0

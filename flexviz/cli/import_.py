@@ -11,7 +11,7 @@ import typer
 from flexviz.cli import terminal
 from flexviz.cli.options import FormatOption, JsonOption
 from flexviz.errors import InputError
-from flexviz.files import write_whole
+from flexviz.files import write_file
 from flexviz.statistics import NORMAL_95
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) ->
     """Write the drafted mapping if requested; print what was seen, and the mapping where it is the result."""
     draft, text = inspection.draft, inspection.draft.text(file)
     if file is not None:
-        write_whole(file, text.encode())
+        write_file(file, text)
     terminal.print_lines([*draft.seen, *(f"looks {s.severity}: {s}" for s in inspection.issues)])
     if file is None and (draft.missing or checked_only):
         print(text, end="")

@@ -6,7 +6,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
@@ -94,22 +94,45 @@ class IdentificationOptions:
         }
 
 
-def with_shared_options(command: Callable[..., int], own_effects: bool = True) -> Callable[..., int]:
-    """The command with its parameter `options` as `IdentificationOptions`' fields, and `--effects-from`.
+@dataclass(frozen=True)
+class WorkOptions:
+    """Where many tasks run, and what is done again."""
 
-    Without `own_effects` it has no `--effects-from`: its work is done by other processes.
+    workers: Annotated[int, typer.Option(metavar="N", min=1, help="Local processes.")] = 2
+    scheduler: Annotated[
+        str,
+        typer.Option(
+            metavar="tcp://HOST:PORT",
+            help="Scheduler of a running dask cluster, instead of local processes. Its network must be "
+            "trusted; tls:// with certificates otherwise.",
+        ),
+    ] = ""
+    patience: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler, in s.")
+    ] = 60.0
+    retry: Annotated[bool, typer.Option("--retry", help="Also do again what failed in an earlier run.")] = (
+        False
+    )
+
+
+def with_shared_options(command: Callable[..., int], own_effects: bool = True) -> Callable[..., int]:
+    """The command with the fields of `IdentificationOptions` or `WorkOptions` in place of such a parameter.
+
+    It also gets `--effects-from` unless its work is done by other processes, without `own_effects`.
     """
-    hints = get_type_hints(IdentificationOptions, include_extras=True)
-    options = {field.name: field.default for field in fields(IdentificationOptions)}
     signature = inspect.signature(command, eval_str=True)
     kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
     parameters: list[inspect.Parameter] = []
+    shared: dict[str, Any] = {}
     for parameter in signature.parameters.values():
-        if parameter.name != "options":
+        if not is_dataclass(options := parameter.annotation):
             parameters.append(parameter)
             continue
-        for name, default in options.items():
-            parameters.append(inspect.Parameter(name, kind, default=default, annotation=hints[name]))
+        shared[parameter.name], hints = options, get_type_hints(options, include_extras=True)
+        for field in fields(options):
+            parameters.append(
+                inspect.Parameter(field.name, kind, default=field.default, annotation=hints[field.name])
+            )
     if own_effects:
         parameters.append(inspect.Parameter("effects_from", kind, default=None, annotation=EffectsFromOption))
 
@@ -120,10 +143,9 @@ def with_shared_options(command: Callable[..., int], own_effects: bool = True) -
 
             for file in effects_from:
                 load_effects(file)
-        if "options" in signature.parameters:
-            given = {name: values.pop(name) for name in options}
-            chosen = {name: value for name, value in given.items() if value != []}
-            values["options"] = IdentificationOptions(**chosen)
+        for name, options in shared.items():
+            given = {field.name: values.pop(field.name) for field in fields(options)}
+            values[name] = options(**{key: value for key, value in given.items() if value != []})
         return command(**values)
 
     run.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, Self
 
 from flexviz.errors import InputError, choose_from
-from flexviz.files import as_json, write_whole
+from flexviz.files import as_json, write_file
 from flexviz.progress import Progress, StopCallback
 
 if TYPE_CHECKING:
@@ -61,14 +61,6 @@ def write_json(path: Path | None, data: Any) -> None:
     """Write JSON atomically, if a file is named; NaN and infinities become null."""
     if path is not None:
         write_file(path, as_json(data))
-
-
-def write_file(path: Path, text: str) -> None:
-    """Write a text atomically; InputError names a file that cannot be written."""
-    try:
-        write_whole(path, text.encode())
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
 
 
 def check_output_file(path: Path | None, suffix: str = "") -> None:

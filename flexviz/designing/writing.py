@@ -15,7 +15,7 @@ from flexviz.designing.run import Design
 from flexviz.designing.subject import Planned
 from flexviz.designing.summary import summary_lines
 from flexviz.errors import InputError
-from flexviz.files import as_json, whole_folder
+from flexviz.files import as_json, named_errors, whole_folder
 from flexviz.simulation import Fourier
 
 Array = NDArray[np.float64]
@@ -44,12 +44,9 @@ def write_design(design: Design, folder: str | Path) -> Path:
     """
     path = Path(folder)
     check_folder(path)
-    try:
-        with whole_folder(path.absolute()) as new:
-            for name, content in design_files(design).items():
-                (new / name).write_text(content, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=path) from None
+    with named_errors(path), whole_folder(path.absolute()) as new:
+        for name, content in design_files(design).items():
+            (new / name).write_text(content, encoding="utf-8")
     return path
 
 

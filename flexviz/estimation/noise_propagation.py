@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS
 from flexviz.equation import Layout, LinkTerms
+from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
 Transfer = Callable[[Array, int], Array]  # (ω, k) → complex gain to the k-th derivative
@@ -41,6 +42,15 @@ class NoisePath:
     def rows(self, rows: slice) -> NoisePath:
         """The path at some of the samples."""
         return replace(self, matrices=self.matrices[:, rows])
+
+    def by_bandwidth(self, observer: Observer) -> Iterator[tuple[NoisePath, Observer]]:
+        """The path of the sensors of each bandwidth, with the observer of these sensors' signals."""
+        widths = observer.bandwidth_of(self.matrices.shape[2])[self.joints]
+        for width in np.unique(widths):
+            kept = widths == width
+            one = observer.for_bandwidth(float(width))
+            path = replace(self, joints=self.joints[kept], matrices=self.matrices[..., kept])
+            yield path, one.torque if self.sensor == TAU else one
 
     def variance(self, noise: tuple[Array, Array]) -> Array:
         """Variance of the raw samples, shape (m,), from standard deviations of θ and τ, shape (n,) each."""

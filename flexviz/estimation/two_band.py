@@ -23,7 +23,6 @@ from flexviz.equation import (
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
 from flexviz.estimation.noise_propagation import (
-    TAU,
     NoisePath,
     instrument_paths,
     noise_paths,
@@ -278,11 +277,11 @@ def residual_noise(
 ) -> Array:
     """Mean variance of the residual due to white noise (σ_θ, σ_τ), shape (n,) [Nm²]."""
     total = np.zeros(layout.n)
-    for path in noise_paths(layout, x, link):
-        for block in signals.blocks:
-            raw = block.segment.step
-            observer = signals.observer.torque if path.sensor == TAU else signals.observer
-            kernel = noise_kernel(observer, raw, raw, path, 0)
-            cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
-            total += np.einsum("tii->i", cov[0])
+    for whole in noise_paths(layout, x, link):
+        for path, observer in whole.by_bandwidth(signals.observer):
+            for block in signals.blocks:
+                raw = block.segment.step
+                kernel = noise_kernel(observer, raw, raw, path, 0)
+                cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
+                total += np.einsum("tii->i", cov[0])
     return total / signals.count

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import io
 import json
-import re
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
@@ -47,14 +47,9 @@ def curve_files(identified: IdentifiedRobot) -> dict[str, bytes]:
         first = "speed" if curve.variable == "velocity" else curve.variable
         lines = [",".join((first, *names))]
         lines += [",".join(f"{v:.9g}" for v in row) for row in zip(at, *torque, strict=True)]
-        name = f"{effect.effect}_{file_name(effect.joint or '')}.csv"
-        out[name] = ("\n".join(lines) + "\n").encode()
+        joint = quote(effect.joint or "", safe="")  # names that differ keep files that differ
+        out[f"{effect.effect}_{joint}.csv"] = ("\n".join(lines) + "\n").encode()
     return out
-
-
-def file_name(joint: str) -> str:
-    """A joint's name as part of a file name."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", joint)
 
 
 def yaml_parameters(identified: IdentifiedRobot) -> FormatFiles:

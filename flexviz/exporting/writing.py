@@ -13,7 +13,7 @@ from flexviz.exporting.identified import FormatFiles, IdentifiedRobot, identifie
 from flexviz.exporting.mjcf import mjcf
 from flexviz.exporting.parameters import json_parameters, yaml_parameters
 from flexviz.exporting.urdf import urdf
-from flexviz.files import whole_folder
+from flexviz.files import named_errors, whole_folder
 from flexviz.measurements import check_free
 
 if TYPE_CHECKING:
@@ -77,13 +77,10 @@ def write(identified: IdentifiedRobot, folder: str | Path, formats: Sequence[str
     chosen = check_formats(formats)
     folder = check_folder(folder)
     made = {name: FORMATS[name](identified) for name in chosen}
-    try:
-        with whole_folder(folder) as new:
-            for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):
-                (new / name).parent.mkdir(parents=True, exist_ok=True)
-                (new / name).write_bytes(content)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
+    with named_errors(folder), whole_folder(folder) as new:
+        for name, content in ((n, c) for files in made.values() for n, c in files.contents.items()):
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
+            (new / name).write_bytes(content)
     return Exported(
         folder,
         {name: tuple(folder / file for file in files.contents) for name, files in made.items()},

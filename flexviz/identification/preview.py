@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Equation, build_signals, layout_of
-from flexviz.estimation import TAU, noise_density, noise_paths
+from flexviz.estimation import noise_density, noise_paths
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
 from flexviz.noise import segments_noise
@@ -81,20 +81,13 @@ class ResidualPreview:
     def noise_floor(self, observer: Observer) -> Array:
         """The rms residual due to measurement noise alone, shape (n,) [Nm]."""
         step = self._group.segments[0].step
-        bandwidths = observer.bandwidth_of(self._layout.n)
-        density = np.zeros(self._layout.n)
-        for bandwidth in np.unique(bandwidths):
-            one = observer.for_bandwidth(float(bandwidth))
-            first = LOWEST_FREQUENCY * bandwidth / (2 * np.pi)
+        power = np.zeros(self._layout.n)
+        for path, one in (part for whole in self._paths for part in whole.by_bandwidth(observer)):
+            first = LOWEST_FREQUENCY * one.bandwidth_of(1)[0] / (2 * np.pi)
             hertz = np.r_[0.0, np.geomspace(first, 0.5 / step, FLOOR_FREQUENCIES)]
-            for path in self._paths:
-                joints = np.flatnonzero(bandwidths[path.joints] == bandwidth)
-                mine = replace(path, joints=path.joints[joints], matrices=path.matrices[..., joints])
-                transfer = one.torque.transfer if path.sensor == TAU else one.transfer
-                density += np.trapezoid(
-                    noise_density([mine], self._noise, transfer, step, hertz), hertz, axis=0
-                )
-        return np.sqrt(density)
+            density = noise_density([path], self._noise, one.transfer, step, hertz)
+            power += np.trapezoid(density, hertz, axis=0)
+        return np.sqrt(power)
 
 
 def _is_fine(key: object) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flexviz.errors import InputError
-from flexviz.files import whole_folder
+from flexviz.files import named_errors, whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
 from flexviz.importing.formats import LogSource, open_run
@@ -131,18 +131,16 @@ def import_logs(
     done = Imported(None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), ())
     if done.wrong and not accept:
         return done
-    try:
-        with whole_folder(target) if target else TemporaryDirectory(prefix="flexviz-import-") as new:
-            progress(Progress("writing", 0.0))
-            check_stop(should_stop)
-            notes = write_groups(Path(new), mapping, robot, payloads, groups, table_format)
-            measurements = read_back(Path(new), target or Path(file.stem))
-            delay = None
-            if not any(issue.kind in ABOUT_UNITS for issue in found):
-                delay = torque_delay(measurements, progress, should_stop)
-            check_stop(should_stop)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=target) from None
+    place = whole_folder(target) if target else TemporaryDirectory(prefix="flexviz-import-")
+    with named_errors(target), place as new:
+        progress(Progress("writing", 0.0))
+        check_stop(should_stop)
+        notes = write_groups(Path(new), mapping, robot, payloads, groups, table_format)
+        measurements = read_back(Path(new), target or Path(file.stem))
+        delay = None
+        if not any(issue.kind in ABOUT_UNITS for issue in found):
+            delay = torque_delay(measurements, progress, should_stop)
+        check_stop(should_stop)
     late = delay_issues(delay, measurements) if delay is not None else []
     warnings = (*notes, *measurements.warnings)
     return replace(done, folder=target, delay=delay, issues=(*found, *late), warnings=warnings)

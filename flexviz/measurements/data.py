@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.errors import InputError, choose_from
-from flexviz.files import sha256_of
+from flexviz.files import named_errors, sha256_of
 from flexviz.measurements.schema import FILE_NAME
 from flexviz.robot import PayloadBody, Robot, is_library_robot
 
@@ -262,11 +262,9 @@ def require_unchanged(measurements: MeasurementSet) -> None:
 
 def _of(folder: Path, name: str) -> FileHash:
     file = folder / name
-    try:
+    with named_errors(file, "read"):
         status = file.stat()
         return FileHash(name, _sha256(file, status.st_mtime_ns, status.st_size), status.st_size)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", file=file) from None
 
 
 @lru_cache(maxsize=512)

@@ -17,7 +17,7 @@ import pyarrow.parquet as papq
 
 from flexviz import toml
 from flexviz.errors import InputError
-from flexviz.files import whole_folder
+from flexviz.files import named_errors, whole_folder
 from flexviz.measurements.data import OPTIONAL_SIGNALS, Array, Group
 from flexviz.measurements.schema import FILE_NAME, FORMAT, parse
 from flexviz.schemas import first_repeated
@@ -108,11 +108,8 @@ def write_set(
         "groups": [group_entry(group, table_format) for group in groups],
     }
     parse(document, folder / FILE_NAME)  # what could not be read back is not written
-    try:
-        with whole_folder(folder) as new:
-            fill_folder(new, document, groups, files or {}, single)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
+    with named_errors(folder), whole_folder(folder) as new:
+        fill_folder(new, document, groups, files or {}, single)
     return folder
 
 

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,7 @@ class Observer(ABC):
         return np.broadcast_to(self._bandwidth, (joints,)).astype(float)
 
     @property
-    def torque(self) -> "Observer":
+    def torque(self) -> Self:
         """The observer of τ; another one only if its gains differ from those of θ."""
         return self
 
@@ -101,15 +101,9 @@ class Observer(ABC):
 
     @abstractmethod
     def derivatives(
-        self,
-        y: Array,
-        step: float,
-        count: int,
-        *,
-        position: bool = False,
-        delay: float = 0.0,
-        stride: int = 1,
-    ) -> Array:
+        self, y: Array, step: float, count: int, *,
+        position: bool = False, delay: float = 0.0, stride: int = 1,
+    ) -> Array:  # fmt: skip
         """Smoothed derivatives 0 … count−1 of a signal.
 
         Args:

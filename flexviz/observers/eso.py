@@ -82,16 +82,11 @@ class _PoleObserver(Observer):
         return combine(cascade(y, step, w), scaled)
 
     def derivatives(
-        self,
-        y: Array,
-        step: float,
-        count: int,
-        *,
-        position: bool = False,
-        delay: float = 0.0,
-        stride: int = 1,
-    ) -> Array:
-        return self._states(shifted(y, step, delay), step, range(count))[:, ::stride]
+        self, y: Array, step: float, count: int, *,
+        position: bool = False, delay: float = 0.0, stride: int = 1,
+    ) -> Array:  # fmt: skip
+        own = self if position else self.torque
+        return own._states(shifted(y, step, delay), step, range(count))[:, ::stride]
 
 
 class CausalEso(_PoleObserver):
@@ -141,20 +136,6 @@ class CausalEso(_PoleObserver):
         if self._filter is None:
             return super()._filtered(y, step, w, orders)
         return self._filter.states(y, step, w, orders)
-
-    def derivatives(
-        self,
-        y: Array,
-        step: float,
-        count: int,
-        *,
-        position: bool = False,
-        delay: float = 0.0,
-        stride: int = 1,
-    ) -> Array:
-        if not position and self._torque is not self:
-            return self._torque.derivatives(y, step, count, position=True, delay=delay, stride=stride)
-        return super().derivatives(y, step, count, delay=delay, stride=stride)
 
     def disturbance(self, theta: Array, step: float) -> Array:
         return self._states(theta, step, range(ORDER - 1, ORDER))[0]

@@ -81,15 +81,9 @@ class ZeroPhaseObserver(Observer):
         return self.memory(), self.memory()
 
     def derivatives(
-        self,
-        y: Array,
-        step: float,
-        count: int,
-        *,
-        position: bool = False,
-        delay: float = 0.0,
-        stride: int = 1,
-    ) -> Array:
+        self, y: Array, step: float, count: int, *,
+        position: bool = False, delay: float = 0.0, stride: int = 1,
+    ) -> Array:  # fmt: skip
         # samples are taken from a grid fine enough for the pass band: truncating a spectrum that is amplified
         # by powers of ω would cause ringing over the whole segment
         inner, band = 1, self.cutoff(count - 1)

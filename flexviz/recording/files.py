@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from flexviz.errors import InputError
-from flexviz.files import PART, write_whole
+from flexviz.files import PART, named_errors, write_whole
 from flexviz.recording.reading import Recorded, check_recording, sidecar
 from flexviz.recording.viewers import rerun_program
 
@@ -39,12 +39,10 @@ class Target:
         self.file = file
         self.part = beside(file, "unfinished") if file.exists() else file
         self.now = hidden(self.part)
-        try:
+        with named_errors(file):
             remove_leftovers(file)
             self.now.touch()
             sidecar(self.part).unlink(missing_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror or error})", file=file) from None
 
     def appear(self) -> None:
         """Make the file visible; it stays open."""

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexviz.errors import Cancelled, ConvergenceError, InputError
+from flexviz.errors import Cancelled, ConvergenceError
+from flexviz.files import named_errors
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
@@ -109,10 +110,8 @@ def recording_file(
     file = RecordingFile(recorder, progress, should_stop)
 
     def finish(complete: bool) -> Recorded | None:
-        try:
+        with named_errors(target.part):
             return recorder.finish(complete)
-        except OSError as error:
-            raise InputError(f"cannot be written ({error.strerror or error})", file=target.part) from None
 
     try:
         with ending_tidily():

@@ -83,9 +83,8 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
                 yield f"     {tie.would_separate}"
         if first.inseparable_from and rank == 1:
             tie = first.inseparable_from[0]
-            pair = (first, EffectValue(tie.effect, tie.joint))
-            texts = [EffectValue(e.effect, e.joint, {}, e.group, e.payload).text for e in pair]
-            options = " ".join(f"--separate {text}" for text in texts)
+            pair = first.text, EffectValue(tie.effect, tie.joint).text
+            options = " ".join(f"--separate {text}" for text in pair)
             yield f"     the motion that would decide: flexviz design SET {options} --out DIR"
         return
     yield (

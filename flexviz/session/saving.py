@@ -24,7 +24,7 @@ from typing import Any
 from flexviz import __version__
 from flexviz.effects import loaded_files
 from flexviz.errors import InputError
-from flexviz.files import remove_parts, sha256_of, whole_folder, write_whole
+from flexviz.files import named_errors, remove_parts, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
 from flexviz.session.packing import FOLDER, Packer, remove_others, write_arrays
@@ -53,7 +53,7 @@ def save_session(
     renewed = (folder / SESSION_FILE).is_file() or folder.resolve() == measurements.path.resolve()
     if not renewed and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError("exists and is not empty, expected a new folder", file=folder)
-    try:
+    with named_errors(folder, "saved"):
         if renewed:
             _same_set(folder, measurements)
             with locked(folder):
@@ -65,8 +65,6 @@ def save_session(
             if carry:
                 shutil.copytree(measurements.path, new, ignore=LEFT_OUT, dirs_exist_ok=True)
             _write(session, measurements, new, folder)
-    except OSError as error:
-        raise InputError(f"cannot be saved ({error.strerror or error})", file=folder) from None
     remember(folder, stamp_of(folder))
     return folder
 

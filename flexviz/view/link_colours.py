@@ -107,13 +107,13 @@ def joints_html(
     """Error, torque and deflection of every joint at one instant [s], and the ends of its arcs."""
     torque, deflection = motion.loads(time)
     torque_end, deflection_end = motion.half_turns
+    colours = [COLOURS.body] * len(joints) if found is None else found.colours
     rows = []
     for index, (name, full) in enumerate(zip(short_names(joints), joints, strict=True)):
-        colour = css(COLOURS.body if found is None else found.colours[index])
         error = "–" if found is None else _percent(found, index)
         tip = "" if found is None else f' title="{number(float(found.rms[index]), 3)} Nm"'
         cells = [
-            f'<td><span class="fv-box" style="background:{colour}"></span>{escape(name)}</td>',
+            f'<td><span class="fv-box" style="background:{css(colours[index])}"></span>{escape(name)}</td>',
             f"<td{tip}>{error}</td>",
             _load(torque, torque_end, index, 1.0),
             _load(deflection, deflection_end, index, 1e3),

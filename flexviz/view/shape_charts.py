@@ -30,8 +30,9 @@ def shape_charts(group: Group, joint: int, name: str, result: Identification | N
     model = model_torque(group, joint, result)
     if model is not None:
         inside = (model[0] >= time[0]) & (model[0] <= time[-1])
-        kinds = (("model", COLOURS.model, model[1]), ("residual", COLOURS.residual, model[2]))
-        lines += [(label, colour, model[0][inside], values[inside]) for label, colour, values in kinds]
+        if inside.any():  # this segment may have been too short for the observer
+            kinds = (("model", COLOURS.model, model[1]), ("residual", COLOURS.residual, model[2]))
+            lines += [(label, colour, model[0][inside], values[inside]) for label, colour, values in kinds]
     return _phase(name, time, theta, lines[:2]), _spectra(name, lines)
 
 

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as papq
 
 from flexviz.errors import InputError
+from flexviz.files import named_errors
 from flexviz.importing.formats.base import SHORTEST, Log, LogFormat, LogTable, ReadOptions, check_stop
 from flexviz.importing.formats.parquet import check_parquet, columns_of, holds_numbers
 from flexviz.limits import read_json
@@ -27,10 +28,8 @@ BOOKKEEPING = ("index", "episode_index", "task_index", "frame_index")
 def read_info(folder: Path) -> dict[str, Any]:
     """meta/info.json, with the keys that are used here checked."""
     file = folder / INFO
-    try:
+    with named_errors(file, "read"):
         info = read_json(file)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", file=file) from None
     if not isinstance(info, dict):
         raise InputError("holds no table, expected LeRobot's meta/info.json", file=file)
     version = str(info.get("codebase_version", ""))
