@@ -58,6 +58,7 @@ class Task(ABC, Generic[Result]):
     """A kind of work: a frozen dataclass whose fields are its arguments. It is pickled to reach the child."""
 
     in_process: ClassVar[bool] = True  # whether it runs in the child process, else in a thread of this one
+    patience: ClassVar[int] = 1  # how many times STOP_GRACE it may take to conclude what it has found
 
     @abstractmethod
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> Result:
@@ -214,12 +215,12 @@ class Worker:
         new = [preparation for preparation in _preparations if preparation not in child.prepared]
         child.send("run", job.number, (new, job.task))
         child.prepared += new
-        asked: float | None = None
+        asked, grace = None, job.task.patience * STOP_GRACE
         while True:
             if job.stop.is_set() and asked is None:
                 asked = time.monotonic()
                 child.send("stop", job.number)
-            if self._closed or (asked is not None and time.monotonic() - asked > STOP_GRACE):
+            if self._closed or (asked is not None and time.monotonic() - asked > grace):
                 child.kill()
                 raise Cancelled
             message = child.receive(0.02)

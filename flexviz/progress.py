@@ -39,6 +39,33 @@ class Iteration:
 
 
 @dataclass(frozen=True)
+class BestSoFar:
+    """The best model of a search that goes on: no verdict, it is still to be checked.
+
+    Attributes:
+        model: what it adds, "Coulomb friction on joint2"; empty for a model without additions.
+        error: "validation error 25 % → 0.6 % of the torque".
+    """
+
+    model: str
+    error: str
+
+    @property
+    def running(self) -> str:
+        """For whoever waits."""
+        return (
+            f"so far: {self.model} (being checked): {self.error}" if self.model else f"so far: {self.error}"
+        )
+
+    @property
+    def stopped(self) -> str:
+        """For whoever has stopped the search."""
+        if not self.model:
+            return f"stopped before any candidate was tried; {self.error}"
+        return f"best so far, not confirmed: {self.model}: {self.error}"
+
+
+@dataclass(frozen=True)
 class Progress:
     """News of a running computation.
 
@@ -47,12 +74,14 @@ class Progress:
         share: how much of it is done, 0 … 1; None where the end is not known.
         iteration: the solver's latest step, where a solver runs.
         rest: expected time to the end [s]; None where it is not known.
+        so_far: the best model of a search; None until there is one.
     """
 
     text: str = ""
     share: float | None = None
     iteration: Iteration | None = None
     rest: float | None = None
+    so_far: BestSoFar | None = None
 
     @property
     def rest_text(self) -> str:

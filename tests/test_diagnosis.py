@@ -1,6 +1,7 @@
 """Diagnosis on sets with a hidden effect, and its parts."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.progress import Progress
 from flexviz.resources import sessions_dir
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
@@ -81,15 +83,36 @@ def test_words(diagnosed: Diagnosis) -> None:
     assert any("nothing-missing" in line for line in said)
 
 
-def test_stopping_keeps_what_there_is():
-    calls = []
+def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed: Diagnosis) -> None:
+    news: list[Progress] = []
+
+    def said() -> list[str]:
+        return list(dict.fromkeys(one.so_far.running for one in news if one.so_far is not None))
+
     result = diagnose(
         read_set(sessions_dir() / "planar-2r-demo"),
-        apply=True,
-        progress=calls.append,
-        should_stop=lambda: len(calls) >= 2,
+        progress=news.append,
+        should_stop=lambda: len(said()) == 3,
     )
-    assert result.stopped and len(result.steps) == 1
+    own, first, fitted = said()
+    friction = "Coulomb friction on joint2 (being checked):"
+    assert first == f"so far: {friction} scores best of all candidates, not fitted yet"
+    found = re.fullmatch(
+        f"so far: {re.escape(friction)} validation error ([\\d.]+) % → ([\\d.]+) % of the torque", fitted
+    )
+    assert found and own.startswith(
+        f"so far: validation error of the present model {found[1]} % of the torque; most: joint2 "
+    )
+    # the error is the one that the finished diagnosis states
+    for percent, step in zip(found.groups(), diagnosed.steps, strict=True):
+        assert step.rms_validation is not None
+        share = np.mean(np.divide(step.rms_validation, diagnosed.torque_spread))
+        assert float(percent) == pytest.approx(100 * share, rel=0.1)
+    # it is no verdict: nothing is found, the note says how far the search had come
+    assert result.stopped and len(result.steps) == 1 and not result.findings
+    assert result.notes[-1].text.startswith(
+        "best so far, not confirmed: Coulomb friction on joint2: validation"
+    )
 
 
 def test_candidates_respect_what_goes_with_what():

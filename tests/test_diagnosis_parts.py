@@ -14,11 +14,14 @@ from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect, without_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
 from flexviz.diagnosis.confidence import probability
+from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve_test import best_free_curve
+from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -256,6 +259,27 @@ def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
     assert pipeline.steps == steps
     with pytest.raises(Interrupted):
         pipeline.check_stop()
+
+
+def test_a_stopped_search_backwards_gives_the_best_model_so_far(
+    demo: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    effects = [ChosenEffect(name, 1) for name in ("coulomb_friction", "torque_offset", "joint_damping")]
+    kept = dict.fromkeys(effects, Necessity(10.0, 1.0, 0.1, 0.1, True))
+
+    def find(many: ManyEffects) -> None:
+        layout = Layout(demo.joints, tuple(effects))
+        many.search.keep(many.search.fit(layout, many.context.start(layout).x), kept)
+        stops.append(True)
+        many.say("more of it")
+
+    stops: list[bool] = []
+    monkeypatch.setattr(RichSearch, "near_noise", lambda _: None)
+    monkeypatch.setattr(ManyEffects, "find", find)
+    result = diagnose(demo, should_stop=lambda: bool(stops))
+    assert result.stopped and result.verdict == "missing" and len(result.steps) == 1
+    assert result.findings[0].text == "coulomb_friction:joint2" and len(result.findings) == 3
+    assert result.findings[0].parameters["coulomb"].value == pytest.approx(3.0, rel=0.01)
 
 
 def test_confidence_follows_what_speaks_for_it() -> None:

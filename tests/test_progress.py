@@ -7,7 +7,7 @@ import itertools
 import pytest
 
 from flexviz.cli.terminal import Reporter
-from flexviz.progress import Pace, Progress
+from flexviz.progress import BestSoFar, Pace, Progress
 
 LATE = {"last": 0.9}
 
@@ -45,5 +45,9 @@ def test_the_rest_in_words(rest: float | None, text: str) -> None:
 def test_without_a_terminal_each_stage_is_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     with Reporter("reading") as report:
         report(Progress("scoring", 0.25, rest=30.0))
+        for text in ("a", "b"):
+            report(Progress(text, so_far=BestSoFar("Backlash on joint1", "error 3 % → 1 %")))
         report(Progress("done in 40 s", 1.0))
-    assert capsys.readouterr().err.splitlines() == [" 25 % scoring, about 30 s left", "100 % done in 40 s"]
+    best = "so far: Backlash on joint1 (being checked): error 3 % → 1 %"
+    said = capsys.readouterr().err.splitlines()
+    assert said == [" 25 % scoring, about 30 s left", best, "a", "b", "100 % done in 40 s"]

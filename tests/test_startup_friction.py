@@ -9,7 +9,9 @@ import pytest
 
 from benchmarks.robotlike_study.motions import random_moves
 from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.rich_search import RichSearch
+from flexviz.diagnosis.so_far import Standing
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.identification import identify
@@ -52,7 +54,7 @@ def test_identification_recovers_it(moves: MeasurementSet) -> None:
 def test_it_is_found_before_standstill_is_left_out(moves: MeasurementSet) -> None:
     context = MotionContext(moves, moves.joints)
     own = Layout(moves.joints)
-    search = RichSearch(context, own, lambda text: None)
+    search = RichSearch(context, own, lambda text: None, Standing(own, PredictionErrorBand(moves), None))
     bare = search.fit(Layout(moves.joints, (COULOMB,)), context.start(Layout(moves.joints, (COULOMB,))).x)
     assert context.louder_at_rest(bare)[0]
     found, needed = search.with_starts(bare, {})

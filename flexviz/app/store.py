@@ -35,7 +35,7 @@ from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
 from flexviz.jobs import InThread, Result, Task
 from flexviz.measurements import MeasurementSet, require_unchanged
-from flexviz.progress import Progress, ProgressCallback
+from flexviz.progress import BestSoFar, Progress, ProgressCallback
 from flexviz.scene import RobotMotion, nice_factor
 from flexviz.session import Analysis, ModelStep, Session, model_chain
 from flexviz.view import LinkColours, link_colours, progress_text, shown_errors
@@ -74,6 +74,7 @@ class Store(ChangeSignal):
         self.view = replace(self.view, deflection=None, beside=None)
         self.fit, self.check, self.message = FitProgress(), "", Message()
         self.highlight: Highlight | None = None
+        self.so_far: BestSoFar | None = None  # best model of a search that runs or was stopped
         self.kept, self._motions = DerivedResults(), Motions()
         self._span()
 
@@ -121,7 +122,7 @@ class Store(ChangeSignal):
         self._go(f"redone: {session.present.label}", session, Changed.HISTORY)
 
     def _go(self, action: str, session: Session, change: Changed) -> None:
-        before, self.session = self.analysis, session
+        before, self.session, self.so_far = self.analysis, session, None
         after = self.analysis
         if after.same_as(before):
             return
@@ -278,8 +279,8 @@ class Store(ChangeSignal):
         """Start a task that the user waits for, one at a time; see `TaskRunner.start`.
 
         `begin` and `stopped` are the status line at the start, and when stopped without a result; `share` is
-        the initial progress. `fit` collects the iterations of a fit, which stops idle work. InputError if the
-        set's files have changed: the worker reads them, and its result would not belong to the open set.
+        the initial progress; `fit` collects the iterations of a fit, which stops idle work. InputError if the
+        set's files have changed, which the worker reads.
         """
         require_unchanged(self.measurements)
 
@@ -298,7 +299,7 @@ class Store(ChangeSignal):
             self.tasks.stop(IdleTask)
             self.fit = fit
             self.tell(Changed.FIT)
-        self.activity = Activity(task, share)
+        self.activity, self.so_far = Activity(task, share), None
         self.say(begin, "busy")
         self.tasks.start(
             task,
@@ -317,7 +318,7 @@ class Store(ChangeSignal):
             self.say(progress_text(self.fit.iterations), "busy")
             return
         if self.activity is not None:
-            self.activity = replace(self.activity, share=news.share or 0.0)
+            self.activity, self.so_far = replace(self.activity, share=news.share or 0.0), news.so_far
             self.tell(Changed.PROGRESS)
         self.say(", ".join(part for part in (news.text, news.rest_text) if part), "busy")
 

@@ -44,6 +44,7 @@ CSS = """
   border: 1px solid #999; border-left-width: 4px; }
 .fv-verdict.missing { border-color: #D55E00; } .fv-verdict.unknown { border-color: #E69F00; }
 .fv-verdict.nothing-missing { border-color: #009E73; }
+.fv-so-far { margin: 0.1em 0.75em 0.5em; padding: 0.45em 0.6em; border-radius: 4px; border: 1px dashed #999; }
 div:has(> .fv-added) { display: inline-block; width: 66%; vertical-align: top; }
 .fv-hatched { background: repeating-linear-gradient(135deg, #8886 0 1px, transparent 1px 6px); }
 .fv-added { padding-top: 0.3em; padding-right: 0.2em; }

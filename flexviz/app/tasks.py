@@ -143,6 +143,8 @@ class Diagnose(SetTask[DiagnosedSet]):
     stages of the diagnosis.
     """
 
+    patience = 6
+
     analysis: Analysis
     known: tuple[FlexibleModel, Bandwidth] | None
     apply: bool

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from flexviz.errors import InputError, choose_from
 from flexviz.files import as_json, write_file
-from flexviz.progress import Progress, StopCallback
+from flexviz.progress import BestSoFar, Progress, StopCallback
 
 if TYPE_CHECKING:
     import rich.progress
@@ -107,6 +107,7 @@ class Reporter:
 
         self._title = title
         self._stage = ""
+        self._so_far: BestSoFar | None = None
         self._last = -LINE_INTERVAL
         self._bar: rich.progress.Progress | None = None
         console = Console(stderr=True)
@@ -143,6 +144,9 @@ class Reporter:
     def __call__(self, news: Progress) -> None:
         """Show the news; a `ProgressCallback`."""
         stage, detail, solver = news.text, "", news.iteration
+        if news.so_far is not None and news.so_far != self._so_far:
+            self._so_far = news.so_far
+            (self._bar.console.print if self._bar is not None else note)(news.so_far.running)
         if solver is not None:
             step = f"  step {solver.step:.2g}" if math.isfinite(solver.step) else ""
             detail = f"iteration {solver.number}  cost {solver.cost:.6g}{step}"

@@ -16,6 +16,7 @@ from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
+from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,16 @@ class FinalRefit:
 
     x: Array
     covariance: Covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """Final model with verdict and covariance; `refined`: refitted with weights closer to the noise."""
+
+    fit: Fit
+    verdict: Verdict
+    covariance: Covariance
+    refined: bool = False
 
 
 def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:

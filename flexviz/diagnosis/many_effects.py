@@ -11,13 +11,15 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
+from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding
 from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
-from flexviz.diagnosis.rich_search import RichModel, RichSearch
+from flexviz.diagnosis.rich_search import RichSearch
+from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
@@ -36,6 +38,7 @@ class ManyEffects:
         layout: the set's own model.
         band: band in which residuals are shown.
         say: called with a progress message; may raise to stop.
+        standing: is told of the models found.
     """
 
     def __init__(
@@ -44,10 +47,11 @@ class ManyEffects:
         layout: Layout,
         band: PredictionErrorBand,
         say: Callable[[str], None],
+        standing: Standing,
     ) -> None:
         self.measurements, self.layout, self.band, self.say = measurements, layout, band, say
         self.context = MotionContext(measurements, layout.joints)
-        self.search = RichSearch(self.context, layout, say)
+        self.search = RichSearch(self.context, layout, say, standing)
 
     def find(self) -> RichModel | None:
         """The smallest model found.
@@ -58,7 +62,10 @@ class ManyEffects:
         survey = self.search.survey()
         if not self.search.hides_many(survey):
             return None
-        rich = self.search.run(survey)
+        return self.useful(self.search.run(survey))
+
+    def useful(self, rich: RichModel) -> RichModel | None:
+        """The model, if the set hides many effects."""
         if rich.curves and not rich.added(self.layout):
             near = np.all(rich.fit.rms < LIMITS.near_noise * self.context.noise_floor)
             return rich if near else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,25 @@ Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
+
+
+@dataclass(frozen=True, eq=False)
+class RichModel:
+    """The smallest model found.
+
+    Attributes:
+        fit: its fit.
+        needed: how much it needs each of its effects.
+        curves: unknown laws that were eliminated.
+    """
+
+    fit: MotionFit
+    needed: dict[ChosenEffect, Necessity]
+    curves: tuple[UnknownCurve, ...] = ()
+
+    def added(self, own: Layout) -> list[ChosenEffect]:
+        """Effects beyond the set's own model."""
+        return [e for e in self.needed if e not in own.effects]
 
 
 class ModelFamily:

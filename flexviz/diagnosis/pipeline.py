@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
@@ -17,7 +17,7 @@ from flexviz.diagnosis.candidates import NearNoise
 from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, made_step, uncertain
-from flexviz.diagnosis.final_refit import final_refit
+from flexviz.diagnosis.final_refit import Conclusion, final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
@@ -28,35 +28,22 @@ from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding
 from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
-from flexviz.estimation import Covariance
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.progress import Pace, ProgressCallback, StopCallback
-from flexviz.results import Verdict
+from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback
+from flexviz.results import Note, Verdict
 
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.search
-# progress, by runs on sets of 2 to 7 joints with a single effect: the first stage takes a sixth of the time
-FIRST_STAGE, LEAST_REST = 6.0, 1.2
-SECONDS_PER_SIZE = 3.0  # first guess: times joints^1.6, the samples hardly matter
 
 
 class Interrupted(Exception):
     """Raised between steps when the user stops the diagnosis."""
-
-
-@dataclass(frozen=True, eq=False)
-class Conclusion:
-    """Final model with verdict and covariance; `refined`: refitted with weights closer to the noise."""
-
-    fit: Fit
-    verdict: Verdict
-    covariance: Covariance
-    refined: bool = False
 
 
 def diagnose(
@@ -87,6 +74,8 @@ def diagnose(
         result = pipeline.run(apply, guarded)
         if apply and free_curve and not why_no_curve(result):
             result = pipeline.with_curve(result)
+        if result.stopped and not result.findings and (best := pipeline.news.so_far) is not None:
+            result = replace(result, notes=(*result.notes, Note("other", best.stopped)))
         if progress is not None and not result.stopped:
             progress(pipeline.pace.done())
         return result
@@ -112,9 +101,10 @@ class _Pipeline:
     ) -> None:
         self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
         self.began, self.stopped = time.perf_counter(), False
-        self.pace = Pace(SECONDS_PER_SIZE * measurements.n**1.6, FIRST_STAGE, LEAST_REST, stages.LATE_STAGES)
+        self.pace, self.news = stages.pace(measurements.n), Progress()
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
+        self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
         self.start = start
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
@@ -134,10 +124,17 @@ class _Pipeline:
 
     def tell(self, text: str) -> None:
         if text and self.progress is not None:
-            self.progress(self.pace.news(text))
+            self.news = replace(self.pace.news(text), so_far=self.news.so_far)
+            self.progress(self.news)
+
+    def tell_best(self, best: BestSoFar) -> None:
+        """Report the best model so far."""
+        self.news = replace(self.news, so_far=best)
+        if self.progress is not None:
+            self.progress(self.news)
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
-        many = ManyEffects(self.measurements, self.layout, self.error_band, self.say)
+        many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
         near = rich = None
         try:
             near = many.search.near_noise()
@@ -148,13 +145,14 @@ class _Pipeline:
             if near is None or verdict(self.final, self.reference) == "unknown":
                 rich = many.find()
         except Interrupted:
-            pass
+            if (best := many.search.best) is not None:
+                rich, self.start = many.useful(best), best.fit.layout.model(best.fit.x)
         if rich is not None:
-            result = many.result(rich, apply, bool(guarded), self.tell)
-            return replace(result, seconds=time.perf_counter() - self.began)
+            result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
+            return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
         if near is None:
             del many  # its fits take as much memory as what follows
-            self.prepare()
+            self.prepare(0 if self.stopped else LIMITS.first_iterations)
         try:
             self.check_stop()
             if near is None:
@@ -208,6 +206,7 @@ class _Pipeline:
                 self.replace_final(again)
                 continue
             self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
+            self.standing.fitted(best.fit)
             del fit, best, compared, scores  # the next round needs as much memory
             if not apply:
                 break

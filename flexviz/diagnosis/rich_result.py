@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.elimination import Necessity, by_weight
 from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step
+from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import EffectParameter, Finding, Step, Tie
-from flexviz.diagnosis.rich_search import RichModel
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout

@@ -9,7 +9,6 @@ added, and the model is thinned out again, until nothing is found.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -17,37 +16,19 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import NearNoise, candidates
 from flexviz.diagnosis.elimination import Necessity
-from flexviz.diagnosis.model_family import ModelFamily
+from flexviz.diagnosis.model_family import ModelFamily, RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_gain
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, best_intervals, score
-from flexviz.wording import plural, where_text
+from flexviz.wording import plural
 
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
-
-
-@dataclass(frozen=True, eq=False)
-class RichModel:
-    """The smallest model found.
-
-    Attributes:
-        fit: its fit.
-        needed: how much it needs each of its effects.
-        curves: unknown laws that were eliminated.
-    """
-
-    fit: MotionFit
-    needed: dict[ChosenEffect, Necessity]
-    curves: tuple[UnknownCurve, ...] = ()
-
-    def added(self, own: Layout) -> list[ChosenEffect]:
-        """Effects beyond the set's own model."""
-        return [e for e in self.needed if e not in own.effects]
 
 
 class RichSearch(ModelFamily):
@@ -57,10 +38,15 @@ class RichSearch(ModelFamily):
         context: the data.
         own: effects of the set's own model, which stay.
         say: called with a progress message; may raise to stop.
+        standing: is told of the models found.
     """
 
-    def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, context: MotionContext, own: Layout, say: Callable[[str], None], standing: Standing
+    ) -> None:
         super().__init__(context, own, say)
+        self.standing = standing
+        self.best: RichModel | None = None  # so far
         self._refused: set[ChosenEffect] = set()
         self._singles: dict[ChosenEffect, MotionFit] = {}
         self._lawful: set[int] = set()  # joints on which a free curve does not help
@@ -84,6 +70,7 @@ class RichSearch(ModelFamily):
     def forget(self) -> None:
         """Release the fits and scores of single effects, which take as much memory as what follows."""
         self._singles.clear()
+        self.best = None
         for name in ("bare", "alone"):
             self.__dict__.pop(name, None)
 
@@ -91,18 +78,21 @@ class RichSearch(ModelFamily):
         """The set's own model, or that with one effect, if it is near the noise of every joint."""
         self.say("fitting the set's own model and scoring candidates")
         floor = self.context.noise_floor
+        self.best = RichModel(self.bare, {})
+        self.standing.own_model(self.bare)
         if np.all(self.bare.rms < LIMITS.quiet_model * floor):
             return NearNoise(self.own, self.bare.x)
+        if self.alone:
+            self.standing.promising(self.alone[0].effect)
         excess = np.maximum(1 - (floor / self.bare.sigma) ** 2, 0.0).sum() * len(self.bare.weights)
         for scored in self.alone[: LIMITS.singles]:
             if scored.gain < LIMITS.single_share * excess:
                 break
             self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
             found = self.single(scored)
+            self.standing.fitted(found)
             if np.all(found.rms < LIMITS.near_noise * floor):
                 rivals = (s.effect for s in self.alone[: THRESHOLDS.search.kept_signatures])
-                where = where_text(self.own.joint_name(scored.effect))
-                self.say(f"best so far: {EFFECTS[scored.effect.effect].title}{where}")
                 return NearNoise(found.layout, found.x, frozenset(rivals))
         return None
 
@@ -128,6 +118,7 @@ class RichSearch(ModelFamily):
 
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
+        self.keep(survey.fit, survey.needed)
         fit, needed = self.with_starts(survey.fit, survey.needed)
         if self.context.set_standstill_apart(fit):
             fit, needed = self.thinned(self.usual_fit())
@@ -145,12 +136,18 @@ class RichSearch(ModelFamily):
         fit, needed = self.without_superfluous_curves(merged, kept)
         return RichModel(fit, needed, self.curves)
 
+    def keep(self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]) -> None:
+        """Keep the model so far, for a search that is stopped."""
+        self.best = RichModel(fit, needed, self.curves)
+        self.standing.fitted(fit, self.context.apart)
+
     def with_all_found(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with all that is found in what it leaves, thinned out after each round."""
         idle = 0
         for _ in range(LIMITS.rounds):
+            self.keep(fit, needed)
             self.say(f"scoring what is left beside {plural(len(needed), 'effect')}")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:

@@ -1,4 +1,6 @@
-"""Late stages of a diagnosis: what is said of them, and how much is done when each begins."""
+"""How long a diagnosis lasts, and how much of it is done when each of its late stages begins."""
+
+from flexviz.progress import Pace
 
 NEED = "checking that the effect is needed"
 STAIRS = "fitting the models on the way"
@@ -9,3 +11,12 @@ BANDWIDTH = "checking parameters against the observer's bandwidth"
 
 LATE_STAGES = {STAIRS: 0.65, NEED: 0.75, FINAL_REFIT: 0.9, FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95}
 """By runs on sets of 2 to 7 joints."""
+
+# by runs on sets of 2 to 7 joints with a single effect: the first stage takes a sixth of the time
+FIRST_STAGE, LEAST_REST = 6.0, 1.2
+SECONDS_PER_SIZE = 3.0  # first guess: times joints^1.6, the samples hardly matter
+
+
+def pace(joints: int) -> Pace:
+    """The pace of a diagnosis."""
+    return Pace(SECONDS_PER_SIZE * joints**1.6, FIRST_STAGE, LEAST_REST, LATE_STAGES)

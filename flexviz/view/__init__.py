@@ -10,6 +10,7 @@ from flexviz.view.effects import (
     finding_html,
     heading_html,
     more_effects,
+    so_far_html,
     verdict_html,
     why_fixed,
 )
@@ -121,6 +122,7 @@ __all__ = [
     "shape_charts",
     "shown_errors",
     "signals_charts",
+    "so_far_html",
     "solver_stages",
     "spectrum_chart",
     "staircase_chart",

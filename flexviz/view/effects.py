@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 from flexviz.diagnosis import Diagnosis, Finding
 from flexviz.effects import EFFECTS, Effect
+from flexviz.progress import BestSoFar
 from flexviz.resources import data_dir
 from flexviz.wording import (
     LIKELY,
@@ -159,6 +160,14 @@ def verdict_html(
     return f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict)}</div>' + (
         f'<div class="fv">{notes}</div>' if notes else ""
     )
+
+
+def so_far_html(best: BestSoFar | None, running: bool) -> str:
+    """The best model of a search that runs or was stopped: not yet a verdict."""
+    if best is None:
+        return ""
+    text = best.running if running else best.stopped
+    return f'<div class="fv fv-so-far">{escape(text[:1].upper() + text[1:])}</div>'
 
 
 def what_stays(diagnosis: Diagnosis, joints: Sequence[str], spread: Sequence[float]) -> tuple[list[str], str]:

@@ -16,7 +16,7 @@ from flexviz.app.uplot import ChartColumn
 from flexviz.diagnosis import CurveDraft, Diagnosis, Finding, draft_from_curve, why_no_curve
 from flexviz.errors import InputError
 from flexviz.session import Analysis, diagnosed_models
-from flexviz.view import free_chart, free_html, heading_html, verdict_html
+from flexviz.view import free_chart, free_html, heading_html, so_far_html, verdict_html
 from flexviz.wording import Family, families, number, text_names
 
 LOOKED = "looked for the missing effect"
@@ -34,6 +34,7 @@ class DiagnoseStep(WorkflowStep):
         page, gui = self.page, self.page.gui
         self._find = page.button("Find the missing effect", self._look, color="blue")
         self._why = gui.add_html("")
+        self._so_far = gui.add_html("")
         self._verdict = gui.add_html("")
         self._stopgap = gui.add_html("")
         self._curve = ChartColumn(page.server, gui.add_folder(None, visible=False))
@@ -54,6 +55,12 @@ class DiagnoseStep(WorkflowStep):
         page.command("Add all that is found", self._add_all)
         page.command("Add the free curve of what is left", self._curve_pressed)
         self.store.subscribe(Changed.GROUP | Changed.JOINT, self._show_findings, Turn.CONTROLS)
+        found = Changed.PROGRESS | Changed.ACTIVITY | Changed.ANALYSIS | Changed.OPENED
+        self.store.subscribe(found, self._show_so_far, Turn.CONTROLS)
+
+    def _show_so_far(self) -> None:
+        """Show the best model of a search that runs or was stopped."""
+        self._so_far.content = so_far_html(self.store.so_far, self.store.running)
 
     def refresh(self) -> None:
         store, analysis, why = self.store, self.store.analysis, self.store.why_not

@@ -1,0 +1,78 @@
+"""The best model so far, for whoever waits for a diagnosis or stops it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.fit_context import Fitted
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.progress import BestSoFar
+from flexviz.wording import by_share, left_text, listed, mean_nrms, percent, text_names
+
+NAMED = 3  # families of effects
+
+
+class Standing:
+    """Tells how the search for the missing effects stands.
+
+    Args:
+        own: the set's own model.
+        band: band in which errors are stated.
+        tell: called with the best model so far; None if nobody listens.
+    """
+
+    def __init__(
+        self, own: Layout, band: PredictionErrorBand, tell: Callable[[BestSoFar], None] | None
+    ) -> None:
+        self.own, self.band, self._tell = own, band, tell
+        self.spread = band.measurements.torque_spread
+        self._own_fit: Fitted | None = None
+        self._best = np.inf  # its share of the torque
+
+    def own_model(self, fit: Fitted) -> None:
+        """The set's own model is fitted."""
+        if self._tell is None:
+            return
+        self._own_fit = fit
+        which, rms, floor = self._errors(fit)
+        j = by_share(rms, self.spread)[0]
+        each = (self.own.joints, rms, self.spread, floor)
+        worst = left_text(*(values[j : j + 1] for values in each))
+        share = percent(mean_nrms(rms, self.spread))
+        self._tell(BestSoFar("", f"{which} error of the present model {share} of the torque; most: {worst}"))
+
+    def promising(self, effect: ChosenEffect) -> None:
+        """This candidate scores best; none is fitted yet."""
+        if self._tell is not None:
+            self._tell(BestSoFar(self._names([effect]), "scores best of all candidates, not fitted yet"))
+
+    def fitted(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> None:
+        """A larger model is fitted; `apart`, shape (n,): joints whose standstill does not count."""
+        added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
+        if self._tell is None or self._own_fit is None or not added:
+            return
+        which, rms, _ = self._errors(fit, apart)
+        share, before = (mean_nrms(r, self.spread) for r in (rms, self._errors(self._own_fit, apart)[1]))
+        if share < self._best:
+            self._best = share
+            error = f"{which} error {percent(before)} → {percent(share)} of the torque"
+            self._tell(BestSoFar(self._names(added), error))
+
+    def _names(self, effects: Sequence[ChosenEffect]) -> str:
+        names = text_names([effect.text(self.own.joints) for effect in effects], self.own.joints)
+        more = len(names) - NAMED
+        return listed([*names[:NAMED], f"{more} more"] if more > 1 else names)
+
+    def _errors(
+        self, fit: Fitted, apart: NDArray[np.bool_] | None = None
+    ) -> tuple[str, Sequence[float], Sequence[float]]:
+        """Which error is stated, and per joint it and its floor [Nm]."""
+        errors = self.band.errors(fit, apart)
+        if errors.rms_validation is None:
+            return "fit", errors.rms, errors.noise_floor
+        return "validation", errors.rms_validation, errors.noise_floor
