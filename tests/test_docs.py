@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import flexviz
+from benchmarks import licences
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
@@ -36,6 +37,11 @@ def test_every_picture_that_a_document_shows_is_there_and_the_other_way_round() 
             assert len(alt) > 15, (page.name, place)
             shown.add((page.parent / place).resolve())
     assert shown == set((ROOT / "docs" / "images").iterdir())
+
+
+def test_the_licence_of_every_package_is_listed() -> None:
+    listed = re.findall(r"^\| (\S+) \| \S", licences.PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert len(licences.packages()) > 50 and not set(licences.packages()) - set(listed)
 
 
 # -- the site ----------------------------------------------------------------------------------------

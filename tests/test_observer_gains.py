@@ -103,6 +103,17 @@ def test_bandwidths_scale_gains_also_per_joint():
         np.testing.assert_allclose(both[:, :, j], alone, rtol=0, atol=1e-9 * np.abs(alone[3]).max())
 
 
+def test_gains_far_above_the_sampling_rate_are_refused():
+    y = np.random.default_rng(0).normal(size=(100, 1))
+    plain = make_observer("eso", 1500.0).derivatives(y, 0.01, 3)
+    by_hand = make_observer("eso", gains=EsoGains.of(binomial_gains(1500.0)))
+    np.testing.assert_allclose(
+        by_hand.derivatives(y, 0.01, 3)[2], plain[2], atol=1e-5 * np.abs(plain[2]).max()
+    )
+    with pytest.raises(InputError, match=r"a sample every 0\.02 s: expected at most 1000 rad/s"):
+        by_hand.derivatives(y, 0.02, 3)
+
+
 @pytest.mark.parametrize(
     ("observer", "gains"), [("butterworth-zero-phase", None), ("eso", EsoGains.of(GAINS))]
 )

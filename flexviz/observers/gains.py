@@ -25,6 +25,7 @@ from flexviz.observers.cascade import ORDER
 Array = NDArray[np.float64]
 
 LEAST_DECAY = 1e-3  # of the slowest pole, relative to the bandwidth: slower ones never settle in a record
+LARGEST_STEP = 20.0  # bandwidth × step: beyond, the matrix exponential loses its digits
 SAME_SHAPE = 1e-9  # relative difference of gains below which six poles count as equal
 
 
@@ -122,6 +123,9 @@ class StateFilter:
         from scipy.linalg import expm, schur  # slow to import, and not every observer needs it
         from scipy.signal import lfilter
 
+        if bandwidth * step > LARGEST_STEP:
+            found = f"gains set by hand for {bandwidth:g} rad/s, with a sample every {step:g} s"
+            raise InputError(f"{found}: expected at most {LARGEST_STEP / step:g} rad/s")
         matrix = np.eye(ORDER, k=1)
         matrix[:, 0] -= self.shape
         form: Any = schur(matrix)
