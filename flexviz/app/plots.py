@@ -167,6 +167,8 @@ class PlotPanel:
             ends = [100 * mean_nrms(one.rms_validation or one.rms, spread) for one in derived.stage_errors]
             if derived.errors is not None:
                 floor = 100 * mean_nrms(derived.errors.noise_floor, spread)
+        elif not (iterations or store.running):
+            final = result
         self._convergence.show(convergence_charts(iterations, ends, floor, final))
 
     def _move(self) -> None:

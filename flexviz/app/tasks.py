@@ -25,7 +25,7 @@ from flexviz.jobs import Result, Task
 from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
-from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback
+from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback, never
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
 from flexviz.session import (
@@ -139,8 +139,8 @@ class DiagnosedSet:
 class Diagnose(SetTask[DiagnosedSet]):
     """Identify unless `known` is given, then diagnose; `apply` adds all findings.
 
-    `known` is the model with its bandwidth [rad/s]. Reports the iterations of the identification and the
-    stages of the diagnosis.
+    `known` is the model with its bandwidth [rad/s]. Reports the stages of the diagnosis and the iterations of
+    the identification, which follows the first look at the candidates.
     """
 
     patience = 6
@@ -152,19 +152,29 @@ class Diagnose(SetTask[DiagnosedSet]):
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
         analysis, identification = self.analysis, None
         known, bandwidth = self.known or (None, None)
-        if known is None:
-            identification = _identify(analysis, progress, should_stop)
+
+        def identified() -> FlexibleModel | None:
+            """Called by the diagnosis after its first look at the candidates."""
+            nonlocal identification
+            identification = _identify(self.analysis, progress, should_stop)
             if should_stop():
                 raise Cancelled
-            known = identification.model if identification.converged else None
-            bandwidth = bandwidth_of(identification)
+            return identification.model if identification.converged else None
+
+        start = known or identified
         if (analysis.observer, analysis.bandwidth) != (Analysis(analysis.path).observer, None):
-            known = None  # values of another observer may be far from the diagnosis's start
+            start = None  # values of another observer may be far from the diagnosis's start
         measurements = chosen_set(analysis)
         measurements = replace(measurements, effects=(*measurements.effects, *analysis.effects))
         diagnosis = diagnose(
-            measurements, apply=self.apply, start=known, progress=progress, should_stop=should_stop
+            measurements, apply=self.apply, start=start, progress=progress, should_stop=should_stop
         )
+        if known is None and identification is None:
+            if diagnosis.stopped and not diagnosis.findings:
+                raise Cancelled
+            identification = _identify(analysis, progress, never)
+        if identification is not None:
+            bandwidth = bandwidth_of(identification)
         added: list[Identification] = []
         for found in diagnosed_models(diagnosis, measurements.joints)[1:] if self.apply else ():
             model = found.diagnosis.steps[0].model

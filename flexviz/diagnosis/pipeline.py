@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import takewhile
 
@@ -50,7 +51,7 @@ def diagnose(
     measurements: MeasurementSet,
     *,
     apply: bool = False,
-    start: FlexibleModel | None = None,
+    start: FlexibleModel | Callable[[], FlexibleModel | None] | None = None,
     guarded: bool | None = None,
     free_curve: bool = False,
     progress: ProgressCallback | None = None,
@@ -62,7 +63,7 @@ def diagnose(
         measurements: the measurement set.
         apply: add the effects found one by one and refit after each. Otherwise only the first missing effect
             is named and the result describes the set's own model.
-        start: start values; default: a plain identification.
+        start: start values, or a function that finds them when needed; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
             residual stays above the noise.
         free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
@@ -95,7 +96,7 @@ class _Pipeline:
     def __init__(
         self,
         measurements: MeasurementSet,
-        start: FlexibleModel | None,
+        start: FlexibleModel | Callable[[], FlexibleModel | None] | None,
         progress: ProgressCallback | None,
         should_stop: StopCallback | None,
     ) -> None:
@@ -177,9 +178,9 @@ class _Pipeline:
         """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        identified = identify(self.measurements, should_stop=self.should_stop) if self.start is None else None
-        model = self.start if identified is None else identified.model
-        assert model is not None
+        model = self.start() if callable(self.start) else self.start
+        if model is None:
+            model = identify(self.measurements, should_stop=self.should_stop).model
         x = self.layout.vector(model)
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)

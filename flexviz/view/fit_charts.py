@@ -73,10 +73,16 @@ def convergence_charts(
     """Error at the end of each stage, relative cost, parameters relative to their present values.
 
     `ends` are the errors at the start and at the end of each stage, `floor` is the noise floor [% of the
-    torque]; `result` is what the iterations led to, with the intervals of its parameters.
+    torque]; `result` is what the iterations led to, with the intervals of its parameters, or a result without
+    iterations.
     """
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
+        if result is not None:
+            note = (
+                "The values of this model come from the diagnosis. Run (step 3, Identify) fits them anew: "
+                "error, cost and parameters appear here."
+            )
         return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)
     x, axis, found = np.arange(1.0, count + 1.0), ChartAxis("iteration"), solver_stages(iterations)

@@ -304,7 +304,7 @@ def groups_html(found: ResidualSamples | None, name: str) -> str:
         cells.append(f'<span class="fv-joint">{escape(group)} <b>{rms}</b></span>')
     floor = f" Noise floor {number(found.floor, 2)}." if np.isfinite(found.floor) else ""
     return (
-        f'<div class="fv">Rms residual of {escape(name)} [Nm]: {"".join(cells)}{floor}'
+        f'<div class="fv">Rms residual of {escape(name)} [Nm]: {", ".join(cells)}.{floor}'
         '<div class="fv-dim">In the band of the observer; the error of the status line and of Compare '
         f"is the one below {BAND_HERTZ:g} Hz.</div></div>"
     )
