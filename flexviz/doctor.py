@@ -18,6 +18,8 @@ from urllib.parse import quote
 
 from packaging.requirements import Requirement
 
+from flexviz.files import temporary_folder
+
 State = Literal["ok", "warning", "problem"]
 
 OLDEST_PYTHON = (3, 11)
@@ -164,7 +166,7 @@ def check_webgl(browser: str | None) -> Check:
         return Check(
             "WebGL", "warning", "no Chromium or Chrome found to try; any browser with WebGL 2 shows the app"
         )
-    with tempfile.TemporaryDirectory(prefix="flexviz-doctor-") as profile:
+    with temporary_folder("doctor") as profile:
         flags = [
             "--headless",
             "--disable-background-networking",

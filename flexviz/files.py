@@ -1,20 +1,30 @@
-"""Atomic writing of files and folders, checksums, and JSON text."""
+"""Atomic writing of files and folders, leftovers of killed processes, checksums, and JSON text.
+
+What is being written has a hidden name that ends in `PART`, and its process holds a lock on it.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import math
 import os
+import shutil
+import stat
 import tempfile
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from flexviz.errors import InputError
 
-PART = ".part"  # suffix of a file while it is written
+PART = ".flexviz-part"  # suffix of files and folders while they are written
+ABANDONED = 600.0  # [s] age of unlocked ones that a killed process has left
+NEW, OLD = "new", "old"  # in the hidden folder: what is written, and what it replaces
+_looked_through: set[Path] = set()  # folders where this process has removed leftovers
 
 
 @contextmanager
@@ -36,9 +46,11 @@ def write_whole(path: Path, content: bytes) -> None:
         path.write_bytes(content)
         return
     target = path.resolve()
+    remove_leftovers_once(target.parent)
     descriptor, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=PART)
     try:
         with os.fdopen(descriptor, "wb") as file:
+            lock(descriptor)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -62,14 +74,43 @@ def write_file(path: Path, content: str | bytes) -> None:
 def whole_folder(folder: Path) -> Iterator[Path]:
     """A new folder to fill, which takes the place of `folder` if no error is raised: all of it or nothing."""
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as temporary:
-        new = Path(temporary) / "new"
+    remove_leftovers_once(folder.parent)
+    with _hidden_folder(f".{folder.name}.", folder.parent) as temporary:
+        new = temporary / NEW
         new.mkdir()
         yield new
         if folder.exists():
-            os.replace(folder, Path(temporary) / "old")
+            os.replace(folder, temporary / OLD)
         os.replace(new, folder)
     sync_folder(folder.parent)
+
+
+@contextmanager
+def temporary_folder(purpose: str) -> Iterator[Path]:
+    """A temporary folder, removed at the end; if the process is killed, by a later one."""
+    parent = Path(tempfile.gettempdir())
+    remove_leftovers_once(parent)
+    with _hidden_folder(f"flexviz-{purpose}-", parent) as folder:
+        yield folder
+
+
+@contextmanager
+def _hidden_folder(prefix: str, parent: Path) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix=prefix, suffix=PART, dir=parent) as folder:
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            lock(descriptor)
+            yield Path(folder)
+        finally:
+            os.close(descriptor)
+
+
+def copy_tree(source: Path, target: Path, ignore: Callable[[str, list[str]], set[str]] | None = None) -> None:
+    """Copy a folder; one OSError, the first, if that fails."""
+    try:
+        shutil.copytree(source, target, ignore=ignore, dirs_exist_ok=True)
+    except shutil.Error as error:
+        raise OSError(error.args[0][0][2]) from None
 
 
 def sync_folder(folder: Path) -> None:
@@ -82,10 +123,50 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def remove_parts(folder: Path, name: str = "") -> None:
-    """Remove what an interrupted `write_whole` has left in a folder, of one file or of all."""
-    for file in folder.glob(f".{name or '*'}.*{PART}"):
-        file.unlink(missing_ok=True)
+def lock(descriptor: int) -> bool:
+    """Try to lock an open file or folder until it is closed; whether that worked."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # somebody else's, or a file system without locks
+        return False
+    return True
+
+
+def remove_leftovers(folder: Path, age: float = ABANDONED) -> None:
+    """Remove what killed processes of this user have left in a folder: `age` [s] old, and locked by nobody.
+
+    A folder that was about to be replaced is put back.
+    """
+    for left in folder.glob(f"*{PART}"):
+        with suppress(OSError):  # gone meanwhile, or not readable
+            found = left.lstat()
+            own = found.st_uid == os.geteuid() and not stat.S_ISLNK(found.st_mode)
+            if own and time.time() - found.st_mtime >= age:
+                _remove_unlocked(left)
+
+
+def _remove_unlocked(left: Path) -> None:
+    descriptor = os.open(left, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    try:
+        if not lock(descriptor):
+            return
+        if not left.is_dir():
+            left.unlink()
+            return
+        if (left / OLD).exists():
+            replaced = left.with_name(left.name.removesuffix(PART)[1:].rpartition(".")[0])
+            if not replaced.exists():
+                os.replace(left / OLD, replaced)
+        shutil.rmtree(left, ignore_errors=True)
+    finally:
+        os.close(descriptor)
+
+
+def remove_leftovers_once(folder: Path) -> None:
+    """The same, the first time that this process writes there."""
+    if folder not in _looked_through:
+        _looked_through.add(folder)
+        remove_leftovers(folder)
 
 
 def sha256_of(file: Path) -> str:

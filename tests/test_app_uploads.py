@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import resource
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,6 +81,25 @@ def test_links_bombs_and_rubbish(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     with pytest.raises(InputError, match="files; at most"):
         unpack("s.zip", zip_of({"measurements.toml": b"", "a.csv": b""}), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_is_not_called_a_broken_zip(
+    tmp_path: Path, incoming: UploadFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    complete = write_small_set(tmp_path / "small")
+    content = zip_of(set_files(complete))
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        for keep in (incoming.unpack, incoming.put):
+            with pytest.raises(InputError, match=r"^mine.zip: cannot be kept \(File too large\)$"):
+                keep("mine.zip", content)
+        assert not list(incoming.folder.rglob("*"))
+        with pytest.raises(InputError, match=r"^small: cannot be kept \(.*File too large.*\)$"):
+            take(complete, tmp_path / "in")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not list((tmp_path / "in").iterdir())
 
 
 @pytest.mark.parametrize("name", ["", "..", "/", "a/", ".hidden.csv", "x.exe", "noend"])

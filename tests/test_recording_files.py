@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -13,17 +13,18 @@ from typing import Any
 
 import pytest
 
-from flexviz.errors import ConvergenceError, InputError
+from flexviz.errors import ConvergenceError, FlexvizError, InputError
 from flexviz.measurements import read_set
 from flexviz.observers import make_observer
 from flexviz.recording import (
+    LiveRecording,
     Recorded,
     TruncatedRecording,
     check_recording,
     record_set,
     repair_recording,
 )
-from flexviz.recording.files import Target, beside, remove_leftovers
+from flexviz.recording.files import Target, beside
 from tests.recorded import Read
 from tests.small_set import write_small_set
 
@@ -132,28 +133,37 @@ def test_a_failure_leaves_what_was_there(small: Any, tmp_path: Path, monkeypatch
     assert (tmp_path / "old.rrd").read_text() == "what was there"
 
 
+def test_a_full_disk_is_one_line(small: Any, tmp_path: Path) -> None:
+    """Neither a recording at once nor one that grows waits for a file that cannot be written."""
+    limit, told = resource.getrlimit(resource.RLIMIT_FSIZE), list[str]()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, limit[1]))
+    try:
+        with pytest.raises(InputError, match=r"x\.rrd: cannot be written \(File too large\)"):
+            record_set(small, None, tmp_path / "x.rrd")
+        live = LiveRecording(small, tmp_path / "y.rrd", on_failure=told.append)
+        with pytest.raises(FlexvizError, match="File too large"):
+            live.close(timeout=30.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert len(told) == 1 and "y.rrd: cannot be written (File too large)" in told[0]
+    assert not (tmp_path / "x.rrd").exists() and not list(tmp_path.glob(".*"))
+    if (tmp_path / "y.rrd").exists():  # what was flushed before
+        assert repair_recording(tmp_path / "y.rrd").chunks > 10
+
+
 @pytest.mark.parametrize("out", ["", "nowhere/x.rrd"])
 def test_impossible_targets(small: Any, tmp_path: Path, out: str) -> None:
     with pytest.raises(InputError, match=r"expected a file name|does not exist"):
         record_set(small, None, tmp_path / out)
 
 
-def test_names_that_are_taken_and_leftovers(tmp_path: Path) -> None:
+def test_names_that_are_taken(tmp_path: Path) -> None:
     target = Target(tmp_path / "x.rrd")
     assert target.now.name.startswith(".x.rrd.new.") and not target.file.exists()
     target.file.write_text("somebody else's")
     target.appear()
     assert target.now == tmp_path / "x.unfinished.rrd" and target.file.read_text() == "somebody else's"
     assert beside(tmp_path / "x.rrd", "unfinished").name == "x.unfinished-2.rrd"
-    gone = subprocess.run(
-        [sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True
-    )
-    left = tmp_path / f".x.rrd.tidy.{gone.stdout.strip()}.part"
-    mine = tmp_path / f".x.rrd.tidy.{os.getpid()}.part"
-    for file in (left, mine):
-        file.write_text("half a file")
-    remove_leftovers(tmp_path / "x.rrd")
-    assert mine.exists() and not left.exists()
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])

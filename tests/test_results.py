@@ -109,6 +109,10 @@ def test_files_are_checked_strictly(tmp_path: Path) -> None:
     file.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(InputError, match="verdict"):
         read_result(file)
+    document = DIAGNOSIS.to_dict() | {"torque": {"joints": ["joint1"], "spread": [1.0, 2.0]}}
+    file.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(InputError, match=r"torque: .*spread has 2 values, expected 1, one per joint"):
+        read_result(file)
     assert ResultDocument.from_dict(DIAGNOSIS.to_dict() | {"added_later": 1}) == DIAGNOSIS.document()
     assert np.isfinite(DIAGNOSIS.document().all_parameters[0].value)
 

@@ -100,7 +100,7 @@ def test_a_save_that_fails_leaves_the_old_one(kept: Kept, monkeypatch: Any, fail
 
 def test_what_an_interrupted_save_left_is_removed_by_the_next(kept: Kept) -> None:
     measurements, session, folder = kept
-    left = [folder / f".{SESSION_FILE}.x1.part", folder / "results" / ".abc.npz.x2.part"]
+    left = [folder / f".{SESSION_FILE}.x1{files.PART}", folder / "results" / f".abc.npz.x2{files.PART}"]
     for file in left:
         file.write_bytes(b"half")
     mine = folder / ".mine.part"

@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import itertools
 import re
-import shutil
-import tempfile
 import zipfile
+from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
 
 from flexviz import toml
 from flexviz.errors import InputError
-from flexviz.files import whole_folder
+from flexviz.files import copy_tree, named_errors, temporary_folder, whole_folder, write_whole
 from flexviz.robot import Robot
 from flexviz.session import SESSION_FILE, open_session
 from flexviz.wording import plural
@@ -94,7 +93,9 @@ def unpack(name: str, content: bytes, parent: Path) -> Path:
     except InputError:
         raise
     except Exception as error:  # whatever a damaged zip makes the library raise
-        raise InputError(f"{safe_name(name)} is not a usable zip ({error})") from None
+        reason = getattr(error, "strerror", None)
+        found = f"cannot be kept ({reason})" if reason else f"not a usable zip ({error})"
+        raise InputError(found, file=safe_name(name)) from None
     return folder
 
 
@@ -118,8 +119,8 @@ def take(uploaded: Path, parent: Path) -> Path:
     except InputError as error:
         raise InputError(str(error).replace(f"{uploaded}/", "")) from None
     folder = new_folder(parent, uploaded.name)
-    with whole_folder(folder) as new:
-        shutil.copytree(uploaded, new, dirs_exist_ok=True)
+    with named_errors(Path(uploaded.name), "kept"), whole_folder(folder) as new:
+        copy_tree(uploaded, new)
     return folder
 
 
@@ -136,12 +137,13 @@ class UploadFolder:
     """Uploaded files in a temporary folder, until the set is complete."""
 
     def __init__(self) -> None:
-        self._temporary = tempfile.TemporaryDirectory(prefix="flexviz-upload-")
+        self._opened = ExitStack()
+        self._root = self._opened.enter_context(temporary_folder("upload"))
         self.begin()
 
     def begin(self) -> None:
         """Start a new folder; the old one is kept, because it may hold the chosen robot."""
-        self.folder = new_folder(Path(self._temporary.name), "uploaded")
+        self.folder = new_folder(self._root, "uploaded")
         self.folder.mkdir()
 
     @property
@@ -161,7 +163,8 @@ class UploadFolder:
         if len(others) >= MAX_FILES:
             raise InputError(f"more than {MAX_FILES} files")
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
+        with named_errors(Path(target.name), "kept"):
+            write_whole(target, content)
         for file in self._files():  # files that arrived before measurements.toml
             place = self._place(file.relative_to(self.folder).as_posix())
             if place != file and not place.exists():
@@ -171,7 +174,7 @@ class UploadFolder:
 
     def unpack(self, name: str, content: bytes) -> None:
         """Replace all files by those of a zip."""
-        self.folder = unpack(name, content, Path(self._temporary.name))
+        self.folder = unpack(name, content, self._root)
 
     def named(self) -> list[str]:
         """The files that a set's measurements.toml names."""
@@ -204,7 +207,7 @@ class UploadFolder:
 
     def close(self) -> None:
         """Remove the files that were not taken."""
-        self._temporary.cleanup()
+        self._opened.close()
 
     def _files(self) -> list[Path]:
         return [file for file in self.folder.rglob("*") if file.is_file()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 from flexviz.app.uploads import new_folder
 from flexviz.effects import EFFECTS
 from flexviz.errors import InputError
+from flexviz.files import temporary_folder
 from flexviz.jobs import Task
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import ProgressCallback, StopCallback
@@ -79,8 +79,8 @@ def save_output(session: Session, measurements: MeasurementSet, folder: Path | N
 
 def zip_file(session: Session, measurements: MeasurementSet) -> FileContent:
     """A zip of a session and its measurement set."""
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary) / f"{measurements.name}-session"
+    with temporary_folder("download") as temporary:
+        folder = temporary / f"{measurements.name}-session"
         save_session(session, measurements, folder, carry=True)
         return FileContent(f"{folder.name}.zip", zipped(folder))
 

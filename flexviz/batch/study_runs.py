@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from flexviz.batch.analysis import known_set
 from flexviz.batch.tasks import Json
 from flexviz.diagnosis import diagnose
+from flexviz.files import temporary_folder
 from flexviz.identification import identify
 from flexviz.limits import read_json
 from flexviz.measurements import Group, MeasurementSet, Segment, read_set
@@ -26,8 +26,8 @@ CHOSEN = ("observer", "bandwidth", "refine")  # of what `identify` is told
 
 def simulated_run(what: Json, where: Json) -> Json:
     """Simulate with one seed, identify (and diagnose): values and truth."""
-    with tempfile.TemporaryDirectory() as folder:
-        measurements, truth = _simulated(what, where, Path(folder) / "set")
+    with temporary_folder("study") as folder:
+        measurements, truth = _simulated(what, where, folder / "set")
         return {**_outcome(measurements, what), "truth": truth}
 
 

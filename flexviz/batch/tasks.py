@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from flexviz.errors import InputError, one_line
-from flexviz.files import as_json, named_errors, remove_parts, sha256_of, write_whole
+from flexviz.files import as_json, named_errors, remove_leftovers, sha256_of, write_whole
 from flexviz.limits import read_json
 
 Json = dict[str, Any]
@@ -113,7 +113,7 @@ class ResultStore:
     def clean(self) -> None:
         """Remove what a killed run has left half written."""
         for folder in (self.folder, *self.folder.glob(f"{KEPT}/*/")):
-            remove_parts(folder)
+            remove_leftovers(folder, age=0.0)
 
 
 def failed(key: str, reason: str, lasting: bool = False) -> TaskResult:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import webbrowser
 from pathlib import Path
@@ -13,6 +12,7 @@ import typer
 from flexviz.cli import terminal
 from flexviz.cli.options import BrowserOption
 from flexviz.errors import InputError
+from flexviz.files import temporary_folder
 
 if TYPE_CHECKING:
     from flexviz.recording import Recording
@@ -37,20 +37,20 @@ def review(
     from flexviz.recording import ending_tidily
 
     terminal.check_output_file(out, ".rrd")
-    with tempfile.TemporaryDirectory(prefix="flexviz-review-") as temporary, ending_tidily():
+    with temporary_folder("review") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
         if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
             raise InputError(
                 "--out: a single recording is opened without a copy, expected no --out", file=source
             )
         made = [out if other is None else None, None]
-        files = [prepared(one, Path(temporary) / str(n), made[n]) for n, one in enumerate(sources)]
+        files = [prepared(one, temporary / str(n), made[n]) for n, one in enumerate(sources)]
         found = [described(file) for file in files]
         if len(found) == 2:
             a, b = found
             if a is None or b is None:
                 raise InputError("only recordings of flexviz can be compared", file=files[a is not None])
-            files = [compared(a, b, out or Path(temporary) / "comparison.rrd")]
+            files = [compared(a, b, out or temporary / "comparison.rrd")]
         if not check:
             show(files, web, port, browser)
     return 0

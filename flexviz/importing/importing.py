@@ -6,13 +6,12 @@ import os
 import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from flexviz.errors import InputError
-from flexviz.files import named_errors, whole_folder
+from flexviz.files import named_errors, temporary_folder, whole_folder
 from flexviz.importing.assembling import AssembledGroup, assemble
 from flexviz.importing.delays import ClockOffset, DelayEstimate, clock_offsets, delay_issues, torque_delay
 from flexviz.importing.formats import LogSource, open_run
@@ -131,12 +130,12 @@ def import_logs(
     done = Imported(None, str(file), mapping.names, tuple(groups), tuple(offsets), None, tuple(found), ())
     if done.wrong and not accept:
         return done
-    place = whole_folder(target) if target else TemporaryDirectory(prefix="flexviz-import-")
+    place = whole_folder(target) if target else temporary_folder("import")
     with named_errors(target), place as new:
         progress(Progress("writing", 0.0))
         check_stop(should_stop)
-        notes = write_groups(Path(new), mapping, robot, payloads, groups, table_format)
-        measurements = read_back(Path(new), target or Path(file.stem))
+        notes = write_groups(new, mapping, robot, payloads, groups, table_format)
+        measurements = read_back(new, target or Path(file.stem))
         delay = None
         if not any(issue.kind in ABOUT_UNITS for issue in found):
             delay = torque_delay(measurements, progress, should_stop)

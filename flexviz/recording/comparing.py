@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +16,9 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from flexviz.charts import COLOURS, rgb
+from flexviz.files import named_errors
+from flexviz.recording.file_sink import FileSink
+from flexviz.recording.files import hidden
 from flexviz.recording.layout import document, page, plot, scene_view
 from flexviz.recording.paths import APPLICATION, STATES, TITLES, path
 from flexviz.recording.reading import Recording
@@ -141,17 +145,22 @@ def comparison_text(found: RecordingComparison) -> str:
 def merge_recordings(found: RecordingComparison, out: Path) -> None:
     """Write both recordings and their comparison side by side: entities /A/…, /B/…, /comparison."""
     stream = rr.RecordingStream(f"{APPLICATION} comparison")
-    # the layout first: the viewer shows a file while it loads
-    stream.save(out, default_blueprint=_blueprint(found))
-    stream.send_recording_name(f"{found.a.file.stem} and {found.b.file.stem}")
-    text = rr.TextDocument(comparison_text(found), media_type=rr.MediaType.MARKDOWN)
-    stream.log("/comparison", text, static=True)
-    stream.flush()
-    for side, recording in found.sides:
-        chunks = RrdReader(str(recording.file)).stream().drop(content="/__properties/**")
-        stream.send_chunks(chunks.map(partial(_under, f"/{side}")))
-    stream.flush()
-    stream.disconnect()
+    part = hidden(out)
+    with named_errors(out):
+        try:
+            # the layout first: the viewer shows a file while it loads
+            sink = FileSink(stream, part, _blueprint(found))
+            stream.send_recording_name(f"{found.a.file.stem} and {found.b.file.stem}")
+            text = rr.TextDocument(comparison_text(found), media_type=rr.MediaType.MARKDOWN)
+            stream.log("/comparison", text, static=True)
+            sink.flush()
+            for side, recording in found.sides:
+                chunks = RrdReader(str(recording.file)).stream().drop(content="/__properties/**")
+                stream.send_chunks(chunks.map(partial(_under, f"/{side}")))
+            sink.close()
+            os.replace(part, out)
+        finally:
+            part.unlink(missing_ok=True)
 
 
 def _under(prefix: str, chunk: Chunk) -> Chunk:

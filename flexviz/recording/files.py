@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import os
 import subprocess
 from dataclasses import replace
@@ -14,7 +13,8 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from flexviz.errors import InputError
-from flexviz.files import PART, named_errors, write_whole
+from flexviz.files import PART, named_errors, remove_leftovers_once, write_whole
+from flexviz.recording.file_sink import FileSink
 from flexviz.recording.reading import Recorded, check_recording, sidecar
 from flexviz.recording.viewers import rerun_program
 
@@ -40,7 +40,7 @@ class Target:
         self.part = beside(file, "unfinished") if file.exists() else file
         self.now = hidden(self.part)
         with named_errors(file):
-            remove_leftovers(file)
+            remove_leftovers_once(file.absolute().parent)
             self.now.touch()
             sidecar(self.part).unlink(missing_ok=True)
 
@@ -59,23 +59,23 @@ class Target:
         older file.
 
         Raises:
-            InputError: the recording cannot be read back.
-            OSError: logged entities are missing, or the file cannot be moved.
+            InputError: the recording cannot be written or read back, or entities are missing.
         """
         place = self.file if complete else self.part
         tidy = hidden(place, "tidy")
-        try:
-            rewrite(self.now, tidy, layout)
-            checked = check_recording(tidy, own=True)
-            if missing := entities - set(checked.entities):
-                raise OSError(f"{len(missing)} entities were not written, {min(missing)} among them")
-            sidecar(place).unlink(missing_ok=True)
-            os.replace(tidy, place)
-        finally:
-            tidy.unlink(missing_ok=True)
-        if place != self.now:
-            self.now.unlink(missing_ok=True)
-        write_sidecar(place, checked.sha256)
+        with named_errors(self.file):
+            try:
+                rewrite(self.now, tidy, layout)
+                checked = check_recording(tidy, own=True)
+                if missing := entities - set(checked.entities):
+                    raise OSError(f"{len(missing)} entities were not written, {min(missing)} among them")
+                sidecar(place).unlink(missing_ok=True)
+                os.replace(tidy, place)
+            finally:
+                tidy.unlink(missing_ok=True)
+            if place != self.now:
+                self.now.unlink(missing_ok=True)
+            write_sidecar(place, checked.sha256)
         return replace(checked, file=place, confirmed=True, complete=complete)
 
     def abandon(self) -> None:
@@ -102,27 +102,8 @@ def beside(file: Path, what: str) -> Path:
 
 
 def hidden(file: Path, what: str = "new") -> Path:
-    """The hidden file of this process: .demo.rrd.new.1234.part"""
+    """The hidden file of this process: .demo.rrd.new.1234.flexviz-part"""
     return file.with_name(f".{file.name}.{what}.{os.getpid()}{PART}")
-
-
-def remove_leftovers(file: Path) -> None:
-    """Remove the hidden files of killed processes beside a recording."""
-    stem = file.name.removesuffix(SUFFIX)
-    for left in file.absolute().parent.glob(f".{glob.escape(stem)}*{SUFFIX}.*{PART}"):
-        number = left.name.removesuffix(PART).rpartition(".")[2]
-        if number.isdigit() and not _runs(int(number)):
-            left.unlink(missing_ok=True)
-
-
-def _runs(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass
-    return True
 
 
 def rewrite(source: Path, target: Path, layout: rrb.Blueprint | None = None) -> None:
@@ -130,10 +111,9 @@ def rewrite(source: Path, target: Path, layout: rrb.Blueprint | None = None) -> 
     reader = RrdReader(str(source))
     (entry,) = reader.recordings()
     stream = rr.RecordingStream(entry.application_id, recording_id=entry.recording_id, send_properties=False)
-    stream.save(target, default_blueprint=layout)
+    sink = FileSink(stream, target, layout)
     stream.send_chunks(reader.stream(store=entry))
-    stream.flush()
-    stream.disconnect()
+    sink.close()
 
 
 def write_sidecar(file: Path, sha256: str) -> None:

@@ -218,6 +218,8 @@ class LiveRecording(AbstractContextManager["LiveRecording"]):
                 self._queue.get_nowait()
         try:
             self.recorder.stream.close()
+        except InputError:
+            pass  # the same failure once more
         except Exception:
             traceback.print_exc()
         if self._on_failure is not None:

@@ -193,7 +193,7 @@ class Recorder:
         """Close the recording and move it into place; None without a file.
 
         Raises:
-            OSError, InputError: see `Target.finish`.
+            InputError: see `Target.finish`.
         """
         if complete:
             self.flush()

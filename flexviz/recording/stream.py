@@ -16,13 +16,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from flexviz.errors import InputError
+from flexviz.files import named_errors
+from flexviz.recording.file_sink import FileSink
 from flexviz.recording.files import Target
 from flexviz.recording.paths import APPLICATION
 
 VIEWER = "rerun+http://127.0.0.1:9876/proxy"  # where a viewer started with `rerun` listens
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 VIEWER_TIMEOUT = 2.0  # [s]
-DISK_TIMEOUT = 30.0  # [s]
 
 
 def viewer_address(text: str) -> str:
@@ -73,7 +74,7 @@ class Stream:
         self._viewer: rr.RecordingStream | None = None
         if target is not None:
             self._file = rr.RecordingStream(application, recording_id=identity)
-            self._file.save(target.now)
+            self._sink = FileSink(self._file, target.now)
         if viewer is not None:
             self._viewer = rr.RecordingStream(application, recording_id=identity)
             self._viewer.connect_grpc(viewer)
@@ -119,14 +120,11 @@ class Stream:
         """Write everything logged so far.
 
         Raises:
-            OSError: the file cannot be written.
+            InputError: the file cannot be written.
         """
-        if self._file is not None:
-            try:
-                self._file.flush(timeout_sec=DISK_TIMEOUT)
-            except (RuntimeError, ValueError) as error:
-                raise OSError(str(error)) from None
-            if self.target is not None:
+        if self._file is not None and self.target is not None:
+            with named_errors(self.target.file):
+                self._sink.flush()
                 self.target.appear()
         if self._viewer is not None:
             try:
@@ -136,7 +134,15 @@ class Stream:
                 self._viewer = None  # this ends its connection
 
     def close(self) -> None:
-        """Write the footer and disconnect the viewer; a closed stream ignores further calls."""
-        streams, self._file, self._viewer = self._open, None, None
-        for stream in streams:
-            stream.disconnect()
+        """Write the footer and disconnect the viewer; a closed stream ignores further calls.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        file, viewer = self._file, self._viewer
+        self._file = self._viewer = None
+        if viewer is not None:
+            viewer.disconnect()
+        if file is not None and self.target is not None:
+            with named_errors(self.target.file):
+                self._sink.close()

@@ -6,13 +6,12 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexviz.errors import Cancelled, ConvergenceError
-from flexviz.files import named_errors
+from flexviz.errors import Cancelled, ConvergenceError, InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import Observer, make_observer
 from flexviz.progress import Progress, ProgressCallback, StopCallback, ignore, never
@@ -108,24 +107,20 @@ def recording_file(
     target = Target(Path(out))
     recorder = Recorder(measurements, Stream(measurements.name, target), samples, both)
     file = RecordingFile(recorder, progress, should_stop)
-
-    def finish(complete: bool) -> Recorded | None:
-        with named_errors(target.part):
-            return recorder.finish(complete)
-
     try:
         with ending_tidily():
             yield file
     except (Cancelled, KeyboardInterrupt, SystemExit) as error:
-        file.written = finish(complete=False)
+        file.written = recorder.finish(complete=False)
         if not isinstance(error, Cancelled):
             raise
     except BaseException:
-        recorder.stream.close()
+        with suppress(InputError):
+            recorder.stream.close()
         target.abandon()
         raise
     else:
-        file.written = finish(complete=True)
+        file.written = recorder.finish()
 
 
 def record_set(

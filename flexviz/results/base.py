@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic_core import PydanticCustomError
 
 Verdict = Literal["missing", "nothing-missing", "unknown"]
 Grade = Literal["yes", "weak", "no"]
@@ -55,6 +57,16 @@ Nullable = Annotated[Number | None, BeforeValidator(nullable)]
 Column = Annotated[list[Number | None], BeforeValidator(nullable)]
 Rows = Annotated[list[Column], BeforeValidator(nullable)]
 Counts = Annotated[list[list[int]], BeforeValidator(nullable)]
+
+
+def check_lengths(expected: int, what: str, **lists: Sequence[Any] | None) -> None:
+    """Refuse lists of another length, naming the first; None is let through."""
+    for name, values in lists.items():
+        if values is not None and len(values) != expected:
+            found = {"name": name, "found": len(values), "expected": expected, "what": what}
+            raise PydanticCustomError(
+                "length", "{name} has {found} values, expected {expected}, {what}", found
+            )
 
 
 class ResultEntry(BaseModel):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from flexviz.effects import FREE_CURVE_DIRECTIONS, CurveForm, curve_points, free_curve, simple_form
-from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows
+from flexviz.results.base import Column, Counts, Nullable, ResultEntry, Rows, check_lengths
 
 
 class MapEntry(ResultEntry):
@@ -63,6 +63,13 @@ class CurveTableEntry(ResultEntry):
     value: Rows
     std: Rows
     form: str = ""
+
+    @model_validator(mode="after")
+    def _per_node(self) -> Self:
+        check_lengths(len(self.directions), "one row per direction", value=self.value, std=self.std)
+        for row in (*self.value, *self.std):
+            check_lengths(len(self.at), "one per node", row=row)
+        return self
 
     def simple_form(self) -> CurveForm | None:
         """The simple law that the curve resembles."""

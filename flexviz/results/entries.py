@@ -6,12 +6,21 @@ become null.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AliasChoices, Field
+from pydantic import AliasChoices, Field, model_validator
 
-from flexviz.results.base import Column, Grade, NoteKind, Nullable, Number, ResultEntry, Verdict
+from flexviz.results.base import (
+    Column,
+    Grade,
+    NoteKind,
+    Nullable,
+    Number,
+    ResultEntry,
+    Verdict,
+    check_lengths,
+)
 from flexviz.results.curves import CurveTableEntry, FreeCurveEntry, GuardEntry, MapEntry
 
 
@@ -80,12 +89,24 @@ class ResidualEntry(ResultEntry):
     noise_floor: list[Number]
     torque_spread: list[Number] = Field(default_factory=list)
 
+    @model_validator(mode="after")
+    def _per_joint(self) -> Self:
+        lists = {"rms": self.rms, "rms_validation": self.rms_validation, "noise_floor": self.noise_floor}
+        spread = self.torque_spread or None
+        check_lengths(len(self.joints), "one per joint", **lists, torque_spread=spread)
+        return self
+
 
 class TorqueEntry(ResultEntry):
     """Standard deviation of the recorded torque per joint [Nm], over all groups."""
 
     joints: list[str]
     spread: list[Number]
+
+    @model_validator(mode="after")
+    def _per_joint(self) -> Self:
+        check_lengths(len(self.joints), "one per joint", spread=self.spread)
+        return self
 
 
 class ValueEntry(ResultEntry):
@@ -234,6 +255,16 @@ class ResultFields(ResultEntry):
     guard: GuardEntry | None = None
     torque: TorqueEntry | None = None
     seconds: Number | None = None
+
+    @model_validator(mode="after")
+    def _steps_per_joint(self) -> Self:
+        if self.torque is not None:
+            for step in self.steps:
+                lists = {
+                    name: getattr(step, name) or None for name in ("rms", "rms_validation", "noise_floor")
+                }
+                check_lengths(len(self.torque.joints), "one per joint", **lists)
+        return self
 
     @property
     def all_parameters(self) -> list[ParameterEntry]:

@@ -20,6 +20,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from flexviz.errors import FlexvizError, one_line
+from flexviz.files import remove_leftovers
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import SESSION_FILE
 from flexviz.session.saving import save_session
@@ -219,9 +220,7 @@ def _remove(folder: Path) -> None:
 
 def _remove_interrupted(place: Path) -> None:
     """Remove incomplete folders and unused locks of processes that have ended."""
-    for part in place.glob(".*"):
-        if part.is_dir() and not _in_use(place / part.name[1:].rpartition(".")[0]):
-            shutil.rmtree(part, ignore_errors=True)
+    remove_leftovers(place, age=0.0)
     for lock in place.glob(f"*{LOCK}"):
         folder = place / lock.name.removesuffix(LOCK)
         if not folder.exists() and not _in_use(folder):

@@ -39,7 +39,7 @@ from flexviz.diagnosis import (
 )
 from flexviz.diagnosis import Step as DiagnosisStep
 from flexviz.errors import InputError
-from flexviz.files import remove_parts, write_whole
+from flexviz.files import remove_leftovers, write_whole
 from flexviz.identification import (
     Combination,
     Identification,
@@ -270,4 +270,4 @@ def remove_others(folder: Path, keep: Sequence[dict[str, Any]]) -> None:
         if f"{FOLDER}/{file.name}" not in names:
             file.unlink(missing_ok=True)
     if (folder / FOLDER).is_dir():
-        remove_parts(folder / FOLDER)
+        remove_leftovers(folder / FOLDER, age=0.0)

@@ -24,7 +24,7 @@ from typing import Any
 from flexviz import __version__
 from flexviz.effects import loaded_files
 from flexviz.errors import InputError
-from flexviz.files import named_errors, remove_parts, sha256_of, whole_folder, write_whole
+from flexviz.files import copy_tree, named_errors, remove_leftovers, sha256_of, whole_folder, write_whole
 from flexviz.measurements import MeasurementSet
 from flexviz.session.document import FORMAT, OLD_ARRAYS, SESSION_FILE, SetReference, read_reference
 from flexviz.session.packing import FOLDER, Packer, remove_others, write_arrays
@@ -63,7 +63,7 @@ def save_session(
             return folder
         with whole_folder(folder) as new:
             if carry:
-                shutil.copytree(measurements.path, new, ignore=LEFT_OUT, dirs_exist_ok=True)
+                copy_tree(measurements.path, new, LEFT_OUT)
             _write(session, measurements, new, folder)
     remember(folder, stamp_of(folder))
     return folder
@@ -122,7 +122,7 @@ def _write(session: Session, measurements: MeasurementSet, folder: Path, final: 
     }
     write_whole(folder / SESSION_FILE, json.dumps(document, allow_nan=False).encode())
     remove_others(folder, arrays)
-    remove_parts(folder, SESSION_FILE)
+    remove_leftovers(folder, age=0.0)
     (folder / OLD_ARRAYS).unlink(missing_ok=True)
 
 
