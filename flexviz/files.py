@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fcntl
 import hashlib
+import io
 import json
 import math
 import os
@@ -14,7 +15,8 @@ import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+import zipfile
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -68,6 +70,15 @@ def write_file(path: Path, content: str | bytes) -> None:
     """`write_whole`, with an InputError for a file that cannot be written."""
     with named_errors(path):
         write_whole(path, content.encode() if isinstance(content, str) else content)
+
+
+def zipped(contents: Iterable[tuple[str, str | bytes]]) -> bytes:
+    """A zip archive of files, (name, content) each."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in contents:
+            archive.writestr(name, content)
+    return packed.getvalue()
 
 
 @contextmanager

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import datetime as dt
-import io
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as papq
 
 from flexviz import __version__
 from flexviz.batch.cluster import ClusterChoice
 from flexviz.batch.running import RunCount, result_folder, run_tasks
 from flexviz.batch.study_page import study_page
 from flexviz.batch.study_plan import StudyPlan, StudyRun, is_right, run_of, study_tasks
+from flexviz.batch.table import write_parquet
 from flexviz.batch.tasks import code_sha256
 from flexviz.files import as_json, write_file
 from flexviz.progress import ProgressCallback, StopCallback, ignore, never
@@ -68,14 +67,14 @@ def run_study(
     options: dict[str, Any] = {"retry": retry, "progress": progress, "should_stop": should_stop, "note": note}
     results, count = run_tasks(tasks, store, where, **options)
     runs = tuple(run_of(i, task, results.get(task.key)) for i, task in enumerate(tasks, 1))
-    write_file(out / TABLE, table_bytes(plan, runs))
+    write_parquet(runs_table(plan, runs), out / TABLE)
     page = study_page(plan, runs, dt.datetime.now().astimezone())
     write_file(out / "summary.html", page)
     return StudyOutcome(out, plan, runs, count)
 
 
-def table_bytes(plan: StudyPlan, runs: Sequence[StudyRun]) -> bytes:
-    """A Parquet table with a row per run and parameter; a failed run is one row with its error."""
+def runs_table(plan: StudyPlan, runs: Sequence[StudyRun]) -> pa.Table:
+    """A table with a row per run and parameter; a failed run is one row with its error."""
     rows = []
     for run in runs:
         result = run.result or {}
@@ -87,7 +86,4 @@ def table_bytes(plan: StudyPlan, runs: Sequence[StudyRun]) -> bytes:
         for name, (value, std, unit, grade) in (run.parameters or {"": (None, None, None, None)}).items():
             values = {"parameter": name or None, "value": value, "std": std, "unit": unit}
             rows.append({**about, **values, "identifiable": grade, "truth": run.truth.get(name)})
-    table = pa.Table.from_pylist(rows, schema=pa.schema(list(COLUMNS.items())))
-    buffer = io.BytesIO()
-    papq.write_table(table, buffer, compression="zstd")
-    return buffer.getvalue()
+    return pa.Table.from_pylist(rows, schema=pa.schema(list(COLUMNS.items())))

@@ -58,8 +58,13 @@ def write_table(rows: Sequence[FleetRow], file: Path) -> None:
             heads.append(pa.field(label + part, kind, metadata={MARK: about.encode()}))
             columns.append(pa.array(parts[part], kind))
     schema = pa.schema(heads, metadata={MARK: json.dumps({"format": 1, "flexviz": __version__}).encode()})
+    write_parquet(pa.Table.from_arrays(columns, schema=schema), file)
+
+
+def write_parquet(table: pa.Table, file: Path) -> None:
+    """Write a table, completely or not at all."""
     buffer = io.BytesIO()
-    papq.write_table(pa.Table.from_arrays(columns, schema=schema), buffer, compression="zstd")
+    papq.write_table(table, buffer, compression="zstd")
     write_file(file, buffer.getvalue())
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import csv
 import io
 import re
-import zipfile
 from collections.abc import Sequence
 
 from flexviz.charts.chart import Chart
 from flexviz.charts.svg import FILE, draw_svg
+from flexviz.files import zipped
 
 
 def chart_csv(chart: Chart) -> str:
@@ -38,10 +38,8 @@ def chart_name(chart: Chart) -> str:
 
 def charts_zip(charts: Sequence[Chart]) -> bytes:
     """A zip with an SVG and a CSV of every chart that has lines."""
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
-        for number, chart in enumerate((chart for chart in charts if chart.series), 1):
-            name = chart_name(chart)
-            file.writestr(f"{number}-{name}.svg", draw_svg(chart, chart.key, FILE))
-            file.writestr(f"{number}-{name}.csv", chart_csv(chart))
-    return packed.getvalue()
+    files = []
+    for number, chart in enumerate((chart for chart in charts if chart.series), 1):
+        name = f"{number}-{chart_name(chart)}"
+        files += [(f"{name}.svg", draw_svg(chart, chart.key, FILE)), (f"{name}.csv", chart_csv(chart))]
+    return zipped(files)

@@ -35,9 +35,7 @@ def design(
     settings: Path | None = typer.Option(
         None, metavar="FILE.toml", help="Payloads, limits of the motion, settings of the search."
     ),
-    groups: int | None = typer.Option(
-        None, metavar="N", help="Number of groups. Default: 3; to separate: 1."
-    ),
+    groups: int | None = typer.Option(None, metavar="N", help="How many. Default: 3; to separate: 1."),
     duration: float | None = typer.Option(None, metavar="S", help="Length of each group [s]. Default: 10."),
     floor: float | None = typer.Option(None, metavar="Z", help="Least height of the tool [m]."),
     beside: bool | None = typer.Option(
@@ -49,10 +47,11 @@ def design(
 ) -> int:
     """Choose motions and payloads from which parameters, or a missing effect, are learned best."""
     with Reporter(f"reading {robot}") as report:
-        from flexviz.designing import check_folder, settings_from, summary_lines, write_design
         from flexviz.designing import design as search
+        from flexviz.designing import settings_from, summary_lines, write_design
+        from flexviz.measurements import check_free
 
-        check_folder(out)
+        check_free(out)
         groups = 1 if groups is None and separate and settings is None else groups
         chosen = settings_from(settings, {"groups": groups, "duration": duration}, floor)
         with interruptible("the best groups so far are kept") as should_stop:

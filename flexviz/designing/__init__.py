@@ -6,7 +6,7 @@ from flexviz.designing.run import Design, DesignedGroup, design
 from flexviz.designing.settings import DesignSettings, LimitTable, read_settings, settings_from
 from flexviz.designing.subject import Planned
 from flexviz.designing.summary import summary_lines
-from flexviz.designing.writing import check_folder, design_files, write_design
+from flexviz.designing.writing import design_files, write_design
 
 __all__ = [
     "Design",
@@ -16,7 +16,6 @@ __all__ = [
     "Planned",
     "PredictedError",
     "Reached",
-    "check_folder",
     "design",
     "design_files",
     "predict_errors",

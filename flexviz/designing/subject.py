@@ -19,7 +19,6 @@ from flexviz.robot import PayloadBody, Robot
 from flexviz.simulation import PDController, Plan, Reference, follow, inject, make_plan, plan_from_set
 
 Array = NDArray[np.float64]
-RECORD_STEP = 0.001  # [s] of the recording where no set says it
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ from numpy.typing import NDArray
 from flexviz.designing.run import Design
 from flexviz.designing.subject import Planned
 from flexviz.designing.summary import summary_lines
-from flexviz.errors import InputError
 from flexviz.files import as_json, named_errors, whole_folder
+from flexviz.measurements import check_free
 from flexviz.simulation import Fourier
 
 Array = NDArray[np.float64]
@@ -23,6 +24,10 @@ Array = NDArray[np.float64]
 CSV_STEP = 0.001  # [s]
 TRAJECTORY_STEP = 0.02  # [s] between the points that a trajectory controller interpolates
 DIGITS = 9
+KEPT = (
+    "subject", "joints", "criterion", "unit", "value", "separates", "gains", "recorded_gains", "beside",
+    "seed", "evaluations", "seconds", "stopped",
+)  # fmt: skip
 
 
 def design_files(design: Design) -> dict[str, str]:
@@ -43,17 +48,11 @@ def write_design(design: Design, folder: str | Path) -> Path:
         InputError: the folder is not empty, or cannot be written.
     """
     path = Path(folder)
-    check_folder(path)
+    check_free(path)
     with named_errors(path), whole_folder(path.absolute()) as new:
         for name, content in design_files(design).items():
             (new / name).write_text(content, encoding="utf-8")
     return path
-
-
-def check_folder(path: Path) -> None:
-    """Refuse a folder that exists and is not empty."""
-    if path.is_file() or (path.is_dir() and any(path.iterdir())):
-        raise InputError("exists already, expected a new or empty folder", file=path)
 
 
 def reference_levels(planned: Planned, step: float) -> tuple[Array, Array, Array, Array]:
@@ -113,43 +112,15 @@ def design_document(design: Design) -> dict[str, Any]:
                 "payload": planned.payload,
                 "duration": planned.duration,
                 "files": [f"{planned.name}.csv", f"{planned.name}.yaml"],
-                "centre": motion.centre.tolist(),
-                "sine": motion.sine.tolist(),
-                "cosine": motion.cosine.tolist(),
+                **{name: getattr(motion, name).tolist() for name in ("centre", "sine", "cosine")},
                 "frequency": motion.frequency,
                 "ramp": motion.ramp,
-                "limits": [{"limit": one.limit, "share": one.share} for one in group.used],
+                "limits": [asdict(one) for one in group.used],
             }
         )
-    return {
-        "format": 1,
-        "subject": design.subject,
-        "joints": list(design.joints),
-        "criterion": design.criterion,
-        "unit": design.unit,
-        "value": design.value,
-        "random": design.before,
-        "separates": list(design.separates),
-        "gains": list(design.gains),
-        "recorded_gains": list(design.recorded_gains),
-        "beside": list(design.beside),
-        "seed": design.seed,
-        "evaluations": design.evaluations,
-        "seconds": design.seconds,
-        "stopped": design.stopped,
-        "groups": groups,
-        "parameters": [
-            {
-                "name": one.name,
-                "joint": one.joint,
-                "value": one.value,
-                "std": one.std,
-                "unit": one.unit,
-                "prior_share": one.prior_share,
-            }
-            for one in design.errors
-        ],
-    }
+    kept = {name: getattr(design, name) for name in KEPT}
+    errors = [asdict(one) for one in design.errors]
+    return {"format": 1, **kept, "random": design.before, "groups": groups, "parameters": errors}
 
 
 def _text(value: float) -> str:

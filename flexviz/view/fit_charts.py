@@ -79,10 +79,7 @@ def convergence_charts(
     if not iterations:
         note = "Error, cost and parameters appear here, live, after Run (step 3, Identify)."
         if result is not None:
-            note = (
-                "The values of this model come from the diagnosis. Run (step 3, Identify) fits them anew: "
-                "error, cost and parameters appear here."
-            )
+            note = f"The values of this model come from the diagnosis; Run fits them anew. {note}"
         return no_chart("error", note), no_chart("cost"), no_chart("parameters")
     count = max(len(iterations), 2)
     x, axis, found = np.arange(1.0, count + 1.0), ChartAxis("iteration"), solver_stages(iterations)

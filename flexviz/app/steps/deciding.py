@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,6 +11,7 @@ from flexviz.app.tasks import SetTask, chosen_set
 from flexviz.designing import Design, DesignSettings, design, design_files, summary_lines
 from flexviz.diagnosis import Diagnosis
 from flexviz.errors import InputError
+from flexviz.files import zipped
 from flexviz.model import EffectValue
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 from flexviz.session import Analysis
@@ -99,13 +98,4 @@ class DecidingMotion:
     def _send(self, client: int) -> None:
         if self._found is None:
             raise InputError(f"no motion is designed yet: press {DECIDE}")
-        self._page.send_file(client, FILE, zipped(self._found[1]))
-
-
-def zipped(found: Design) -> bytes:
-    """The files of a design in one archive."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in design_files(found).items():
-            archive.writestr(name, content)
-    return out.getvalue()
+        self._page.send_file(client, FILE, zipped(design_files(self._found[1]).items()))
