@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import CHROMIUM, FLAGS, close_notices
+from tests.browser.page import CHROMIUM, FLAGS, PLAIN_LIGHT, SPARE_FRAMES, close_notices
 
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 
@@ -96,8 +96,10 @@ def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callabl
         pages.append(page)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.set_default_timeout(PATIENCE)
+        page.add_init_script(PLAIN_LIGHT)
         page.goto(address)
         page.wait_for_selector(".uplot .u-over")
+        page.evaluate(SPARE_FRAMES)
         close_notices(page)
         return page
 

@@ -13,6 +13,29 @@ FLAGS = [
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 ]  # fmt: skip
+# Drawing without a graphics card is slow. The light of viser's surroundings is computed with 4 samples per
+# pixel instead of 256 (9 s of processor time per page); a page that is there is drawn 10 times
+# per second at most.
+PLAIN_LIGHT = """(() => {
+    const kind = WebGL2RenderingContext.prototype, compile = kind.shaderSource;
+    kind.shaderSource = function (shader, text) {
+        compile.call(this, shader, text.replace(/#define GGX_SAMPLES \\d+/, '#define GGX_SAMPLES 4'));
+    };
+})()"""
+SPARE_FRAMES = """() => {
+    const draw = window.requestAnimationFrame.bind(window), stop = window.cancelAnimationFrame.bind(window);
+    const cancel = new Map();
+    let last = 1e9;
+    window.requestAnimationFrame = drawn => {
+        const id = ++last;
+        const now = time => { cancel.delete(id); drawn(time); };
+        const later = () => { const frame = draw(now); cancel.set(id, () => stop(frame)); };
+        const timer = setTimeout(later, 100);
+        cancel.set(id, () => clearTimeout(timer));
+        return id;
+    };
+    window.cancelAnimationFrame = id => { (cancel.get(id) ?? (() => stop(id)))(); cancel.delete(id); };
+}"""
 # the same places as install_chromium.sh; None: Playwright's own
 NAMES = (os.environ.get("FLEXVIZ_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
