@@ -2,10 +2,10 @@
 
 from flexviz.batch.analysis import SetOptions
 from flexviz.batch.batch import BatchOutcome, is_batch, read_batch, run_batch, set_results
-from flexviz.batch.cluster import Answer, ClusterChoice, SchedulerLost, spread
+from flexviz.batch.cluster import ClusterChoice, SchedulerLost, spread
 from flexviz.batch.fleet import Outlier, ParameterHistory, histories, outliers
 from flexviz.batch.listing import about_html, fleet_html
-from flexviz.batch.page import drift_text, found_text, history_chart, parameter_words, verdict_words
+from flexviz.batch.page import counted_verdicts, drift_text, history_chart, parameter_words
 from flexviz.batch.rows import FleetRow, FleetValue
 from flexviz.batch.running import RunCount
 from flexviz.batch.study import StudyOutcome, run_study
@@ -13,7 +13,6 @@ from flexviz.batch.study_page import ParameterSpread, detected, detection_limit,
 from flexviz.batch.study_plan import StudyPlan, StudyRun
 
 __all__ = [
-    "Answer",
     "BatchOutcome",
     "ClusterChoice",
     "FleetRow",
@@ -28,11 +27,11 @@ __all__ = [
     "StudyPlan",
     "StudyRun",
     "about_html",
+    "counted_verdicts",
     "detected",
     "detection_limit",
     "drift_text",
     "fleet_html",
-    "found_text",
     "histories",
     "history_chart",
     "is_batch",
@@ -44,5 +43,4 @@ __all__ = [
     "set_results",
     "spread",
     "spreads",
-    "verdict_words",
 ]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 from flexviz.batch.fleet import Outlier
-from flexviz.batch.page import found_text, parameter_words, verdict_words
+from flexviz.batch.page import counted_verdicts, found_text, parameter_words, verdict_words
 from flexviz.batch.rows import DONE, FAILED, FleetRow
 from flexviz.wording import escape, number, percent, plural
 
@@ -16,16 +15,14 @@ MARK = "data-fleet"  # attribute of a row: its number
 
 def fleet_html(rows: Sequence[FleetRow], chosen: int, shown: int | None) -> str:
     """The sets as a table; `chosen` is marked, `shown` is the open one."""
-    counts = Counter(verdict_words(row) for row in rows)
-    said = ", ".join(f"{count} {words}" for words, count in counts.most_common())
-    robots = plural(len({row.robot for row in rows}), "robot")
+    said, robots = escape(counted_verdicts(rows)), plural(len({row.robot for row in rows}), "robot")
     first = min(max(chosen - LISTED // 2, 0), max(len(rows) - LISTED, 0))
     listed = range(first, min(first + LISTED, len(rows)))
     body = "".join(_row(i, rows[i], i == chosen, i == shown) for i in listed)
     cut = "" if len(listed) == len(rows) else f"; {listed[0] + 1} to {listed[-1] + 1} are listed"
     head = "<tr><th>no.</th><th>set</th><th>date</th><th>verdict</th><th>error</th></tr>"
     return (
-        f'<div class="fv"><b>{plural(len(rows), "set")} of {robots}</b>: {escape(said)}{cut}. '
+        f'<div class="fv"><b>{plural(len(rows), "set")} of {robots}</b>: {said}{cut}. '
         'A click opens a set.<div class="fv-fleet"><table class="fv-table fv-left">'
         f"{head}{body}</table></div></div>"
     )
@@ -34,9 +31,8 @@ def fleet_html(rows: Sequence[FleetRow], chosen: int, shown: int | None) -> str:
 def _row(index: int, row: FleetRow, chosen: bool, shown: bool) -> str:
     kind = " ".join(["fv-chosen"] * chosen + ["fv-open"] * shown)
     verdict = verdict_words(row) + (f": {found_text(row)}" if row.found else "")
-    date = row.date[:10] + ("*" if row.date_from == "file" else "")
     error = "–" if row.residual is None else percent(row.residual)
-    cells = (str(index + 1), row.set, date, verdict, error)
+    cells = (str(index + 1), row.set, row.day, verdict, error)
     text = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
     return f'<tr {MARK}="{index + 1}" class="{kind}" title="{escape(row.error or row.set)}">{text}</tr>'
 

@@ -66,6 +66,12 @@ def verdict_words(row: FleetRow) -> str:
     return VERDICTS.get(row.verdict, row.verdict) if row.state == DONE else row.state
 
 
+def counted_verdicts(rows: Sequence[FleetRow]) -> str:
+    """ "7 effects missing, 3 nothing missing, 1 failed", the most frequent first."""
+    counts = Counter(map(verdict_words, rows))
+    return ", ".join(f"{count} {words}" for words, count in counts.most_common())
+
+
 def parameter_words(label: str) -> str:
     """ "stiffness, joint1"."""
     name, _, place = label.partition(":")
@@ -169,7 +175,7 @@ def _failures(rows: Sequence[FleetRow]) -> Section | None:
 
 def _sets(rows: Sequence[FleetRow]) -> Section:
     body = [
-        [row.set, row.robot, row.date[:10] + ("*" if row.date_from == "file" else ""), verdict_words(row),
+        [row.set, row.robot, row.day, verdict_words(row),
          found_text(row), _percent(row.residual_before), _percent(row.residual), number(row.seconds, 2)]
         for row in rows[:MOST_ROWS]
     ]  # fmt: skip

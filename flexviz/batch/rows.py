@@ -71,6 +71,11 @@ class FleetRow:
     parameters: dict[str, FleetValue]
 
     @property
+    def day(self) -> str:
+        """Of the date, with an asterisk if that is only the date of the files."""
+        return self.date[:10] + ("*" if self.date_from == "file" else "")
+
+    @property
     def when(self) -> dt.datetime | None:
         """The date as an instant, for computing: without its time zone, UTC is assumed."""
         try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -78,12 +77,9 @@ def of_every_set(options: IdentificationOptions) -> dict[str, Any]:
 
 def lines(done: BatchOutcome) -> list[str]:
     """Counts of states and verdicts, and where the results are."""
-    from flexviz.batch import verdict_words
+    from flexviz.batch import counted_verdicts
 
-    counts = Counter(verdict_words(row) for row in done.rows)
-    said = ", ".join(f"{count} {words}" for words, count in counts.most_common())
-    count = done.count
-    out = [f"{len(done.rows)} sets: {said}", f"computed now: {count.done}; kept from before: {count.kept}"]
+    out = [f"{len(done.rows)} sets: {counted_verdicts(done.rows)}", computed(done)]
     out += [f"failed: {row.set}: {row.error}" for row in done.rows if row.state == "failed"][:10]
     return [*out, f"{done.folder}: results.parquet, summary.html"]
 
@@ -132,12 +128,17 @@ def study(
     return 130 if not done.complete else 1 if done.count.failed else 0
 
 
+def computed(done: BatchOutcome | StudyOutcome) -> str:
+    """How much was computed now."""
+    return f"computed now: {done.count.done}; kept from before: {done.count.kept}"
+
+
 def study_lines(done: StudyOutcome) -> list[str]:
     """What the runs say together, and where the results are."""
     from flexviz.batch import detected, detection_limit, spreads
     from flexviz.wording import number
 
-    out = [f"{len(done.runs)} runs; computed now: {done.count.done}; kept from before: {done.count.kept}"]
+    out = [f"{len(done.runs)} runs; {computed(done)}"]
     if done.plan.kind == "detection":
         counts = detected(done.plan, done.runs)
         out += [f"{size:g}: found exactly in {right} of {of}" for size, right, of in counts]

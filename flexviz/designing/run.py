@@ -166,10 +166,8 @@ class _Work:
         total = settings.passes * settings.groups * settings.evaluations
         tell = _Teller(total, criterion, self.progress, self.should_stop)
         search = GroupSearch(subject, self.space, columns.gram, criterion, known, step, self.seed, tell)
-        before, stopped = np.inf, False
-        tell.patient = True  # until there is a design to keep
-        before = search.start()
-        tell.patient = False
+        before, stopped = search.start(), False
+        tell.patient = False  # there is a design to keep
         try:
             for _ in range(settings.passes):
                 for k in range(settings.groups):
@@ -253,7 +251,7 @@ class _Teller:
     criterion: Criterion
     progress: ProgressCallback | None
     should_stop: StopCallback | None
-    patient: bool = False
+    patient: bool = True
 
     def __call__(self, done: int, value: float) -> None:
         if self.progress is not None:
