@@ -157,7 +157,8 @@ def test_sensitivity_to_signals_against_finite_differences():
     signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.1)
     x = point(layout, robot)
     equation = Equation(robot, signals, layout)
-    theta, tau = signal_sensitivity(layout, x, equation.at(x).link_terms(x))
+    parts = signal_sensitivity(layout, x, equation.at(x).link_terms(x))
+    theta, tau = (direct + elastic for direct, elastic in zip(*parts, strict=True))
     for matrices, field in ((theta, "theta"), (tau, "tau")):
         for k in range(len(matrices)):
             for j in range(robot.n):

@@ -70,24 +70,6 @@ class NoisePath:
         return [transfer(omega, k) * (1 - lost) for k, lost in zip(self.orders, lacking, strict=True)]
 
 
-def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Array, Array]:
-    """∂r/∂θ^(k) and ∂r/∂τ^(k) at every sample.
-
-    From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ +
-    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). Sensitivities through the effects are neglected.
-
-    Args:
-        layout: layout of x.
-        x: shape (P,).
-        link: rigid-body terms at N samples.
-
-    Returns:
-        shape (5, N, n, n) [Nm s^k/rad] and shape (3, N, n, n) [s^k].
-    """
-    direct, elastic = _parts(layout, x, link)
-    return direct[THETA] + elastic[THETA], direct[TAU] + elastic[TAU]
-
-
 def time_constants(layout: Layout, x: Array) -> Array:
     """D/K of the damped joints, 0 of the others, shape (n,) [s]."""
     out = np.zeros(layout.n)
@@ -104,7 +86,7 @@ def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
     A damped joint, K δ + D δ̇ = s, low-passes the noise of s with the time constant D/K: hardly any noise
     reaches the deflection at the high frequencies that its second derivative amplifies.
     """
-    direct, elastic = _parts(layout, x, link)
+    direct, elastic = signal_sensitivity(layout, x, link)
     lag = time_constants(layout, x)
     out = []
     for sensor, joints in _kinds(lag):
@@ -131,7 +113,7 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     """
     lag, unit = time_constants(layout, x), x.copy()
     unit[layout.compliance] = 1.0
-    _, elastic = _parts(layout, unit, link)
+    _, elastic = signal_sensitivity(layout, unit, link)
     damping = {e.joint: at.start for e, at in layout.effect_slices() if EFFECTS[e.effect].damps_deflection}
     out = []
     for sensor, joints in _kinds(lag):
@@ -185,8 +167,15 @@ def _kinds(lag: Array) -> list[tuple[int, NDArray[np.intp]]]:
     return [(sensor, joints) for sensor in range(len(DEPTH)) for joints in kinds]
 
 
-def _parts(layout: Layout, x: Array, link: LinkTerms) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """(∂r/∂θ^(k), ∂r/∂τ^(k)): the direct part, and the part through the elasticity of the joints."""
+Sensitivity = tuple[Array, Array]  # ∂r/∂θ^(k) (5, N, n, n) [Nm s^k/rad], ∂r/∂τ^(k) (3, N, n, n) [s^k]
+
+
+def signal_sensitivity(layout: Layout, x: Array, link: LinkTerms) -> tuple[Sensitivity, Sensitivity]:
+    """The direct part of the sensitivity to the signals, and the part through the elasticity of the joints.
+
+    From s = τ − Bθ̈ − f_mv θ̇, q = θ − c s and r = s − YΓ − f_lv q̇, with L₀ = ∂(YΓ)/∂q, L₁ = ∂(YΓ)/∂q̇ +
+    f_lv, L₂ = M: δr = δs − Σ_k L_k δq^(k). Sensitivities through the effects are neglected.
+    """
     compliance, inertia, viscous = x[layout.compliance], x[layout.motor_inertia], x[layout.motor_viscous]
     levels = (link.dq, link.dv + np.diag(x[layout.link_viscous]), link.mass)
     theta, tau = (np.zeros((depth, *link.mass.shape)) for depth in DEPTH)
