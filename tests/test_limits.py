@@ -61,6 +61,12 @@ def test_tables_with_too_many_numbers(tmp_path: Path, monkeypatch: pytest.Monkey
     assert list(open_log(folder / "lists.parquet", few).columns) == ["x2"]
 
 
+def test_a_damaged_table_does_not_end_the_process() -> None:
+    """Its footer contradicts itself, which pyarrow notices in a place where it cannot raise."""
+    with pytest.raises(InputError, match=r"damaged\.parquet: not a readable Parquet table"):
+        open_log(Path(__file__).parent / "data" / "damaged.parquet", ReadOptions())
+
+
 def test_compressed_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     header = io.BytesIO()
     about = {"descr": "<f8", "fortran_order": False, "shape": (10**12,)}

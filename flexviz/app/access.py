@@ -24,6 +24,7 @@ import websockets.asyncio.server as websocket_server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from flexviz.app.frames import Handler, only_messages
 from flexviz.errors import one_line
 
 log = logging.getLogger("flexviz.app")
@@ -134,11 +135,13 @@ def _answer(status: http.HTTPStatus, body: bytes, headers: dict[str, str] | None
 
 @contextlib.contextmanager
 def guarded_serve(access: Access) -> Iterator[None]:
-    """Add the checks and headers to a ViserServer started in this context."""
+    """Add the checks of requests and frames, and the headers, to a ViserServer started in this context."""
     module: Any = websocket_server
     original = module.serve
 
-    def serve(*args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any) -> Any:
+    def serve(
+        handler: Handler, *args: Any, process_request: Callable[..., Any] | None = None, **kwargs: Any
+    ) -> Any:
         def check_first(connection: Any, request: Request) -> Response | None:
             refusal = access.check(request)
             if refusal is not None or process_request is None:
@@ -148,7 +151,7 @@ def guarded_serve(access: Access) -> Iterator[None]:
                 response.headers.update(PAGE_HEADERS)
             return response
 
-        return original(*args, process_request=check_first, **kwargs)
+        return original(only_messages(handler), *args, process_request=check_first, **kwargs)
 
     module.serve = serve
     try:

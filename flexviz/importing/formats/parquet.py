@@ -31,13 +31,18 @@ def read_parquet(path: Path, options: ReadOptions) -> Log:
 
 def check_parquet(path: Path, names: Sequence[str]) -> None:
     """InputError if these columns take too much memory; entries of lists count, too."""
-    starts = tuple(f"{name}." for name in names)  # of "positions.list.element."
     with papq.ParquetFile(path) as table:
         about = table.metadata
-        used = [j for j in range(about.num_columns) if f"{about.schema.column(j).path}.".startswith(starts)]
+        check_numbers(about.num_rows, len(names), path)
+        lists = [name for name in names if is_list(table.schema_arrow.field(name).type)]
+        if not lists:
+            return
+        table.scan_contents(lists)  # of a damaged file `column` below would end the process
+        starts = tuple(f"{name}." for name in lists)  # of "positions.list.element."
+        used = [j for j in range(about.num_columns) if about.schema.column(j).path.startswith(starts)]
         groups = (about.row_group(i) for i in range(about.num_row_groups))
-        numbers = sum(group.column(j).num_values for group in groups for j in used)
-    check_numbers(numbers, 1, path)
+        entries = sum(group.column(j).num_values for group in groups for j in used)
+    check_numbers(entries + about.num_rows * (len(names) - len(lists)), 1, path)
 
 
 def is_list(kind: pa.DataType) -> bool:
