@@ -43,10 +43,10 @@ types: install
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 pytest: install browser
-	$(BIN)/python -m pytest -n $(JOBS) $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal $(ARGS)
 
 coverage: install browser
-	$(BIN)/python -m pytest -n $(JOBS) --cov --cov-report=term $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal --cov --cov-report=term $(ARGS)
 
 browser: install
 	@sh tests/browser/install_chromium.sh $(BIN)/python

@@ -1,4 +1,4 @@
-"""What is run (studies only with `-m study`), Ctrl+C in the background, the demonstration set."""
+"""What is run (studies only with `-m study`), Ctrl+C in the background, the demonstration, its diagnosis."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import signal
 
 import pytest
 
+from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.resources import sessions_dir
 
@@ -14,6 +15,12 @@ from flexviz.resources import sessions_dir
 def demo() -> MeasurementSet:
     """The bundled set: a soft arm without gravity, rich motion, friction that its model does not name."""
     return read_set(sessions_dir() / "planar-2r-demo")
+
+
+@pytest.fixture(scope="session")
+def diagnosed_demo(demo: MeasurementSet) -> Diagnosis:
+    """What is missing in it, found once for all tests."""
+    return diagnose(demo, apply=True)
 
 
 def pytest_configure() -> None:

@@ -17,9 +17,8 @@ from flexviz.app.application import Application
 from flexviz.app.steps.data import DataStep
 from flexviz.app.steps.deciding import DECIDE, DOWNLOAD
 from flexviz.app.steps.diagnose import DiagnoseStep
-from flexviz.diagnosis import FreeCurve, Step, diagnose, prediction_errors
+from flexviz.diagnosis import Diagnosis, FreeCurve, Step, prediction_errors
 from flexviz.identification import identify
-from flexviz.measurements import read_set
 from flexviz.report import session_report
 from flexviz.report.content import gather
 from flexviz.report.sections.summary import numbers
@@ -64,8 +63,7 @@ def one_error_everywhere(app: Application) -> None:
     assert total_rms(errors.rms_validation) == pytest.approx(float(said[2]), rel=0.02)
 
 
-def test_find_add_undo_remove(app: Application) -> None:
-    measurements = read_set(sessions_dir() / DEMO)
+def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> None:
     assert app.dock._undo.disabled and app.dock._redo.disabled and app.dock._stop.disabled
     assert "Find the missing effect" in app.dock._line.content
     app.store.go("Diagnose")
@@ -91,8 +89,7 @@ def test_find_add_undo_remove(app: Application) -> None:
     assert added.effects == (EFFECT,) and added.up_to_date and added.diagnosis_up_to_date
     one_error_everywhere(app)
     assert "Nothing is missing" in diagnose_step(app)._verdict.content and not best.add.visible
-    answer = diagnose(measurements, apply=True)
-    for stair, step in zip(added.model_steps, answer.steps, strict=True):
+    for stair, step in zip(added.model_steps, diagnosed_demo.steps, strict=True):
         assert np.allclose(stair.step.rms, step.rms, rtol=0.02)
         assert np.allclose(stair.step.rms_validation, step.rms_validation, rtol=0.02)  # type: ignore[arg-type]
     model_steps = app.plots._compare._charts["all"]._handle.data

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,15 @@ SHARED = Path(__file__).resolve().parents[2] / "shared"
 CASES = SHARED / "practice" / "cases"
 
 
-@pytest.fixture(scope="module")
-def diagnosed(demo: MeasurementSet) -> Diagnosis:
-    return diagnose(demo, apply=True)
+@cache
+def practised(case: str) -> Diagnosis:
+    return diagnose(read_set(CASES / case), apply=True)
 
 
-def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
+def test_demo_lacks_coulomb_friction(diagnosed_demo: Diagnosis) -> None:
     truth = json.loads((sessions_dir() / "planar-2r-demo" / "truth.json").read_text())["effects"][0]
-    assert diagnosed.verdict == "missing"
-    first = diagnosed.findings[0]
+    assert diagnosed_demo.verdict == "missing"
+    first = diagnosed_demo.findings[0]
     assert (first.effect, first.joint) == ("coulomb_friction", "joint2")
     value, std, unit = first.parameters["coulomb"]
     assert unit == "Nm" and value == pytest.approx(
@@ -40,9 +41,12 @@ def test_demo_lacks_coulomb_friction(diagnosed: Diagnosis) -> None:
         rel=0.01,
     )
     assert std is not None and std < 0.01 * value
-    assert diagnosed.steps[-1].verdict == "nothing-missing"
-    assert diagnosed.steps[0].rms_validation is not None and diagnosed.steps[-1].rms_validation is not None
-    assert sum(diagnosed.steps[-1].rms_validation) < 0.3 * sum(diagnosed.steps[0].rms_validation)
+    assert diagnosed_demo.steps[-1].verdict == "nothing-missing"
+    assert (
+        diagnosed_demo.steps[0].rms_validation is not None
+        and diagnosed_demo.steps[-1].rms_validation is not None
+    )
+    assert sum(diagnosed_demo.steps[-1].rms_validation) < 0.3 * sum(diagnosed_demo.steps[0].rms_validation)
 
 
 def test_an_effect_that_its_interval_holds_to_be_zero_is_not_found(
@@ -58,8 +62,8 @@ def test_an_effect_that_its_interval_holds_to_be_zero_is_not_found(
     assert diagnose(demo).verdict != "missing"  # although the gain is large
 
 
-def test_json_is_the_contract(diagnosed: Diagnosis) -> None:
-    document = json.loads(json.dumps(diagnosed.to_dict()))
+def test_json_is_the_contract(diagnosed_demo: Diagnosis) -> None:
+    document = json.loads(json.dumps(diagnosed_demo.to_dict()))
     assert document["format"] == 1 and document["verdict"] == "missing"
     candidate = document["candidates"][0]
     assert set(candidate) == {
@@ -76,14 +80,14 @@ def test_json_is_the_contract(diagnosed: Diagnosis) -> None:
     assert set(document["where"][0]) == {"joint", "variable", "explained", "range"}
 
 
-def test_words(diagnosed: Diagnosis) -> None:
-    said = diagnosed.summary().splitlines()
+def test_words(diagnosed_demo: Diagnosis) -> None:
+    said = diagnosed_demo.summary().splitlines()
     assert said[0].startswith("Missing: Coulomb friction on joint2.")
     assert said[1].startswith("  1. coulomb_friction on joint2: coulomb ")
     assert any("nothing-missing" in line for line in said)
 
 
-def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed: Diagnosis) -> None:
+def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed_demo: Diagnosis) -> None:
     news: list[Progress] = []
 
     def said() -> list[str]:
@@ -104,9 +108,9 @@ def test_the_leading_candidate_is_told_early_and_kept_by_a_stop(diagnosed: Diagn
         f"so far: validation error of the present model {found[1]} % of the torque; most: joint2 "
     )
     # the error is the one that the finished diagnosis states
-    for percent, step in zip(found.groups(), diagnosed.steps, strict=True):
+    for percent, step in zip(found.groups(), diagnosed_demo.steps, strict=True):
         assert step.rms_validation is not None
-        share = np.mean(np.divide(step.rms_validation, diagnosed.torque_spread))
+        share = np.mean(np.divide(step.rms_validation, diagnosed_demo.torque_spread))
         assert float(percent) == pytest.approx(100 * share, rel=0.1)
     # it is no verdict: nothing is found, the note says how far the search had come
     assert result.stopped and len(result.steps) == 1 and not result.findings
@@ -143,7 +147,7 @@ def test_adding_replaces_and_removing_undoes():
 @pytest.mark.parametrize("case", ["2r-torque_gain", "2r-none-19"])
 def test_practice(case):
     truth = json.loads((CASES.parent / "truth" / f"{case}.json").read_text())
-    result = diagnose(read_set(CASES / case), apply=True)
+    result = practised(case)
     if not truth["effects"]:
         assert result.verdict == "nothing-missing" and len(result.steps) == 1
         return
@@ -160,5 +164,5 @@ def test_an_error_that_pulses_leave_is_explained():
     assert result.steps[-1].verdict == "nothing-missing" and (error / floor).max() > 5
     (note,) = [note for note in result.notes if note.kind == "pulses"]
     assert f"{error[(error / floor).argmax()]:.3g} Nm" in note.text
-    clean = diagnose(read_set(CASES / "2r-none-19"), apply=True)
+    clean = practised("2r-none-19")
     assert not any(note.kind == "pulses" for note in clean.notes)

@@ -34,6 +34,10 @@ SETS = ("SET", "my_set", "my_recording", "demo", "sessions/planar-2r-demo")  # w
 SESSIONS = ("SESSION",)
 OWN = "examples/user_effects.py"
 PLACES = {"FILE": "written.json", "DIR": "folder", "FILE.rrd": "written.rrd"}
+# where `diagnose` is replaced: the package last, for the others take it from there when they are imported
+DIAGNOSING = tuple(
+    f"flexviz.{name}" for name in ("workflows", "batch.analysis", "batch.study_runs", "diagnosis")
+)
 make_plan = sets.make_plan
 
 
@@ -92,7 +96,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         assert not options.keys() - {"apply", "guarded", "free_curve", "progress", "should_stop", "start"}
         return replace(found, set_name=measurements.name)
 
-    monkeypatch.setattr(flexviz.diagnosis, "diagnose", known)
+    for place in DIAGNOSING:
+        monkeypatch.setattr(f"{place}.diagnose", known)
     runs = flexviz.batch.study.study_tasks
     monkeypatch.setattr(flexviz.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
     here = flexviz.batch.ClusterChoice(1, processes=False)
