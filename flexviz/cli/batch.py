@@ -103,9 +103,7 @@ def study(
         None, "--at", metavar="X", help="A bandwidth in rad/s, or a size of the effect; repeat for more."
     ),
     hide: list[str] | None = typer.Option(
-        None,
-        metavar="NAME[:joint][:param=value,...]",
-        help="Hide an effect in the robot; repeat for more.",
+        None, metavar="NAME[:joint][:param=value,...]", help="Hide an effect in the robot; repeat for more."
     ),
     parameter: str = typer.Option("", metavar="NAME", help="Of the hidden effect: what --at varies."),
     start: str = typer.Option("rest", metavar="rest|moving", help="How a simulated motion starts."),

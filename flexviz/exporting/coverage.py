@@ -163,8 +163,7 @@ COVERAGE = {
         Written("quadratic damping of the motor"),
     ),
     "directional_friction": Coverage(
-        PerJoint("directional friction f_d [Nm s/rad]", "directional", "directional"),
-        SYMMETRIC,
+        PerJoint("directional friction f_d [Nm s/rad]", "directional", "directional"), SYMMETRIC
     ),
     "thinning_friction": Coverage(
         PerRow("shear-thinning friction: f_t [Nm], v_t [rad/s]", "thinning", THINNING),

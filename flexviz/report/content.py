@@ -110,10 +110,7 @@ def shown_time(when: str) -> str:
 
 
 def gather(
-    session: Session,
-    measurements: MeasurementSet,
-    folder: Path | None = None,
-    changed: tuple[str, ...] = (),
+    session: Session, measurements: MeasurementSet, folder: Path | None = None, changed: tuple[str, ...] = ()
 ) -> ReportContent:
     """The report's content from a session."""
     analysis = session.analysis

@@ -4,13 +4,7 @@ from flexviz.results.assessment import assessment
 from flexviz.results.base import Grade, Note, NoteKind, Verdict
 from flexviz.results.curves import curve_tables
 from flexviz.results.document import ResultDocument, curve_entries, json_schema, note_entries, read_result
-from flexviz.results.entries import (
-    CandidateEntry,
-    EffectEntry,
-    ObserverEntry,
-    ParameterEntry,
-    ValueEntry,
-)
+from flexviz.results.entries import CandidateEntry, EffectEntry, ObserverEntry, ParameterEntry, ValueEntry
 from flexviz.results.lookup import ParameterNotFound, find_parameter
 from flexviz.results.summary import WIDE, parts, run_lines
 from flexviz.results.tables import interval, plain_table

@@ -8,13 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from flexviz.wording.findings import (
-    FindingLike,
-    effect_text_name,
-    effect_title,
-    finding_name,
-    share_text,
-)
+from flexviz.wording.findings import FindingLike, effect_text_name, effect_title, finding_name, share_text
 from flexviz.wording.numbers import listed
 
 LIKELY = 0.5  # confidence from which a finding is likelier than not: two of these are no rivals
