@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import itertools
 import os
 import random
 import re
@@ -37,6 +38,7 @@ PATIENCE = 30.0  # [s] for one change to be seen
 OPENING = 300.0  # [s] for all pages to open
 ENDING = 60.0  # [s] for the server to end after SIGTERM
 LOG = 10  # lines of the server's log that are shown
+VALUES = itertools.count(1)  # of a slider: each change has its own
 CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": (1, 0, 0, 0), "position": (3, 3, 3), "fov": 1.0, "near": 0.1,
     "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0, 0, 0), "up_direction": (0, 0, 1),
@@ -168,16 +170,15 @@ class Page:
 
 async def changes(one: Page, other: Page, count: int, pause: float) -> list[float]:
     """Seconds until a change by one page is seen by the other, several times; infinite if never."""
-    uuid = one.control("GuiCheckboxMessage", "coulomb_friction")
+    uuid = one.control("GuiSliderMessage", "Deflection ×")
     found = []
-    for number in range(count):
-        value = number % 2 == 0
-        other.seen.pop((uuid, value), None)
+    for _ in range(count):
+        value = next(VALUES)
         begin = time.perf_counter()
         update = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
         await one.connection.send(packed(update))
         while (uuid, value) not in other.seen and time.perf_counter() - begin < PATIENCE:
-            await asyncio.sleep(0.002)
+            await asyncio.sleep(0.001)
         found.append(other.seen.get((uuid, value), np.inf) - begin)
         await asyncio.sleep(pause)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from functools import partial
 from types import SimpleNamespace
@@ -14,7 +15,18 @@ from hypothesis import strategies as st
 from flexviz.app.events import MAX_QUEUE_LENGTH, Event, EventQueue
 from flexviz.app.page import off
 from flexviz.app.playback import PlaybackClock
-from flexviz.app.server import Rule, choice, increasing, nothing, number, press, rule_of, switch, text
+from flexviz.app.server import (
+    LoopEvent,
+    Rule,
+    choice,
+    increasing,
+    nothing,
+    number,
+    press,
+    rule_of,
+    switch,
+    text,
+)
 from flexviz.app.state import Changed, ChangeSignal, Turn
 from flexviz.app.style import Tooltips, css_text, in_row
 from flexviz.errors import InputError
@@ -173,6 +185,17 @@ def test_a_subscriber_that_fails_does_not_silence_the_signal() -> None:
         signal.tell(Changed.RESULT)
     signal.tell(Changed.JOINT)
     assert heard == ["joint"]
+
+
+def test_only_the_loop_wakes_the_pages() -> None:
+    async def scene() -> None:
+        event = LoopEvent()
+        await asyncio.to_thread(event.set)
+        assert not event.is_set()
+        asyncio.get_running_loop().call_soon_threadsafe(event.set)
+        await asyncio.wait_for(event.wait(), 5.0)
+
+    asyncio.run(scene())
 
 
 # -- clock -----------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ tests/test_app_input_checks.py covers every check.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import logging
@@ -158,12 +159,26 @@ def _shown(value: Any) -> str:
     return shown if len(shown) <= 60 else shown[:57] + "…"
 
 
+class LoopEvent(asyncio.Event):
+    """An event that only the loop's thread sets.
+
+    viser sets its own first in the thread that sends, and fails if a page that has gone stops waiting for it
+    at that moment, then once more in the loop's thread.
+    """
+
+    def set(self) -> None:
+        with contextlib.suppress(RuntimeError):
+            asyncio.get_running_loop()
+            super().set()
+
+
 # -- messages --------------------------------------------------------------------------------------------
 
 
 def guard_messages(server: viser.ViserServer) -> None:
     """Drop unneeded messages, and check every value before it reaches a control."""
     websocket = server._websock_server
+    websocket._broadcast_buffer.message_event = LoopEvent()
     for kind in UNWANTED:
         with contextlib.suppress(AssertionError):
             websocket.unregister_handler(kind)

@@ -1,0 +1,73 @@
+"""Unusual robots, data and folders: each ends in a result or in one line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.cli.terminal import write_json
+from flexviz.errors import InputError
+from flexviz.files import whole_folder
+from flexviz.identification import identify
+from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
+from flexviz.recording import record_set
+from flexviz.session import Session, save_session
+from tests.small_set import write_small_set
+from tests.test_bad_robots import chain
+
+JOINTS = 30
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> MeasurementSet:
+    return read_set(write_small_set(tmp_path_factory.mktemp("odd") / "small"))
+
+
+def test_thirty_joints(tmp_path: Path) -> None:
+    names = [f"joint{i + 1}" for i in range(JOINTS)]
+    time = np.arange(0.0, 4.0, 0.01)
+    theta = 0.05 * np.sin(time[:, None] * np.linspace(2.0, 5.0, JOINTS))
+    rng = np.random.default_rng(1)
+    tau = 4000.0 * theta + rng.normal(0.0, 1.0, theta.shape)
+    group = GroupTable("g1", "t1", "p1", time, theta, tau)
+    files = {"robot.urdf": chain(JOINTS)}
+    folder = write_set(
+        tmp_path / "set", robot="robot.urdf", joints=names, groups=[group], payloads={"p1": []}, files=files
+    )
+    result = identify(read_set(folder), max_iterations=1)
+    assert len(result.residual.rms) == JOINTS and np.isfinite(result.residual.rms).all() and result.message
+
+
+def test_saturated_torque(small: MeasurementSet) -> None:
+    """Torque cut off at half its range: a worse fit than that of the whole one, and no failure."""
+    fit = [identify(with_torque(small, share), max_iterations=3).residual.rms for share in (1.0, 0.5)]
+    assert np.isfinite(fit).all() and (np.array(fit[1]) > np.array(fit[0])).all()
+
+
+def with_torque(measurements: MeasurementSet, share: float) -> MeasurementSet:
+    """The set with every torque cut off at this share of its largest value."""
+    groups = []
+    for group in measurements.groups:
+        segments = []
+        for segment in group.segments:
+            most = share * np.abs(segment.tau).max(axis=0)
+            segments.append(replace(segment, tau=np.clip(segment.tau, -most, most)))
+        groups.append(replace(group, segments=tuple(segments)))
+    return replace(measurements, groups=tuple(groups))
+
+
+def test_where_nothing_can_be_written(small: MeasurementSet) -> None:
+    """/proc, because root may write into read-only folders."""
+    nowhere = Path("/proc/self/fdinfo")
+    for write in (
+        lambda: write_json(nowhere / "x.json", {}),
+        lambda: record_set(small, None, nowhere / "x.rrd"),
+        lambda: save_session(Session.of(small), small, nowhere / "session"),
+    ):
+        with pytest.raises(InputError, match=r"/proc/self/fdinfo/.*: cannot be (written|saved) \("):
+            write()
+    with pytest.raises(OSError, match="/proc"), whole_folder(nowhere / "set"):
+        pass
