@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import takewhile
 
 from flexviz.app.page import Page, dim, off
 from flexviz.app.store import Store
@@ -20,6 +21,7 @@ from flexviz.wording import effect_text_name, escape
 DECIDE, DOWNLOAD, FILE = "Motion that would decide", "Download the motion", "deciding-motion.zip"
 SETTINGS = DesignSettings(groups=1, evaluations=240, passes=1)
 STOPPED = "stopped before there was a motion"
+NEXT = "Record this motion on the robot, add it to the set as one more group, and diagnose again."
 
 Pair = tuple[str, str]
 
@@ -73,8 +75,8 @@ class DecidingMotion:
             off(self.button, self._store.why_not, f"one more group, within the URDF's limits, for {names}")
         off(self.download, "", "references as CSV and ROS 2 trajectory, with the expected errors")
         if known and self._found is not None:
-            lines = "<br>".join(escape(line) for line in summary_lines(self._found[1])[:7] if line)
-            self._text.content = dim(lines)
+            lines = takewhile(lambda line: not line.startswith("Expected of"), summary_lines(self._found[1]))
+            self._text.content = dim("<br>".join([NEXT, *(escape(line) for line in lines if line)]))
 
     def _start(self) -> None:
         store, pair = self._store, tied_pair(self._store.analysis.current_diagnosis)
@@ -93,7 +95,7 @@ class DecidingMotion:
         self._found = pair, found
         self.refresh()
         early = "stopped early; the best motion so far" if found.stopped else "a motion was designed"
-        self._store.say(f"{early}: expected gain in log likelihood {found.value:.3g}")
+        self._store.say(f"{early}: download it, record it, diagnose again")
 
     def _send(self, client: int) -> None:
         if self._found is None:
