@@ -236,6 +236,7 @@ def test_convergence_is_positive_scaled_and_finite() -> None:
     # the final interval: 902 ± 1.96 · 92 in units of 902; the other has no relative one
     known: Any = [SimpleNamespace(label="stiffness:j", std=92.0), SimpleNamespace(label="x:j", std=1.0)]
     result: Any = SimpleNamespace(parameters=known)
+    assert "come from the diagnosis" in convergence_charts([], result=result)[0].note
     (band,) = convergence_charts(steps, result=result)[2].ribbons
     assert band.high == pytest.approx(np.full(3, 1 + 1.96 * 92 / 902))
     assert band.low == pytest.approx(2 - band.high)

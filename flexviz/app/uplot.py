@@ -172,7 +172,8 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
         entries.append(entry | {"points": {"show": series.points, "size": 5, "fill": series.colour}})
     for ribbon in chart.ribbons:
         edge = {"stroke": ribbon.colour, "width": RIBBON_WIDTH, "scale": "y", "points": {"show": False}}
-        entries += [edge | {"label": ribbon.label and f"{sign}{ribbon.label}"} for sign in ("+", "−")]
+        label = ribbon.label.removeprefix("± ")
+        entries += [edge | {"label": label and f"{sign}{label}"} for sign in ("+", "−")]
     line = {"stroke": COLOURS.playhead, "width": 1.5, **FLAGS}
     if chart.highlights is not None:
         entries.append({"label": "highlighted", "fill": HIGHLIGHT, "width": 0, **FLAGS})
