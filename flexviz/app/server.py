@@ -24,6 +24,7 @@ from flexviz.app.access import Access, guarded_serve, is_loopback, limit_logs
 from flexviz.app.uploads import LARGEST_UPLOAD
 from flexviz.doctor import APP_PORT
 from flexviz.errors import InputError
+from flexviz.schemas import shown
 
 log = logging.getLogger("flexviz.app")
 LONGEST_TEXT = 2000
@@ -101,17 +102,17 @@ def rule_of(handle: Any) -> Rule:
 def number(value: Any, low: float = -math.inf, high: float = math.inf, whole: bool = False) -> float | int:
     """A number between `low` and `high`."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{_shown(value)} is not a number")
+        raise InputError(f"{shown(value)} is not a number")
     if isinstance(value, int) and abs(value) > LARGEST_INTEGER:
         raise InputError("the number is too large")
     if not math.isfinite(value):
-        raise InputError(f"{_shown(value)} is not finite")
+        raise InputError(f"{shown(value)} is not finite")
     slack = 1e-9 * max(abs(low), abs(high), 1.0) if math.isfinite(low + high) else 0.0
     if not low - slack <= value <= high + slack:
-        raise InputError(f"{_shown(value)} is not between {low:g} and {high:g}")
+        raise InputError(f"{shown(value)} is not between {low:g} and {high:g}")
     if whole:
         if value != int(value):
-            raise InputError(f"{_shown(value)} is not a whole number")
+            raise InputError(f"{shown(value)} is not a whole number")
         return int(value)
     return min(max(float(value), low), high)
 
@@ -119,28 +120,28 @@ def number(value: Any, low: float = -math.inf, high: float = math.inf, whole: bo
 def increasing(value: Any, one: Rule, count: int) -> tuple[Any, ...]:
     """`count` increasing numbers, each by the rule `one`."""
     if not isinstance(value, list | tuple) or len(value) != count:
-        raise InputError(f"{_shown(value)} is not a list of {count} numbers")
+        raise InputError(f"{shown(value)} is not a list of {count} numbers")
     numbers = tuple(one(item) for item in value)
     if list(numbers) != sorted(numbers):
-        raise InputError(f"{_shown(value)} does not increase")
+        raise InputError(f"{shown(value)} does not increase")
     return numbers
 
 
 def choice(value: Any, options: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in options:
-        raise InputError(f"{_shown(value)} is not one of the {len(options)} options")
+        raise InputError(f"{shown(value)} is not one of the {len(options)} options")
     return value
 
 
 def switch(value: Any) -> bool:
     if not isinstance(value, bool):
-        raise InputError(f"{_shown(value)} is not true or false")
+        raise InputError(f"{shown(value)} is not true or false")
     return value
 
 
 def press(value: Any) -> bool:
     if value is not True:
-        raise InputError(f"a button is pressed with true, not {_shown(value)}")
+        raise InputError(f"a button is pressed with true, not {shown(value)}")
     return value
 
 
@@ -152,11 +153,6 @@ def text(value: Any) -> str:
 
 def nothing(value: Any, why: str = "this control takes no value") -> Any:
     raise InputError(why)
-
-
-def _shown(value: Any) -> str:
-    shown = repr(value)
-    return shown if len(shown) <= 60 else shown[:57] + "…"
 
 
 class LoopEvent(asyncio.Event):
