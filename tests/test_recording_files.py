@@ -28,7 +28,7 @@ from flexviz.recording.files import Target, beside
 from tests.recorded import Read
 from tests.small_set import write_small_set
 
-KILLS = 20
+KILLS = 10
 THETA = "/groups/g1/measured/theta/joint1"
 
 
@@ -215,7 +215,7 @@ for number, moment in enumerate(moments):
 
 
 def test_killed_at_any_moment(tmp_path: Path) -> None:
-    """Twenty recordings killed with -9, in their beginning and later: none loses what was flushed."""
+    """Ten recordings killed with -9, in their beginning and later: none loses what was flushed."""
     chance = random.Random(5)
     moments = [f"{chance.uniform(0.0, 0.2):.4f}" for _ in range(KILLS)]
     subprocess.run([sys.executable, "-c", RECORDER, str(tmp_path), *moments], check=True, timeout=300)
