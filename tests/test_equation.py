@@ -8,12 +8,15 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, OperatingPoint, build_signals
+from flexviz.equation.context import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
+from flexviz.equation.fine_signals import LINK_VELOCITY_NOISE, TORQUE_NOISE, torque_band
+from flexviz.equation.signals import FINE_STEP, equation_stride, fine_samples
 from flexviz.errors import InputError
 from flexviz.estimation.noise_propagation import noise_paths, signal_sensitivity
 from flexviz.estimation.prior import BASIS, Prior, physically_consistent, pseudo_inertia
 from flexviz.estimation.whitening import noise_kernel, paths_covariance
 from flexviz.measurements import Group, MeasurementSet, Segment
-from flexviz.observers import FlatZeroPhase
+from flexviz.observers import FlatZeroPhase, make_observer
 from flexviz.robot import PayloadBody, Robot
 
 
@@ -136,6 +139,22 @@ def test_jacobian_against_finite_differences(name, effects):
     x = point(layout, robot)
     for effect, where in layout.effect_slices():
         x[where] = some_values(effect.effect)
+    check_slopes(equation, layout, x)
+
+
+def test_jacobian_where_the_link_has_nearly_all_friction():
+    """There the drift of friction is scaled by a share of both sides' viscous friction."""
+    robot = Robot.load("robots:planar_2r")
+    measurements = made_up_set(robot, "link2", seconds=5.0)
+    layout = Layout(robot.joints, (ChosenEffect("friction_drift", 0),))
+    signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.2)
+    x = point(layout, robot)
+    x[layout.effect_start :] = some_values("friction_drift")
+    x[layout.motor_viscous] = 0.05 * x[layout.link_viscous]
+    check_slopes(Equation(robot, signals, layout), layout, x)
+
+
+def check_slopes(equation: Equation, layout: Layout, x: np.ndarray) -> None:
     seen = equation.at(x)
     jacobian = seen.evaluate(x).jacobian
     size = np.abs(jacobian).max(axis=(0, 1))
@@ -317,3 +336,64 @@ def test_too_short_a_record_is_named():
     measurements = made_up_set(robot, "link2", seconds=0.5)
     with pytest.raises(InputError, match="settle"):
         build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 2))
+
+
+def test_a_vector_is_a_model_and_back():
+    layout = Layout(("a", "b"), (ChosenEffect("stribeck_friction", 1), ChosenEffect("torque_delay", None)))
+    x = np.arange(1.0, layout.size + 1)
+    model = layout.model(x)
+    np.testing.assert_allclose(model.stiffness, [1 / 21, 1 / 22])
+    np.testing.assert_array_equal(model.inertial.ravel(), x[:20])
+    others = model.motor_inertia, model.link_viscous_friction, model.motor_viscous_friction
+    np.testing.assert_array_equal(np.concatenate(others), x[22:28])
+    assert [(e.effect, e.joint, *e.parameters.values()) for e in model.effects] == [
+        ("stribeck_friction", "b", 29.0, 30.0),
+        ("torque_delay", None, 31.0),
+    ]
+    np.testing.assert_allclose(layout.vector(model), x)
+    np.testing.assert_allclose(Layout(("a", "b")).vector(model), x[:28])
+    assert not layout.vector(replace(model, effects=()))[28:].any()
+
+
+def test_samples_of_the_equation():
+    """At least eight per cycle of a zero-phase bandwidth, a multiple of the grid of effects where it fits."""
+    time = np.arange(0, 4, 1e-3)
+    segment = Segment(time, np.zeros((len(time), 1)), np.zeros((len(time), 1)), 1e-3)
+    fine = fine_samples(segment)
+    assert fine == int(FINE_STEP / 1e-3 + 1e-6) > 1
+    slow, fast = FlatZeroPhase(1.0), FlatZeroPhase(2 * np.pi * 25)
+    assert equation_stride(segment, slow, 0.025) == 25 - 25 % fine
+    assert equation_stride(segment, fast, 0.025) == 5 - 5 % fine
+    assert equation_stride(segment, fast, 0.025, exact_step=True) == 25 - 25 % fine
+    assert equation_stride(segment, slow, 1e-3) == 1 == equation_stride(segment, slow, 1e-4)
+    assert equation_stride(segment, make_observer("eso", 2 * np.pi * 25), 0.025) == 25 - 25 % fine
+
+
+@pytest.mark.parametrize(("motor", "link"), [(0.9, 1.1), (1e-4, 2.0), (1e-7, 1e-7)])
+def test_viscous_scale_has_its_slopes(motor: float, link: float) -> None:
+    layout = Layout(("a",))
+    x = np.zeros(layout.size)
+    x[layout.motor_viscous], x[layout.link_viscous] = motor, link
+    value, *slopes = viscous_scale(layout, x, 0)
+    assert value == max(motor, LEAST_VISCOUS_SHARE * (motor + link), LEAST_VISCOUS)
+    for where, slope in zip((layout.motor_viscous, layout.link_viscous), slopes, strict=True):
+        up = x.copy()
+        up[where] += 1e-9
+        assert (viscous_scale(layout, up, 0)[0] - value) / 1e-9 == pytest.approx(slope, abs=1e-5)
+
+
+@pytest.mark.parametrize(("theta", "tau"), [(1e-6, 1e-5), (1e-9, 4e-3), (2e-6, 1e-9)])
+def test_torque_band_lets_as_much_noise_through_as_it_may(theta: float, tau: float) -> None:
+    """The noise of s and of the link velocity, summed over frequency: allowed in the band, not beyond."""
+    inertia, stiffness, scale = 1.3, 2000.0, 40.0
+
+    def allowed(hertz: float) -> bool:
+        f = np.linspace(0.0, hertz, 4001)
+        w = 2 * np.pi * f
+        power = 2 * (tau**2 + (inertia * theta * w**2) ** 2)
+        torque, rate = (np.sqrt(np.trapezoid(p, f)) for p in (power, power * w**2 / stiffness**2))
+        return bool(torque < TORQUE_NOISE * scale and rate < LINK_VELOCITY_NOISE)
+
+    numbers = (np.array([number]) for number in (theta, tau, inertia, stiffness, scale))
+    (band,) = torque_band(*numbers, 200.0)
+    assert 2.0 < band < 200.0 and allowed(0.999 * band) and not allowed(1.1 * band)

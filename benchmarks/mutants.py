@@ -1,0 +1,402 @@
+"""Do the tests notice a fault in the mathematics? Random small changes of the code, each against the tests.
+
+    python -m benchmarks.mutants [equation observers effects] [--count 200] [--seed 1] [--out FILE]
+
+A mutant is a package with one change: another comparison or operation, another constant, a negated condition
+or result, a statement left out. The quick tests of the package (`TESTS`) run once to learn which of them run
+which line; a mutant meets those that run its line, quickest first, until one fails. No file is changed: the
+mutant is compiled in memory, in a process of its own. The file `--out` keeps what was caught; survivors are
+tried again. Texts, annotations, decorators and assertions are left alone, and assignments to a name are not
+left out, since any test would notice.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import importlib.machinery
+import json
+import os
+import random
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import coverage
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TESTS = {
+    "equation": ("equation.py", "effects.py", "effects_limits.py", "effects_memory.py", "extra_laws.py"),
+    "observers": ("observers.py", "observer_gains.py", "equation.py"),
+    "effects": (
+        "effects.py", "effects_limits.py", "effects_coupled.py", "effects_elastic.py", "effects_memory.py",
+        "curve_forms.py", "extra_laws.py", "equation.py",
+        "temperature_friction.py::test_closed_form_at_several_temperatures",
+        "free_curve_effect.py::test_law", "free_curve_effect.py::test_range_is_that_of_the_data",
+        "user_effects.py::test_derivatives_and_simulation_are_checked",
+        "user_effects.py::test_files_that_are_none", "user_effects.py::test_errors_name_file_and_line",
+    ),
+}  # fmt: skip
+QUICK = (
+    "not identif and not recover and not wound_up and not torque_goes_on"  # what simulates first takes longer
+)
+BUDGET = 12.0  # [s] of processor time, in an unhurried process, for the tests of one mutant
+PATIENCE = 10.0  # a mutant that needs so many times the processor time of its tests is stuck, and noticed
+OURS = ("flexviz", "tests", "benchmarks")
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one file.
+
+    Attributes:
+        path: the file, relative to the project.
+        number: which of the file's changes it is.
+        lines: first and last line of the changed statement, or of its head.
+        text: what was changed into what.
+    """
+
+    path: str
+    number: int
+    lines: tuple[int, int]
+    text: str
+
+    @property
+    def module(self) -> str:
+        return self.path.removesuffix(".py").replace("/", ".").removesuffix(".__init__")
+
+    def key(self) -> str:
+        """The same for the same change of the same text."""
+        return f"{self.path}:{self.number}:{sha256((ROOT / self.path).read_bytes()).hexdigest()[:12]}"
+
+
+OPERATIONS: dict[type, type] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.Pow: ast.Mult,
+    ast.FloorDiv: ast.Div, ast.Mod: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+}  # fmt: skip
+COMPARISONS: dict[type, tuple[type, ...]] = {
+    ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,), ast.NotIn: (ast.In,),
+}  # fmt: skip
+
+
+def negated(node: ast.expr) -> ast.expr:
+    return ast.UnaryOp(ast.Not(), node)
+
+
+class Changer(ast.NodeTransformer):
+    """Finds the changes of a module, and makes the one that is wanted."""
+
+    def __init__(self, wanted: int = -1) -> None:
+        self.wanted = wanted
+        self.found: list[tuple[tuple[int, int], str]] = []
+        self.lines = (0, 0)
+
+    def choose(self, node: Any, *changed: Any) -> Any:
+        out = node
+        for new in changed:
+            if len(self.found) == self.wanted:
+                out = ast.fix_missing_locations(ast.copy_location(new, node))
+            texts = (" ".join(ast.unparse(ast.fix_missing_locations(n)).split()) for n in (node, new))
+            self.found.append((self.lines, " → ".join(texts)))
+        return out
+
+    def visit(self, node: ast.AST) -> Any:
+        if isinstance(node, ast.stmt):
+            body = getattr(node, "body", None)
+            end = body[0].lineno - 1 if isinstance(body, list) else node.end_lineno
+            self.lines = (node.lineno, max(node.lineno, end or 0))
+        if isinstance(node, ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom):
+            return node
+        return super().visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> Any:
+        node.args.defaults = [self.visit(default) for default in node.args.defaults]
+        node.args.kw_defaults = [default and self.visit(default) for default in node.args.kw_defaults]
+        node.body = [self.visit(statement) for statement in node.body]
+        return node
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> Any:
+        node.body = [self.visit(statement) for statement in node.body]
+        return node
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> Any:
+        node.value = node.value and self.visit(node.value)
+        return node
+
+    def visit_Constant(self, node: ast.Constant) -> Any:
+        value = node.value
+        if isinstance(value, bool):
+            return self.choose(node, ast.Constant(not value))
+        if isinstance(value, int):
+            return self.choose(node, ast.Constant(value + 1))
+        if isinstance(value, float):
+            return self.choose(node, ast.Constant(1.5 * value if value else 1.0))
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> Any:
+        self.generic_visit(node)
+        other = OPERATIONS.get(type(node.op))
+        text = isinstance(node.left, ast.Constant | ast.JoinedStr) and not isinstance(
+            getattr(node.left, "value", ""), int | float
+        )
+        return node if other is None or text else self.choose(node, ast.BinOp(node.left, other(), node.right))
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        self.generic_visit(node)
+        return self.choose(node, node.operand)
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Any:
+        self.generic_visit(node)
+        return self.choose(
+            node, ast.BoolOp(ast.Or() if isinstance(node.op, ast.And) else ast.And(), node.values)
+        )
+
+    def visit_Compare(self, node: ast.Compare) -> Any:
+        self.generic_visit(node)
+        if len(node.ops) > 1:
+            return self.choose(node, negated(node))
+        others = COMPARISONS[type(node.ops[0])]
+        return self.choose(node, *(ast.Compare(node.left, [other()], node.comparators) for other in others))
+
+    def condition(self, node: Any) -> Any:
+        if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            return node
+        lines = self.lines
+        self.generic_visit(node)
+        self.lines = lines
+        if not isinstance(node.test, ast.Compare):  # which has its own
+            node.test = self.choose(node.test, negated(node.test))
+        return node
+
+    visit_If = visit_While = visit_IfExp = condition
+
+    def visit_Return(self, node: ast.Return) -> Any:
+        self.generic_visit(node)
+        if isinstance(node.value, ast.BinOp):
+            node.value = self.choose(node.value, ast.UnaryOp(ast.USub(), node.value))
+        return node
+
+    def visit_Assign(self, node: ast.Assign) -> Any:
+        self.generic_visit(node)
+        kept = any(isinstance(target, ast.Name | ast.Tuple) for target in node.targets)
+        return node if kept else self.choose(node, ast.Pass())
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> Any:
+        self.generic_visit(node)
+        return self.choose(node, ast.Pass())
+
+    def visit_Expr(self, node: ast.Expr) -> Any:
+        if isinstance(node.value, ast.Constant):  # a docstring
+            return node
+        self.generic_visit(node)
+        return self.choose(node, ast.Pass())
+
+    def visit_Raise(self, node: ast.Raise) -> Any:
+        return self.choose(node, ast.Pass())
+
+
+def mutants(package: str, count: int, seed: int) -> list[Mutant]:
+    """A random choice of the changes of a package."""
+    found = []
+    for path in sorted((ROOT / "flexviz" / package).glob("*.py")):
+        changer = Changer()
+        changer.visit(ast.parse(path.read_text()))
+        name = path.relative_to(ROOT).as_posix()
+        found += [Mutant(name, k, lines, text) for k, (lines, text) in enumerate(changer.found)]
+    return random.Random(f"{package} {seed}").sample(found, min(count, len(found)))
+
+
+class Mutation(importlib.machinery.PathFinder):
+    """Gives the changed module instead of the one on the disk."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        tree = Changer(mutant.number).visit(ast.parse((ROOT / mutant.path).read_text()))
+        self.module, self.code = mutant.module, compile(tree, str(ROOT / mutant.path), "exec")
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> Any:  # type: ignore[override]
+        if fullname != self.module:
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path, target)
+        assert spec and spec.loader
+        spec.loader.get_code = lambda name: self.code  # type: ignore[attr-defined]
+        return spec
+
+
+def forked(work: Callable[[], int], processor_time: float) -> int | None:
+    """The exit code of `work` in a process of its own; None where it had to be ended."""
+    child = os.fork()
+    if child == 0:
+        code = 70
+        try:
+            os.setsid()
+            hole = os.open(os.devnull, os.O_RDWR)
+            for descriptor in (0, 1, 2):
+                os.dup2(hole, descriptor)
+            limit = int(processor_time) + 1
+            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
+            code = work()
+        finally:
+            os._exit(code)
+    end = time.monotonic() + 10 * processor_time
+    while True:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return os.waitstatus_to_exitcode(status) if os.WIFEXITED(status) else None
+        if time.monotonic() > end:
+            os.killpg(child, signal.SIGKILL)
+        time.sleep(0.01)
+
+
+def run_tests(names: Sequence[str], *plugins: Any) -> int:
+    """Pytest's exit code."""
+    os.chdir(ROOT)
+    with tempfile.TemporaryDirectory() as folder:
+        options = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--basetemp={folder}/made"]
+        return int(pytest.main([*options, *names], plugins=list(plugins)))
+
+
+class Recorder:
+    """Which test runs which line, and how long each takes, as a plugin of pytest."""
+
+    def __init__(self, package: str) -> None:
+        source = [f"{ROOT}/flexviz/{package}/*"]
+        self.coverage = coverage.Coverage(data_file=None, include=source, config_file=False)
+        self.seconds: dict[str, float] = {}
+        self.now = ""
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Iterator[Any]:
+        self.now = item.nodeid
+        self.coverage.switch_context(self.now)
+        begun = time.process_time()
+        done = yield
+        self.seconds[item.nodeid] = time.process_time() - begun
+        return done
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: Any, request: Any) -> Iterator[Any]:
+        if fixturedef.scope != "function":  # what it runs, every test of the file may need
+            self.coverage.switch_context(f"{fixturedef.baseid}::")
+        done = yield
+        self.coverage.switch_context(self.now)
+        return done
+
+    def record(self, names: Sequence[str], out: Path) -> int:
+        """Run the tests; what was seen goes to a file."""
+        self.coverage.start()
+        code = run_tests([*names, "-k", QUICK], self)
+        self.coverage.stop()
+        data = self.coverage.get_data()
+        lines = {
+            Path(file).relative_to(ROOT).as_posix(): data.contexts_by_lineno(file)
+            for file in data.measured_files()
+        }
+        imported = [name for name in sys.modules if name.split(".")[0] not in (*OURS, "__main__")]
+        out.write_text(json.dumps({"seconds": self.seconds, "lines": lines, "imported": imported}))
+        return code
+
+
+class Tests:
+    """The quick tests of a package: which of them a mutant has to meet."""
+
+    def __init__(self, package: str) -> None:
+        self.files = [f"tests/test_{name}" for name in TESTS[package]]
+        with tempfile.TemporaryDirectory() as folder:
+            seen = Path(folder) / "seen.json"
+            assert forked(lambda: Recorder(package).record(self.files, seen), 3600) == 0, (
+                "a test fails as it is"
+            )
+            document = json.loads(seen.read_text())
+        self.seconds: dict[str, float] = document["seconds"]
+        self._lines: dict[str, dict[str, list[str]]] = document["lines"]
+        for name in document["imported"]:  # once, for all mutants
+            try:
+                importlib.import_module(name)
+            except Exception:  # what only a test can import
+                continue
+
+    def of(self, mutant: Mutant) -> list[str]:
+        """Tests that run the changed lines, quickest first, within the budget."""
+        contexts: set[str] = set()
+        first, last = mutant.lines
+        for line in range(first, last + 1):
+            contexts |= set(self._lines.get(mutant.path, {}).get(str(line), ()))
+        files = {context[:-2] for context in contexts if context.endswith("::")}
+        chosen = [name for name in self.seconds if name in contexts or name.split("::")[0] in files]
+        if "" in contexts and not chosen:  # it runs when the module is imported
+            chosen = list(self.seconds)
+        chosen.sort(key=self.seconds.__getitem__)
+        spent = 0.0
+        for k, name in enumerate(chosen):
+            spent += self.seconds[name]
+            if k and spent > BUDGET:
+                return chosen[:k]
+        return chosen
+
+    def notice(self, mutant: Mutant) -> bool:
+        """Whether one of the tests fails, or does not end."""
+        chosen = self.of(mutant)
+
+        def work() -> int:
+            for name in list(sys.modules):
+                if name.split(".")[0] in OURS:
+                    del sys.modules[name]
+            sys.meta_path.insert(0, Mutation(mutant))
+            return run_tests(chosen)
+
+        usual = sum(self.seconds[name] for name in chosen)
+        return bool(chosen) and forked(work, PATIENCE * (usual + 2.0)) != 0
+
+
+def try_all(
+    package: str, chosen: list[Mutant], known: dict[str, Any], keep: Callable[[], None]
+) -> Counter[str]:
+    """Each mutant once; survivors are printed."""
+    tests, counts = Tests(package), Counter[str]()
+    for k, mutant in enumerate(chosen, start=1):
+        if known.get(mutant.key()) != "caught":
+            known[mutant.key()] = "caught" if tests.notice(mutant) else "survived"
+            keep()
+        outcome = known[mutant.key()]
+        counts[outcome] += 1
+        if outcome == "survived":
+            print(f"{mutant.path}:{mutant.lines[0]} #{mutant.number}: {mutant.text[:200]}", flush=True)
+        print(f"{package} {k}/{len(chosen)} {dict(counts)}", end="\r", file=sys.stderr)
+    return counts
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("packages", nargs="*", choices=list(TESTS), default=list(TESTS))
+    parser.add_argument("--count", type=int, default=200, help="mutants per package")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=ROOT / "build" / "mutants.json")
+    options = parser.parse_args(arguments)
+    known = json.loads(options.out.read_text()) if options.out.exists() else {}
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    for package in options.packages:
+        chosen = mutants(package, options.count, options.seed)
+        counts = try_all(
+            package, chosen, known, lambda: options.out.write_text(json.dumps(known, indent=0)) and None
+        )
+        share = 100 * counts["caught"] / len(chosen)
+        print(f"{package}: {len(chosen)} tried, {counts['caught']} caught ({share:.0f} %)", flush=True)
+
+
+if __name__ == "__main__":
+    main()
