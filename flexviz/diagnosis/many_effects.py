@@ -57,7 +57,7 @@ class ManyEffects:
         """The smallest model found.
 
         None for a set that hides few effects: one after the other they are found more surely. A law of no
-        library alone is one if nothing else is left beside it.
+        library alone is one if hardly anything is left beside it.
         """
         survey = self.search.survey()
         if not self.search.hides_many(survey):
@@ -67,8 +67,10 @@ class ManyEffects:
     def useful(self, rich: RichModel) -> RichModel | None:
         """The model, if the set hides many effects."""
         if rich.curves and not rich.added(self.layout):
-            near = np.all(rich.fit.rms < LIMITS.near_noise * self.context.noise_floor)
-            return rich if near else None
+            little = np.maximum(
+                LIMITS.near_noise * self.context.noise_floor, LIMITS.little * self.context.spread
+            )
+            return rich if np.all(rich.fit.rms < little) else None
         return rich if len(rich.added(self.layout)) >= LIMITS.many else None
 
     def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:

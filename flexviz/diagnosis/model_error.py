@@ -48,7 +48,9 @@ class ModelErrorSearch:
         """Steps of the search from a model on."""
         fit = self.adapted(start.layout, start.x)
         steps: list[SearchStep] = []
-        for _ in range(self.max_steps):
+        for _ in range(self.max_steps + LIMITS.restarts):
+            if len(steps) == self.max_steps:
+                break
             search = Search(self.context, self.search.say)
             scores = search.scores(fit, episodes=False)  # other groups cannot confirm an episode
             plain = self.search.context.fit(fit.layout, fit.x, iterations=0)  # in units of the noise
@@ -56,6 +58,11 @@ class ModelErrorSearch:
             chosen = self.confirmed(search, fit, scores, test)
             if chosen is None:
                 break
+            # a fit in a distant local minimum is improved by any effect that happens to lead out of it
+            again = search.led_by(fit, chosen.fit, LIMITS.iterations)
+            if again.objective < min(fit.objective, chosen.fit.objective + LIMITS.least_score):
+                fit = self.adapted(again.layout, again.x)
+                continue
             before, fit = fit, self.adapted(chosen.fit.layout, chosen.fit.x)
             objectives = {chosen.effect: chosen.fit.objective}
             step = SearchStep(before, chosen, objectives, scores.shortened(), fit)

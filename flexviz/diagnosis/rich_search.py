@@ -189,16 +189,27 @@ class RichSearch(ModelFamily):
     def beside_curve(
         self, fit: MotionFit, curve: UnknownCurve
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
-        """The usual effects beside an unknown law, if that lowers the held-out residual clearly."""
+        """The usual effects beside an unknown law, if that lowers the held-out residual clearly.
+
+        What was found on its joint before may have imitated the law: it is left out where the law does not
+        help beside it. What is real is found again.
+        """
         needed = LIMITS.curve_gain * fit.held_out_rms()[curve.joint]
         before = self.curves
         self.curves += (curve,)
-        if self.fit(fit.layout, fit.x).held_out_rms()[curve.joint] < LIMITS.curve_promise * needed:
-            beside, kept = self.thinned(self.usual_fit(beside=fit))
-            if beside.held_out_rms()[curve.joint] < needed:
-                return beside, kept
+        for layout in dict.fromkeys((fit.layout, self.without_found(fit.layout, curve.joint))):
+            start = self.fit(layout, layout.vector(fit.layout.model(fit.x)))
+            if start.held_out_rms()[curve.joint] < LIMITS.curve_promise * needed:
+                beside, kept = self.thinned(self.usual_fit(beside=start))
+                if beside.held_out_rms()[curve.joint] < needed:
+                    return beside, kept
         self.curves = before
         return None
+
+    def without_found(self, layout: Layout, joint: int) -> Layout:
+        """A layout without the effects that the search has added on a joint to the usual ones."""
+        usual = (e for e in layout.effects if e.joint != joint or EFFECTS[e.effect].usual)
+        return Layout(layout.joints, tuple(dict.fromkeys((*self.own.effects, *usual))))
 
     def enlarged(
         self, fit: MotionFit, chosen: list[ScoredCandidate]

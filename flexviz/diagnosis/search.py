@@ -309,10 +309,13 @@ class Search:
         if excess(fit) < LIMITS.far_off:
             return None
         self.say(stages.NEED)
-        start = ModelStart(fit.layout, _common_values(best.fit, fit))
         needed = needed_gain(best.effect, gained)
-        again = self.fit_from(start, LIMITS.full_refit, near=best.fit, beat=best.fit.point.objective + needed)
+        again = self.led_by(fit, best.fit, LIMITS.full_refit, best.fit.point.objective + needed)
         return again if again.objective < best.fit.objective + needed else None
+
+    def led_by(self, fit: Fit, leader: Fit, iterations: int, beat: float = np.inf) -> Fit:
+        """The present model refitted from the values of a larger one."""
+        return self.fit_from(ModelStart(fit.layout, _common_values(leader, fit)), iterations, leader, beat)
 
     def converged(self, refitted: RefittedCandidate) -> RefittedCandidate:
         """The candidate with a converged fit: the residual of an unfinished fit looks like another effect."""

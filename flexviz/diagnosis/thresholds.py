@@ -71,6 +71,7 @@ class ModelErrorThresholds:
     error_rounds: int = 6  # maximum number of adaptations of the model error
     error_settled: float = 0.25  # |log χ²| of every joint that ends the adaptation
     effects: int = 14  # maximum number of added effects
+    restarts: int = 3  # times that a candidate may lead the present model to a better minimum
     refused: int = 9  # consecutive rejected candidates that end the search
     batch: int = 3  # candidates refitted at a time
     least_score: float = 10.0
@@ -142,6 +143,7 @@ class MotionThresholds:
     # times the noise: a joint of a model that lacks one effect, or a hidden state of it, in this band; single
     # effects end below 10, the best of an effect among many above 17
     near_noise: float = 12.0
+    little: float = 0.02  # of a joint's torque spread: may be left beside a law of no library alone
     quiet_model: float = 3.0  # times the noise: the set's own model is near it without any effect
     stair_iterations: int = 15  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find
