@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
 import shutil
 import time
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
+import pytest
 
 FLAGS = [
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
@@ -66,16 +71,23 @@ def the_one(look: Callable[[], list[Any]], what: str) -> Any:
 
 def close_notices(page: Any) -> None:
     """Close what the app announces at its start."""
-    for cross in page.query_selector_all(".mantine-Notification-closeButton"):
-        cross.click()
+    # by the page itself: they also go on their own
+    page.evaluate(
+        "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach(x => x.click())"
+    )
+
+
+def labels(page: Any, label: str) -> Any:
+    """The visible labels with this text."""
+    # of the exact text: places in the list change while the page is being drawn
+    return page.locator("label").filter(has_text=re.compile(rf"^\s*{re.escape(label)}\s*$"), visible=True)
 
 
 def row(page: Any, label: str) -> Any:
     """The row of the one control with this label."""
-    # of the exact text: places in the list change while the page is being drawn
-    labels = page.locator("label").filter(has_text=re.compile(rf"^\s*{re.escape(label)}\s*$"), visible=True)
-    the_one(labels.all, f"controls are called {label!r}")
-    return labels.locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
+    found = labels(page, label)
+    the_one(found.all, f"controls are called {label!r}")
+    return found.locator("xpath=ancestor::div[contains(@class, 'mantine-Flex-root')][1]")
 
 
 def button(page: Any, name: str) -> Any:
@@ -103,6 +115,39 @@ def tick(page: Any, label: str, on: bool = True) -> None:
         if within(SOON / 4, box.is_checked, lambda now: now == on) == on:
             return
     raise AssertionError(f"the box {label!r} cannot be changed")
+
+
+def choose(page: Any, label: str, option: str) -> None:
+    """Choose from this list until it is chosen; a list that is drawn anew closes."""
+    chosen = row(page, label).get_by_role("combobox")
+    for _ in range(3):
+        chosen.click()
+        found = page.get_by_role("option", name=option, exact=True)
+        if within(SOON, found.count):
+            with contextlib.suppress(Exception):  # it has closed
+                found.click(timeout=5000)
+        if within(SOON, lambda: chosen.input_value() == option):
+            return
+    raise AssertionError(f"{option!r} cannot be chosen from {label!r}")
+
+
+def unfold(page: Any, heading: str, what: Any) -> None:
+    """Unfold the folder with this heading, in which `what` stands."""
+    if what.count():
+        return
+    folder = page.get_by_text(heading, exact=True)
+
+    def rests() -> bool:
+        before = folder.bounding_box()
+        page.wait_for_timeout(200)
+        return folder.bounding_box() == before
+
+    for _ in range(3):
+        within(SOON, rests)
+        folder.click()
+        if within(SOON, what.count):
+            return
+    raise AssertionError(f"the folder {heading!r} does not unfold")
 
 
 def tab(page: Any, name: str) -> Any:
@@ -138,6 +183,22 @@ def place(page: Any, name: str) -> list[float]:
     return (node(page, name) or [])[12:15]
 
 
+def pixels(page: Any, box: dict[str, float] | None = None) -> np.ndarray:
+    """RGB of what is on the page, or in a box of it, (rows, columns, 3)."""
+    picture = page.screenshot(clip=box) if box else page.screenshot()
+    return np.asarray(pytest.importorskip("PIL.Image").open(io.BytesIO(picture)).convert("RGB")).astype(int)
+
+
+def ghost(page: Any) -> list[tuple[int, int]]:
+    """Where the identified robot is seen: it is orange (x, y)."""
+    seen = pixels(page)
+    orange = (seen[..., 0] - seen[..., 2] > 60) & (seen[..., 0] > 150)
+    orange[:, :345] = orange[:, -440:] = orange[:260] = orange[560:] = False
+    rows, columns = np.nonzero(orange)
+    assert len(rows) > 200, "no ghost is seen"
+    return list(zip(columns.tolist(), rows.tolist(), strict=True))
+
+
 TEXTS = ".fv, .fv-table, .uplot, button, label, input:not([type=checkbox])"
 WIDER = f"""() => [...document.querySelectorAll('{TEXTS}')]
     .filter(e => e.offsetParent && getComputedStyle(e).display !== 'inline' && !e.closest('.fv-clip'))
@@ -166,7 +227,7 @@ OVERLAPPING = """() => {
         const across = Math.min(r.right, s.right) - Math.max(r.left, s.left);
         const down = Math.min(r.bottom, s.bottom) - Math.max(r.top, s.top);
         if (across > 2 && down > 2)
-            found.push([a, b].map(e => e.textContent.slice(0, 40) || e.id).join(' | '));
+            found.push([a, b].map(e => e.textContent.slice(0, 40) || e.outerHTML.slice(0, 80)).join(' | '));
     }));
     return found;
 }"""

@@ -38,7 +38,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page: Any, shot: Any) -> None:
-    page = open_page(serve(str(results)), 1440, 900)
+    page = open_page(serve(str(results)) + "/?darkMode", 1440, 900)
     button(page, "Pause").click()
     tab(page, "Fleet").click()
     lines = page.locator("tr[data-fleet]")
@@ -52,8 +52,10 @@ def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page
     assert days == [0, 30, 90, 120, 150] and value[-1] < value[0] - 40  # a failed set has no value
     opened = page.locator("tr.fv-open")
     assert opened.locator("td").first.inner_text() == "2"
-    well_laid_out(page)
-    shot(page, "fleet")
+    for width, height in ((1280, 800), (1920, 1080), (1440, 900)):
+        page.set_viewport_size({"width": width, "height": height})
+        well_laid_out(page)
+        shot(page, f"fleet-{width}")
     lines.nth(7).locator("td").nth(1).click()
     until(lambda: opened.count() and opened.locator("td").first.inner_text() == "8", what="the other set")
     assert row(page, "Measurement set").locator("input").first.input_value() == "set7"

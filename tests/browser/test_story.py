@@ -19,7 +19,19 @@ import pytest
 
 from flexviz.app import DEMO
 from flexviz.resources import sessions_dir
-from tests.browser.page import button, chart, charts, row, status, tab, tick, until, well_laid_out
+from tests.browser.page import (
+    button,
+    chart,
+    charts,
+    choose,
+    row,
+    status,
+    tab,
+    tick,
+    unfold,
+    until,
+    well_laid_out,
+)
 
 pytestmark = pytest.mark.browser
 TUNED = 25.0  # [rad/s]
@@ -206,8 +218,7 @@ def test_tuned_run_and_stopped_and_two_pages_show_the_same(
     two = open_page(address)
     until(lambda: status(two) == status(page), what="the same status")
     assert parameter(two, "K", "joint1") == parameter(page, "K", "joint1")
-    row(two, "Joint").get_by_role("combobox").click()
-    two.get_by_role("option", name="joint2", exact=True).click()
+    choose(two, "Joint", "joint2")
     until(lambda: row(page, "Joint").get_by_role("combobox").input_value() == "joint2", what="the other page")
     until(
         lambda: chart(page, "Residual, joint2")[:-1] == chart(two, "Residual, joint2")[:-1], what="its plots"
@@ -238,9 +249,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     button(page, "Run").click()
     until(lambda: "converge" in status(page), what="a result")
     tab(page, "Where it fails").click()
-    page.wait_for_timeout(500)
-    row(page, "Highlight").get_by_role("combobox").click()
-    page.get_by_role("option", name="velocity", exact=True).click()
+    choose(page, "Highlight", "velocity")
     until(lambda: "of the time in this group" in page.inner_text("body"), what="the range")
     found = until(
         lambda: any(t.startswith("Residual of joint1 against velocity") for t in charts(page)), what="it"
@@ -259,12 +268,15 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     shot(page, "where")
     well_laid_out(page)
 
-    # a search that is stopped changes nothing
+    # a search tells how far it has come; stopped, it says that again and changes nothing
     button(page, "Diagnose").click()
     page.get_by_role("button", name="Find the missing effect").click()
-    until(lambda: button(page, "Stop").is_enabled(), what="Stop")
+    so_far = page.locator(".fv-so-far")
+    until(lambda: so_far.count() and "(being checked)" in so_far.inner_text(), what="the leading candidate")
+    assert so_far.inner_text().startswith("So far: Coulomb friction on joint2 (being checked): ")
     button(page, "Stop").click()
     until(lambda: "stopped" in status(page), what="the end of the search")
+    assert so_far.inner_text().startswith("Best so far, not confirmed: Coulomb friction on joint2: ")
     assert not page.locator(".fv-verdict").count()
 
     # a session goes out as a zip and comes in again
@@ -274,7 +286,7 @@ def test_where_it_fails_marks_a_range_and_files_come_and_go(
     file = tmp_path / download.value.suggested_filename
     download.value.save_as(file)
     assert file.suffix == ".zip" and file.stat().st_size > 100_000
-    page.get_by_text("Another set", exact=True).click()
+    unfold(page, "Another set", page.locator("input[type=file]"))
     page.locator("input[type=file]").set_input_files(str(file))
     chosen = row(page, "Measurement set").get_by_role("combobox")
     until(lambda: "planar-2r-demo-session" in chosen.input_value(), what="the uploaded session")

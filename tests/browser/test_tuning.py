@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import button, chart, row, until, well_laid_out
+from tests.browser.page import button, chart, choose, labels, row, tick, unfold, until, well_laid_out
 
 pytestmark = pytest.mark.browser
 
@@ -66,9 +66,8 @@ def test_gains_are_set_by_hand(serve: Callable[..., str], open_page: Any, shot: 
     page = open_page(serve() + "/?darkMode", 1280, 800)
     button(page, "Pause").click()
     button(page, "Observer").click()
-    row(page, "Observer type").locator("input").first.click()
-    page.get_by_role("option", name="eso", exact=True).click()
-    page.get_by_text("Gains of the ESO", exact=True).click()
+    choose(page, "Observer type", "eso")
+    unfold(page, "Gains of the ESO", labels(page, "β5 θ"))
     field = row(page, "β5 θ").locator("input").first
     until(lambda: field.input_value() == "1.92e7", 60, "6 · 20⁵")
     body = lambda: page.inner_text("body")  # noqa: E731
@@ -85,7 +84,7 @@ def test_gains_are_set_by_hand(serve: Callable[..., str], open_page: Any, shot: 
 
     # stable ones are used, for τ apart, and Undo takes them back
     field.fill("2.2e7")
-    page.get_by_text("Same gains for θ and τ", exact=True).click()
+    tick(page, "Same gains for θ and τ", False)
     row(page, "β1 τ").locator("input").first.fill("130")
     until(lambda: button(page, "Use these gains").is_enabled(), 60, "usable gains")
     well_laid_out(page)

@@ -1,0 +1,96 @@
+"""What a diagnosis offers: several effects at once, the motion that decides, the free curve."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from flexviz.app import DEMO
+from flexviz.diagnosis import Diagnosis, prediction_errors
+from flexviz.identification import identify
+from flexviz.measurements import read_set
+from flexviz.resources import sessions_dir
+from flexviz.session import Session, save_session
+from tests.browser.page import button, press, status, tab, until, well_laid_out
+from tests.found import COULOMB, CURVE, DIAGNOSIS
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def diagnosed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session on the demonstration set: an unknown residual, and then friction on both joints."""
+    measurements = read_set(sessions_dir() / DEMO)
+    session, result = Session.of(measurements), identify(measurements)
+    analysis = session.analysis.with_identification(result, session.analysis.settings)
+    errors = prediction_errors(measurements, result.model)
+    first = replace(
+        DIAGNOSIS.steps[0],
+        rms=errors.rms,
+        rms_validation=errors.rms_validation,
+        groups=errors.groups,
+        noise_floor=errors.noise_floor,
+        model=result.model,
+    )
+
+    curve = replace(
+        CURVE, directions=("forward", "backward"), value=CURVE.value[[0, 0]], std=CURVE.std[[0, 0]]
+    )
+
+    def found(**changes: Any) -> Diagnosis:
+        return replace(DIAGNOSIS, set_name=measurements.name, model=result.model, notes=(), **changes)
+
+    unknown = found(
+        verdict="unknown", findings=(), steps=(replace(first, verdict="unknown"),), free_curve=curve
+    )
+    both = (COULOMB, replace(COULOMB, joint="joint1", inseparable_from=(), evidence=None))
+    missing = found(findings=both, steps=(first,), free_curve=None)
+    session = session.then("looked", analysis.with_diagnosis(unknown))
+    session = session.then("looked again", analysis.with_diagnosis(missing))
+    return save_session(session, measurements, tmp_path_factory.mktemp("diagnosed") / "session")
+
+
+def test_what_a_diagnosis_offers(
+    diagnosed: Path, serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
+) -> None:
+    page = open_page(serve(str(diagnosed)), 1280, 800)
+    button(page, "Pause").click()
+    button(page, "Diagnose").click()
+    # effects of one kind are one finding with one button
+    finding = page.locator(".fv-finding:visible")
+    until(lambda: finding.count() == 1, what="the finding")
+    assert "1. Coulomb friction on joints 1 and 2" in finding.inner_text()
+    assert page.get_by_role("button", name="Add and refit").first.is_enabled()
+
+    # a tie offers the motion that decides; stopped, it is the best one so far, as files
+    press(page, "Motion that would decide", lambda: "designing, " in status(page))
+    button(page, "Stop").click()
+    until(lambda: "best motion so far" in status(page), what="the motion")
+    assert "expected" in page.inner_text("body")
+    well_laid_out(page)
+    shot(page, "deciding")
+    with page.expect_download(timeout=60_000) as download:
+        button(page, "Download the motion").click()
+    download.value.save_as(tmp_path / "motion.zip")
+    with zipfile.ZipFile(tmp_path / "motion.zip") as packed:
+        assert {"d1.csv", "d1.yaml", "summary.txt"} <= set(packed.namelist())
+
+    # under "Unknown" the free curve is added as a hatched step, and taken back
+    button(page, "Undo").click()
+    verdict = page.locator(".fv-verdict")
+    until(lambda: verdict.inner_text().startswith("Unknown:"), what="the verdict before")
+    tab(page, "Compare").click()
+    offered = page.get_by_role("button", name="Add the free curve")
+    press(page, "Add the free curve", lambda: "free curve" in status(page))
+    until(lambda: page.locator(".fv-stair.hatched").count() == 1, what="the hatched step")
+    assert "(not physics)" in page.inner_text("body")
+    page.mouse.move(660, 60)  # over a plot lie its buttons
+    shot(page, "free-curve")
+    well_laid_out(page)
+    button(page, "Undo").click()
+    until(lambda: offered.is_visible() and "6.5 % of the torque" in status(page), what="the undo")
