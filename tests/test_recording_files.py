@@ -205,8 +205,11 @@ for number, moment in enumerate(moments):
                 recording.flush()
                 (folder / f"{number}.flushed").write_text(str(count + 1))
     else:
-        begun, sign = time.monotonic(), ("rrd", "flushed")[number % 2]
-        while not (folder / f"{number}.{sign}").exists() and time.monotonic() - begun < 30.0:
+        begun, flushed = time.monotonic(), folder / f"{number}.flushed"
+        ready = (  # it has begun; something is flushed; so is more than that
+            (folder / f"{number}.rrd").exists, flushed.exists, lambda: int(flushed.read_text() or 0) > 7,
+        )[: 1 + number % 3]
+        while not all(look() for look in ready) and time.monotonic() - begun < 120.0:
             time.sleep(0.001)
         time.sleep(moment)
         os.kill(child, 9)
