@@ -109,6 +109,9 @@ def test_files_are_checked_strictly(tmp_path: Path) -> None:
     file.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(InputError, match="verdict"):
         read_result(file)
+    file.write_text(json.dumps(DIAGNOSIS.to_dict() | {"guard": "x"}), encoding="utf-8")
+    with pytest.raises(InputError, match="guard"):
+        read_result(file)
     document = DIAGNOSIS.to_dict() | {"torque": {"joints": ["joint1"], "spread": [1.0, 2.0]}}
     file.write_text(json.dumps(document), encoding="utf-8")
     with pytest.raises(InputError, match=r"torque: .*spread has 2 values, expected 1, one per joint"):

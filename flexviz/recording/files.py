@@ -63,7 +63,7 @@ class Target:
         """
         place = self.file if complete else self.part
         tidy = hidden(place, "tidy")
-        with named_errors(self.file):
+        with named_errors(self.file, "completed, but what was recorded is kept"):
             try:
                 rewrite(self.now, tidy, layout)
                 checked = check_recording(tidy, own=True)

@@ -144,5 +144,5 @@ class Stream:
         if viewer is not None:
             viewer.disconnect()
         if file is not None and self.target is not None:
-            with named_errors(self.target.file):
+            with named_errors(self.target.file, "completed, but what was recorded is kept"):
                 self._sink.close()

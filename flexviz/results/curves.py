@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, Protocol, Self
 
@@ -162,7 +162,7 @@ class GuardEntry(ResultEntry):
     @model_validator(mode="before")
     @classmethod
     def _by_joint(cls, data: Any) -> Any:
-        if isinstance(data, Mapping):
+        if not hasattr(data, "change_noise"):  # of a file
             return data
         columns = (data.rms.T, data.change.T, data.change_noise.T, data.observer_error.tolist())
         rows = zip(data.joints, *columns, strict=True)  # the fields of a GuardJointEntry

@@ -22,6 +22,7 @@ from flexviz.measurements import readable
 
 INFO = Path("meta") / "info.json"
 TIME = "time"  # the column made from frame_index and fps
+MOST_EPISODES = 1_000_000
 BOOKKEEPING = ("index", "episode_index", "task_index", "frame_index")
 
 
@@ -48,8 +49,8 @@ def read_info(folder: Path) -> dict[str, Any]:
 def episodes_of(folder: Path) -> list[int]:
     """The numbers of all episodes."""
     total = read_info(folder).get("total_episodes")
-    if not isinstance(total, int) or isinstance(total, bool) or total < 1:
-        message = f"found {total!r}, expected the number of episodes"
+    if not isinstance(total, int) or isinstance(total, bool) or not 1 <= total <= MOST_EPISODES:
+        message = f"found {total!r}, expected the number of episodes, at most {MOST_EPISODES:,}"
         raise InputError(message, file=folder / INFO, place="total_episodes")
     return list(range(total))
 
