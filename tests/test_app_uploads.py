@@ -171,6 +171,12 @@ def test_a_name_in_the_set_cannot_lead_out(tmp_path: Path, incoming: UploadFolde
     assert file.parent == incoming.folder and incoming.missing() == ["../../out.urdf"]
 
 
+def test_an_endless_name_is_none(incoming: UploadFolder) -> None:
+    incoming.put("measurements.toml", f"format = 1\nrobot = '{'9' * 5000}.urdf'\n".encode())
+    with pytest.raises(InputError, match=r"measurements\.toml: '999.* is no file name"):
+        incoming.missing()
+
+
 def test_an_incoming_has_limits(monkeypatch: pytest.MonkeyPatch, incoming: UploadFolder) -> None:
     monkeypatch.setattr("flexviz.app.uploads.LARGEST_SET", 10)
     with pytest.raises(InputError, match="together"):

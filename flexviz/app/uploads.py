@@ -19,6 +19,7 @@ from flexviz.wording import plural
 LARGEST_UPLOAD = 512 * 2**20  # bytes of one file from a browser
 LARGEST_SET = 2 * 2**30  # bytes of all files of a set, unpacked
 MAX_FILES = 500
+LONGEST_NAME = 200  # characters of a file that a set names
 KINDS = (
     ".toml", ".csv", ".parquet", ".urdf", ".xml", ".json", ".npz", ".stl", ".dae", ".obj", ".mtl", ".ply",
     ".glb", ".gltf", ".png", ".jpg", ".md", ".txt",
@@ -190,7 +191,10 @@ class UploadFolder:
         robot = document.get("robot")
         if isinstance(robot, str) and ":" not in robot:
             found.append(robot)
-        return [name for name in dict.fromkeys(found) if isinstance(name, str)]
+        names = [name for name in dict.fromkeys(found) if isinstance(name, str)]
+        if long := [name for name in names if len(name) > LONGEST_NAME]:
+            raise InputError(f"{MAIN}: {long[0][:60]!r}… is no file name")
+        return names
 
     def missing(self) -> list[str]:
         """The missing files: measurements.toml, then the files it names.
