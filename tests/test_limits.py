@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import resource
 import zipfile
 from pathlib import Path
@@ -16,7 +17,7 @@ from scipy.io import savemat
 from flexviz import files, limits, toml
 from flexviz.cli.terminal import write_json
 from flexviz.errors import InputError
-from flexviz.importing.formats import ReadOptions, matlab, open_log
+from flexviz.importing.formats import ReadOptions, find_logs, matlab, open_log
 from flexviz.measurements import read_set
 from tests.small_set import write_small_set
 
@@ -65,6 +66,14 @@ def test_a_damaged_table_does_not_end_the_process() -> None:
     """Its footer contradicts itself, which pyarrow notices in a place where it cannot raise."""
     with pytest.raises(InputError, match=r"damaged\.parquet: not a readable Parquet table"):
         open_log(Path(__file__).parent / "data" / "damaged.parquet", ReadOptions())
+
+
+def test_endless_datasets(tmp_path: Path) -> None:
+    about = {"codebase_version": "v2.1", "fps": 10, "features": {}, "total_episodes": 10**30}
+    (tmp_path / "set" / "meta").mkdir(parents=True)
+    (tmp_path / "set" / "meta" / "info.json").write_text(json.dumps(about))
+    with pytest.raises(InputError, match="the number of episodes, at most"):
+        find_logs([tmp_path / "set"])
 
 
 def test_compressed_arrays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
