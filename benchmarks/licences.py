@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import sys
 import tomllib
+from email.message import Message
 from importlib import metadata
 from pathlib import Path
+from typing import cast
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
@@ -48,7 +50,7 @@ def packages() -> list[str]:
 
 def licence(name: str) -> str:
     """The licence that a package's metadata state: an SPDX expression, classifiers, or a short text."""
-    about = metadata.metadata(name)
+    about = cast(Message, metadata.metadata(name))
     if expression := about.get("License-Expression"):
         return expression
     classified = [c.rpartition(" :: ")[2] for c in about.get_all("Classifier", []) if c.startswith("License")]

@@ -394,6 +394,6 @@ def test_torque_band_lets_as_much_noise_through_as_it_may(theta: float, tau: flo
         torque, rate = (np.sqrt(np.trapezoid(p, f)) for p in (power, power * w**2 / stiffness**2))
         return bool(torque < TORQUE_NOISE * scale and rate < LINK_VELOCITY_NOISE)
 
-    numbers = (np.array([number]) for number in (theta, tau, inertia, stiffness, scale))
-    (band,) = torque_band(*numbers, 200.0)
+    one = np.ones(1)
+    (band,) = torque_band(theta * one, tau * one, inertia * one, stiffness * one, scale * one, 200.0)
     assert 2.0 < band < 200.0 and allowed(0.999 * band) and not allowed(1.1 * band)

@@ -41,8 +41,8 @@ class Standing:
         self._own_fit = fit
         which, rms, floor = self._errors(fit)
         j = by_share(rms, self.spread)[0]
-        each = (self.own.joints, rms, self.spread, floor)
-        worst = left_text(*(values[j : j + 1] for values in each))
+        only = slice(j, j + 1)
+        worst = left_text(self.own.joints[only], rms[only], self.spread[only], floor[only])
         share = percent(mean_nrms(rms, self.spread))
         self._tell(BestSoFar("", f"{which} error of the present model {share} of the torque; most: {worst}"))
 
