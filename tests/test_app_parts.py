@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from types import SimpleNamespace
 from typing import Any
@@ -195,7 +196,8 @@ def test_only_the_loop_wakes_the_pages() -> None:
         asyncio.get_running_loop().call_soon_threadsafe(event.set)
         await asyncio.wait_for(event.wait(), 5.0)
 
-    asyncio.run(scene())
+    with ThreadPoolExecutor(1) as thread:  # this one may have a loop already, of the browser's tests
+        thread.submit(asyncio.run, scene()).result()
 
 
 # -- clock -----------------------------------------------------------------------------------------------

@@ -62,9 +62,9 @@ def at_rest(page: Any) -> None:
     until(lambda: not button(page, "Stop").is_enabled() and np.isfinite(percent(page)), what="the end")
 
 
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any, dark: bool) -> None:
-    page = open_page(serve() + ("/?darkMode" if dark else ""), 1440, 900)
+def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
+    address = serve()
+    page = open_page(address, 1440, 900)
     button(page, "Pause").click()
     button(page, "Diagnose").click()
     page.get_by_role("button", name="Find the missing effect").click()
@@ -94,7 +94,7 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
         bars.last.bounding_box()["y"]
         < page.locator(".uplot").filter(has_text="all joints").bounding_box()["y"]
     )
-    shot(page, f"stairs-{'dark' if dark else 'light'}")
+    shot(page, "stairs")
     after = percent(page)
     row(page, "Show model").get_by_role("button", name="0", exact=True).click()
     until(lambda: percent(page) == before, 60, "the error of the first model")
@@ -102,8 +102,18 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
     assert verdict.inner_text().startswith("Missing") and bars.count() == 2
     row(page, "Show model").get_by_role("button", name="1", exact=True).click()
     until(lambda: percent(page) == after and yellow(page) < 20, 60, "the last model")
-    compared_side_by_side(page, shot, "dark" if dark else "light")
-    # the map: where nothing is explained the cell is as the page
+    compared_side_by_side(page, shot)
+    the_map_is_faint_where_nothing_is_explained(page)
+    shot(page, "glance-light")
+    page.close()
+    dark = open_page(f"{address}/?darkMode", 1440, 900)
+    until(lambda: yellow(dark) < 20, what="a dark robot on a dark page")
+    the_map_is_faint_where_nothing_is_explained(dark)
+    shot(dark, "glance-dark")
+
+
+def the_map_is_faint_where_nothing_is_explained(page: Any) -> None:
+    """There the cell is as the page."""
     tab(page, "Where it fails").click()
     cells = page.locator(".fv-heat td[title]")
     until(lambda: cells.count(), what="the map")
@@ -117,10 +127,9 @@ def test_a_good_model_looks_good(serve: Callable[..., str], open_page: Any, shot
         return int(np.abs(np.subtract(cut, seen[881, 1426])).max())
 
     assert within(SOON, unlike_paper, lambda most: most < 16) < 16
-    shot(page, f"glance-{'dark' if dark else 'light'}")
 
 
-def compared_side_by_side(page: Any, shot: Any, name: str) -> None:
+def compared_side_by_side(page: Any, shot: Any) -> None:
     """The first model beside the last: three robots, of which only the first model's is yellow."""
     row(page, "Compare with").get_by_role("button", name="0", exact=True).click()
     legend = page.locator(".fv-name")
@@ -133,7 +142,7 @@ def compared_side_by_side(page: Any, shot: Any, name: str) -> None:
         return len(columns) > 100 and bool(np.median(columns) > 380)
 
     until(right_one_is_yellow, 60, "the first model's robot in yellow, on the right")
-    shot(page, f"beside-{name}")
+    shot(page, "beside")
     row(page, "Compare with").get_by_role("button", name="nothing", exact=True).click()
     until(lambda: legend.count() == 2 and node(page, "/beside/joint2") is None, what="two robots again")
 
@@ -206,8 +215,14 @@ def test_plots_are_zoomed_clicked_read_and_saved(
     page.mouse.down()
     page.mouse.move(over["x"] + 0.6 * over["width"], y, steps=5)
     page.mouse.up()
-    button(page, "Step ▶").click()
     wanted = pytest.approx([low + 0.3 * (high - low), low + 0.6 * (high - low)], abs=0.1)
+    shown = row(page, "Span [s]").locator("input").first
+
+    def span() -> list[float]:
+        return [float(end) for end in shown.input_value().split(" – ")]
+
+    assert within(SOON, span, lambda seen: seen == wanted) == wanted
+    button(page, "Step ▶").click()
 
     def spans() -> list[list[float]]:
         over_time = ("Torque, ", "Residual, ", "Simulated")
@@ -216,17 +231,14 @@ def test_plots_are_zoomed_clicked_read_and_saved(
     assert within(SOON, spans, lambda seen: seen == [wanted] * 3) == [wanted] * 3
 
     # only that span is played and drawn, in all tabs, until a double click; the slider shows it
-    span = row(page, "Span [s]").locator("input").first
-    first, last = (float(end) for end in span.input_value().split(" – "))
-    assert [first, last] == wanted
-    assert (
-        first <= float(row(page, "Time [s]").locator("input:not([type=hidden])").first.input_value()) <= last
-    )
+    first, last = span()
+    at = row(page, "Time [s]").locator("input:not([type=hidden])").first
+    until(lambda: first <= float(at.input_value()) <= last, SOON, "the playhead in the span")
     tab(page, "States").click()
     until(lambda: page.evaluate(SPANS).get("τ [Nm]") == [first, last], what="the same span of the states")
     tab(page, "Signals").click()
     page.mouse.dblclick(over["x"] + 0.5 * over["width"], y)
-    until(lambda: span.input_value().startswith("0.00 – 12.0"), what="all of it")
+    until(lambda: shown.input_value().startswith("0.00 – 12.0"), what="all of it")
 
     # the name of the joint under the pointer, with its torque and deflection
     hover = page.locator(".fv-hover")
