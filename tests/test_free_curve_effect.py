@@ -226,6 +226,9 @@ def test_why_there_is_no_curve(bumpy: MeasurementSet, plain: Identification) -> 
     )
     assert "acceleration" in why_no_curve(found(bumpy, plain, "acceleration"))
     assert "stopped" in why_no_curve(replace(good, free_curve=None))
+    assert good.free_curve is not None
+    poor = replace(good.free_curve, explained=0.08, explained_std=0.07)
+    assert "8.0 % ± 7.0 %" in why_no_curve(replace(good, free_curve=poor))
     own = replace(plain.model, effects=(EffectValue(EFFECT, "joint2"),))
     assert "already" in why_no_curve(replace(good, model=own))
     with pytest.raises(InputError, match="no free curve is added"):

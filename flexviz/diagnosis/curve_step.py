@@ -22,7 +22,9 @@ from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.wording import percent
 
+CERTAIN = 2.0  # standard errors that a curve has to explain
 # kinds of notes that are renewed
 OF_THE_LAST_MODEL = ("free-curve", "stopgap", "unexplained", "bandwidth", "model-error")
 
@@ -37,6 +39,9 @@ def why_no_curve(diagnosis: Diagnosis) -> str:
         return "the diagnosis was stopped before it computed a free curve"
     if not curve.effects:
         return f"what is left on {curve.joint} follows {curve.variable}, for which there is no free curve"
+    if curve.explained < CERTAIN * curve.explained_std:
+        share, error = percent(curve.explained), percent(curve.explained_std)
+        return f"the free curve of {curve.joint} explains {share} ± {error} of what is left: perhaps nothing"
     own = diagnosis.model.effects if diagnosis.model else ()
     if any((e.effect, e.joint) in {(name, curve.joint) for name in curve.effects} for e in own):
         return f"the model has a free curve of {curve.variable} on {curve.joint} already"
