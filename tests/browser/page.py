@@ -215,6 +215,7 @@ OVERLAPPING = """() => {
     const seen = [...document.querySelectorAll('.fv, .uplot, button, label, input, [role=tab]')]
         .filter(e => e.offsetParent && !e.closest('.mantine-Notification-root, .fv-png'))  // lie over plots
         .filter(e => e.tagName !== 'BUTTON' || !e.closest('.mantine-Input-wrapper'))
+        .filter(e => e.tagName !== 'BUTTON' || !e.parentElement.querySelector('.uplot'))  // of a plot, too
         .map(e => {
             const r = e.getBoundingClientRect(), box = e.closest('.mantine-ScrollArea-viewport');
             const b = box ? box.getBoundingClientRect() : r;  // what is scrolled away overlaps nothing
