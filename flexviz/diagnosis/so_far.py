@@ -57,9 +57,10 @@ class Standing:
         if self._tell is None or self._own_fit is None or not added:
             return
         which, rms, _ = self._errors(fit, apart)
-        share, before = (mean_nrms(r, self.spread) for r in (rms, self._errors(self._own_fit, apart)[1]))
+        share = mean_nrms(rms, self.spread)
         if share < self._best:
             self._best = share
+            before = mean_nrms(self._errors(self._own_fit, apart)[1], self.spread)
             error = f"{which} error {percent(before)} → {percent(share)} of the torque"
             self._tell(BestSoFar(self._names(added), error))
 

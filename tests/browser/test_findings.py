@@ -16,7 +16,7 @@ from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
 from flexviz.session import Session, save_session
-from tests.browser.page import button, press, status, tab, until, well_laid_out
+from tests.browser.page import button, leave_the_plots, press, status, tab, until, well_laid_out
 from tests.found import COULOMB, CURVE, DIAGNOSIS
 
 pytestmark = pytest.mark.browser
@@ -89,7 +89,7 @@ def test_what_a_diagnosis_offers(
     press(page, "Add the free curve", lambda: "free curve" in status(page))
     until(lambda: page.locator(".fv-stair.hatched").count() == 1, what="the hatched step")
     assert "(not physics)" in page.inner_text("body")
-    page.mouse.move(660, 60)  # over a plot lie its buttons
+    leave_the_plots(page)
     shot(page, "free-curve")
     well_laid_out(page)
     button(page, "Undo").click()
