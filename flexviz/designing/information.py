@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import fft
+from flexviz._scipy import sp
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, build_signals, layout_of
 from flexviz.errors import InputError
@@ -42,7 +42,7 @@ def information(columns: Array, density: Array, step: float) -> Array:
         step: [s].
     """
     count = len(columns)
-    spectrum = fft.rfft(columns, axis=0)
+    spectrum = sp.fft.rfft(columns, axis=0)
     share = np.full(len(spectrum), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
     if count % 2 == 0:

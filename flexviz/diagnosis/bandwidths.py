@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from flexviz._scipy import sp
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING
 from flexviz.equation import Equation, Layout, Signals, build_signals, equation_stride
 from flexviz.errors import InputError
@@ -115,7 +115,9 @@ def without_own_error(band: BandwidthData, wider: BandwidthData, x: Array) -> Ba
             continue
         step = source.segment.step * source.stride
         slow = band.signals.observer.derivatives(wide[source.rows], step, 1)[0]
-        formed = CubicSpline(wider.signals.time[source.rows], slow)(band.signals.time[own.rows])
+        formed = sp.interpolate.CubicSpline(wider.signals.time[source.rows], slow)(
+            band.signals.time[own.rows]
+        )
         error[own.rows] = residual[own.rows] - formed
     return replace(band, own_error=error)
 
@@ -281,7 +283,7 @@ def compared(band: BandwidthData, x: Array, other: BandwidthData, common: Spans,
         slow = low.derivatives(residual[own.rows] * fade[:, None], own.segment.step * own.stride, 1)[0]
         slow /= np.sqrt(np.mean(fade[fade > 0] ** 2))
         at = other.signals.time[there[key].rows]
-        out.append(CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
+        out.append(sp.interpolate.CubicSpline(time, slow)(at[(at >= first) & (at <= last)]))
     if not out:
         raise InputError("the records are too short for these bandwidths; use higher ones")
     return np.concatenate(out)

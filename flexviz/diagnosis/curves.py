@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, CubicSpline
 
+from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
 from flexviz.diagnosis.records import DIRECTED
 from flexviz.diagnosis.residuals import SLOW, SlowResidual
@@ -58,7 +58,9 @@ class Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """Design matrix at M instants, shape (M, size)."""
         inside = np.clip(value, *self.range)
-        one = np.array(BSpline.design_matrix(inside, self.knots, self.degree).toarray(), dtype=float)
+        one = np.array(
+            sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree).toarray(), dtype=float
+        )
         if self.sides == 1:
             return one
         forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
@@ -151,7 +153,9 @@ def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splin
         if not data.shown[rows].any():
             continue
         fine = np.arange((count - 1) * OVERSAMPLING + 1) / OVERSAMPLING
-        both = CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(fine)
+        both = sp.interpolate.CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(
+            fine
+        )
         design = splines.design(both[:, 0], both[:, 1])
         step = float(data.step[rows.start]) / OVERSAMPLING
         out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING)[::2]

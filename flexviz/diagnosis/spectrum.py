@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc
 
-from flexviz._scipy import fft
+from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import shortest_run
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residuals import JointResiduals, joint_residuals
@@ -124,7 +123,7 @@ def periodogram(y: Array, step: float) -> tuple[Array, Array]:
     The Hann window limits leakage: the floor at low frequencies is decades below that at high ones.
     """
     window = np.hanning(len(y) + 2)[1:-1, None]
-    power = np.abs(fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
+    power = np.abs(sp.fft.rfft(y * window, axis=0)) ** 2 * (2 * step / float(np.sum(window**2)))
     return np.arange(len(power)) / (len(y) * step), power
 
 
@@ -141,4 +140,4 @@ def whiteness(ratio: Array, hertz: Array, top: float) -> tuple[Array, Array]:
     waves = np.cos(np.outer(np.pi * np.arange(LAGS + 1) / top, hertz)) @ ratio
     correlation = waves[1:] / np.maximum(waves[0], 1e-300)
     statistic = 2 * len(hertz) / HANN_LINES * np.sum(correlation**2, axis=0)
-    return statistic, np.asarray(gammaincc(LAGS / 2, statistic / 2), float)
+    return statistic, np.asarray(sp.special.gammaincc(LAGS / 2, statistic / 2), float)

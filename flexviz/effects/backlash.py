@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
+from flexviz._scipy import sp
 from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
@@ -70,7 +70,7 @@ class Backlash(LawEffect):
 def _load(motion: JointMotion) -> Array:
     """Torque relative to the threshold of an unloaded joint, shape (N,): within ±1 inside the gap."""
     reach = 2 * round(RINGING_TIME / motion.step) + 1
-    around = maximum_filter1d(np.abs(motion.torque), reach)
+    around = sp.ndimage.maximum_filter1d(np.abs(motion.torque), reach)
     return motion.torque / np.maximum(RINGING_SHARE * around + FAINT_SHARE * motion.torque_scale, 1e-9)
 
 

@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.effects.terms import Array
 
 MIN_EXPLAINED = 0.8  # of the curve's weighted square; a form that explains less is not named
@@ -186,9 +187,9 @@ class FormFamily:
     def _refined(cost: Callable[[Array], float], start: Array) -> Array:
         if not len(start):
             return start
-        from scipy.optimize import minimize
-
-        found = minimize(cost, start, method="Nelder-Mead", options={"maxiter": 120, "xatol": 1e-6})
+        found = sp.optimize.minimize(
+            cost, start, method="Nelder-Mead", options={"maxiter": 120, "xatol": 1e-6}
+        )
         return np.asarray(found.x, float)
 
 

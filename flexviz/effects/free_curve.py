@@ -15,6 +15,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from flexviz._scipy import sp
 from flexviz.effects.law import LawEffect, LoadedEffect
 from flexviz.effects.terms import SIGN_VELOCITY, Array, JointMotion, JointState, ParameterSpec, smooth_sign
 
@@ -29,9 +30,7 @@ DIRECTIONS = ("forward", "backward")
 @cache
 def _cardinal(order: int) -> Callable[[Array], Array]:
     """Splines that are one at one node and zero at the others, or their derivative: (N,) → (N, NODES)."""
-    from scipy.interpolate import CubicSpline
-
-    spline = CubicSpline(np.arange(NODES), np.eye(NODES), bc_type="natural")
+    spline = sp.interpolate.CubicSpline(np.arange(NODES), np.eye(NODES), bc_type="natural")
     return spline if order == 0 else spline.derivative(order)
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
+from flexviz._scipy import sp
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
@@ -271,7 +271,7 @@ class EffectContext:
         laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
         own = [(law, at) for law, at in laws if isinstance(law, LawEffect) and law.entry == "torque"]
         time = self._signals.time[block.rows]
-        known = CubicSpline(time, s[block.rows, joint])
+        known = sp.interpolate.CubicSpline(time, s[block.rows, joint])
         inside = (motion.time >= time[0]) & (motion.time <= time[-1])
         first, last = np.flatnonzero(inside)[[0, -1]]
         near = max(1, round(OVERLAP / motion.step))

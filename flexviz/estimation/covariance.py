@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import fft
+from flexviz._scipy import sp
 from flexviz.estimation.linear_algebra import scaled_inverse
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     """
     size = jacobian.shape[2]
     longest = max(r.stop - r.start for r in rows)
-    length = fft.next_fast_len(2 * longest, real=True)
+    length = sp.fft.next_fast_len(2 * longest, real=True)
     spectrum = cross_spectrum(residual, rows, length)
     total = np.zeros((size, size))
     share = np.full(length // 2 + 1, 2.0)  # one-sided spectrum: all but the first and last line count twice
@@ -83,7 +83,7 @@ def score_covariance(residual: Array, jacobian: Array, rows: Sequence[slice]) ->
     if length % 2 == 0:
         share[-1] = 1.0
     for r in rows:
-        j = fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
+        j = sp.fft.rfft(jacobian[r], length, axis=0)  # (F, n, P)
         factor = np.linalg.cholesky(spectrum + 1e-12 * np.eye(spectrum.shape[1]) * _mean_power(spectrum))
         left = np.matmul(factor.conj().transpose(0, 2, 1), j) * np.sqrt(share / length)[:, None, None]
         flat = left.reshape(-1, size)
@@ -105,7 +105,7 @@ def cross_spectrum(residual: Array, rows: Sequence[slice], length: int) -> Array
         part = residual[r]
         window = np.hanning(len(part) + 2)[1:-1, None]
         window /= np.sqrt(np.mean(window**2))
-        f = fft.rfft(part * window, length, axis=0)
+        f = sp.fft.rfft(part * window, length, axis=0)
         total += f[:, :, None] * f[:, None, :].conj()
         samples += len(part)
     total /= samples

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import fft
+from flexviz._scipy import sp
 from flexviz.estimation.noise_propagation import NoisePath
 from flexviz.observers import Observer
 
@@ -172,7 +172,7 @@ def _correlation(
         for k, with_it in enumerate(other):
             density = gain * np.conj(with_it) * share
             density[-1] = density[-1].real
-            out[:, j, k] = fft.irfft(density, length)
+            out[:, j, k] = sp.fft.irfft(density, length)
     return out
 
 
@@ -242,7 +242,7 @@ def noise_score_covariance(
     Returns:
         shape (P, P).
     """
-    length = fft.next_fast_len(2 * len(weights), real=True)
+    length = sp.fft.next_fast_len(2 * len(weights), real=True)
     omega = 2 * np.pi * np.arange(length // 2 + 1) / (length * joint_step)
     share = np.full(len(omega), 2.0)  # a real signal's spectrum is counted twice but for its ends
     share[0] = 1.0
@@ -252,7 +252,7 @@ def noise_score_covariance(
     size = weights.shape[2]
     total = np.zeros((len(omega), len(variance), size), complex)
     for matrix, gain in zip(path.matrices, path.gains(observer.transfer, omega), strict=True):
-        passed = fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
+        passed = sp.fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
         total += np.conj(gain)[:, None, None] * passed
     flat = (total * scale[:, :, None]).reshape(-1, size)
     return flat.real.T @ flat.real + flat.imag.T @ flat.imag

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, correlate, correlation_lags, sosfiltfilt
 
 from flexviz import identification
+from flexviz._scipy import sp
 from flexviz.errors import FlexvizError
 from flexviz.importing.assembling import Trace, Traces
 from flexviz.importing.formats.base import SHORTEST
@@ -105,12 +105,14 @@ def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
             for start, count, trace in zip(starts, counts, pair, strict=True)
         ]
         size = np.std(speeds[0]) + 1e-12
-        total = total + np.abs(correlate(speeds[1] / size, speeds[0] / size, mode="full", method="fft"))
+        total = total + np.abs(
+            sp.signal.correlate(speeds[1] / size, speeds[0] / size, mode="full", method="fft")
+        )
         powers += np.array([float(speed @ speed) / size**2 for speed in speeds])
     best = int(np.argmax(total))
     if not powers.all() or np.max(total) < LIMITS.same_velocity * np.sqrt(np.prod(powers)):
         return None
-    return float(correlation_lags(counts[1], counts[0])[best]) * step + starts[1] - starts[0]
+    return float(sp.signal.correlation_lags(counts[1], counts[0])[best]) * step + starts[1] - starts[0]
 
 
 def fine_delay(theta: Trace, tau: Trace, q: Trace, delay: float, step: float) -> tuple[float, float] | None:
@@ -162,9 +164,9 @@ def fit_filtered(matrix: Array, target: Array, seconds: float) -> FilteredFit:
 
 def low_pass(values: Array, step: float) -> Array:
     """(…, N) along the last axis without delay, below `BAND`."""
-    sections = butter(3, min(0.9, BAND * 2 * step), output="sos")
+    sections = sp.signal.butter(3, min(0.9, BAND * 2 * step), output="sos")
     padding = min(values.shape[-1] - 1, int(2.0 / BAND / step) + 1)
-    return sosfiltfilt(sections, values, axis=-1, padlen=padding)
+    return sp.signal.sosfiltfilt(sections, values, axis=-1, padlen=padding)
 
 
 @dataclass(frozen=True)

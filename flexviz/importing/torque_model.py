@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from flexviz._pinocchio import pin
 from flexviz.errors import InputError
+from flexviz.estimation import Bounds, bounded_minimum
 from flexviz.importing.cross_checks import followed, joint_parts
 from flexviz.importing.thresholds import LIMITS
 from flexviz.measurements import Array, GroupTable, SampledMotion, likely_limits, sample_motion
@@ -174,20 +174,6 @@ def fit_joint(
     projected = q.T @ target
     lower = np.array([slopes[0], *(0.0 for _ in scale[1:])]) * scale
     upper = np.array([slopes[1], LIMITS.motor_inertia * inertia, *(np.inf for _ in scale[2:])]) * scale
-    x = bounded_least_squares(r, projected, lower, upper)
+    x = lower + bounded_minimum(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
-
-
-def bounded_least_squares(matrix: Array, target: Array, lower: Array, upper: Array) -> Array:
-    """(k,) least squares with lower bounds; upper bounds that were passed are then held."""
-    x = lower + nnls(matrix, target - matrix @ lower)[0]
-    held = x > upper
-    while held.any():
-        free = ~held
-        x = np.where(held, upper, lower)
-        x[free] += nnls(matrix[:, free], target - matrix @ x)[0]
-        if not (x[free] > upper[free]).any():
-            break
-        held |= x > upper
-    return x

@@ -14,7 +14,8 @@ from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammainc
+
+from flexviz._scipy import sp
 
 ORDER = 6
 
@@ -32,12 +33,10 @@ def cascade(y: Array, step: float, bandwidth: float) -> Array:
     Returns:
         shape (6, N, m): z_1 … z_6.
     """
-    from scipy.signal import lfilter  # a quarter of a second to import, and not every observer needs it
-
     x = bandwidth * step
     number = np.arange(1, ORDER + 1)
-    constant = gammainc(number, x)
-    ramp = constant - number / x * gammainc(number + 1, x)
+    constant = sp.special.gammainc(number, x)
+    ramp = constant - number / x * sp.special.gammainc(number + 1, x)
     pole = np.exp(-x)
     transition = [pole * x**k / factorial(k) for k in range(ORDER)]
 
@@ -50,7 +49,7 @@ def cascade(y: Array, step: float, bandwidth: float) -> Array:
         if i:
             drive += (np.array(transition[i:0:-1]) @ flat[:i]).reshape(rows.shape)
         z[i, :, 0] = rows[:, 0]
-        z[i, :, 1:] = lfilter([1.0], [1.0, -pole], drive[:, :-1], axis=-1, zi=pole * rows[:, :1])[0]
+        z[i, :, 1:] = sp.signal.lfilter([1.0], [1.0, -pole], drive[:, :-1], axis=-1, zi=pole * rows[:, :1])[0]
     return z.transpose(0, 2, 1)
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexviz._scipy import sp
 from flexviz.errors import InputError
 from flexviz.observers.cascade import ORDER
 
@@ -120,21 +121,18 @@ class StateFilter:
 
     def states(self, y: Array, step: float, bandwidth: float, orders: range) -> Array:
         """x̂_{k+1} for k in `orders`, shape (len(orders), N, m), of y (N, m), constant before it begins."""
-        from scipy.linalg import expm, schur  # slow to import, and not every observer needs it
-        from scipy.signal import lfilter
-
         if bandwidth * step > LARGEST_STEP:
             found = f"gains set by hand for {bandwidth:g} rad/s, with a sample every {step:g} s"
             raise InputError(f"{found}: expected at most {LARGEST_STEP / step:g} rad/s")
         matrix = np.eye(ORDER, k=1)
         matrix[:, 0] -= self.shape
-        form: Any = schur(matrix)
+        form: Any = sp.linalg.schur(matrix)
         triangular, orthogonal = form
         held = np.zeros((ORDER + 2, ORDER + 2))
         held[:ORDER, :ORDER] = bandwidth * step * triangular
         held[:ORDER, ORDER] = bandwidth * step * orthogonal.T @ self.shape
         held[ORDER, ORDER + 1] = 1.0
-        moved = expm(held)  # over one step
+        moved = sp.linalg.expm(held)  # over one step
 
         rows = np.ascontiguousarray((y - y[0]).T)  # (m, N): at rest in the beginning, time along memory
         z = np.zeros((ORDER, *rows.shape))
@@ -152,7 +150,7 @@ class StateFilter:
                 poles = [1.0, -f[0, 0] - f[1, 1], f[0, 0] * f[1, 1] - f[0, 1] * f[1, 0]]
             else:
                 poles = [1.0, -f[0, 0]]
-            z[block, :, 1:] = lfilter([1.0], poles, into[:, :, :-1], axis=-1)
+            z[block, :, 1:] = sp.signal.lfilter([1.0], poles, into[:, :, :-1], axis=-1)
             end = block.start
         scaled = orthogonal[orders.start : orders.stop] * (bandwidth ** np.array(orders))[:, None]
         x = (scaled @ flat).reshape(-1, *rows.shape).transpose(0, 2, 1)

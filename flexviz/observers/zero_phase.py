@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import fft
+from flexviz._scipy import sp
 from flexviz.observers.base import Observer, largest_divisor
 
 Array = NDArray[np.float64]
@@ -34,7 +34,7 @@ class _Continued:
         wanted = int(np.ceil(margin / step / decimation)) * decimation
         pad = min(wanted, (count - 1) // decimation * decimation)
         self._step, self._decimation, self._pad = step, decimation, pad
-        self.length = fft.next_fast_len(-(-(count + 2 * pad) // decimation), real=True)
+        self.length = sp.fft.next_fast_len(-(-(count + 2 * pad) // decimation), real=True)
         if odd:
             self.slope = (y[-1] - y[0]) / max((count - 1) * step, step)
             self.trend = y[0] + self.slope * (step * np.arange(count))[:, None]
@@ -51,14 +51,14 @@ class _Continued:
         """ω [rad/s], shape (F,), up to the decimated Nyquist rate, and the transform there, shape (F, m)."""
         kept = self.length // 2 + 1
         omega = 2 * np.pi * np.arange(kept) / (len(self._values) * self._step)
-        return omega, fft.rfft(self._values, axis=0)[:kept]
+        return omega, sp.fft.rfft(self._values, axis=0)[:kept]
 
     def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
         """Every stride-th sample of the record itself, from a spectrum like `spectrum`'s."""
         first, outer = self._pad // self._decimation, stride // self._decimation
         count = -(-len(self.trend) // stride)
         picked = slice(first, first + (count - 1) * outer + 1, outer)
-        return fft.irfft(spectrum, self.length, axis=0)[picked]
+        return sp.fft.irfft(spectrum, self.length, axis=0)[picked]
 
 
 class ZeroPhaseObserver(Observer):

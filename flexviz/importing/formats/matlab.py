@@ -6,8 +6,7 @@ import zlib
 from pathlib import Path
 from typing import Literal
 
-from scipy.io import loadmat
-
+from flexviz._scipy import sp
 from flexviz.errors import InputError
 from flexviz.importing.formats.arrays import as_in_matlab
 from flexviz.importing.formats.base import Log, LogFormat, ReadOptions
@@ -31,7 +30,7 @@ def read_mat(path: Path, options: ReadOptions) -> Log:
         )
     with readable(path, ".mat file"):
         check_unpacked(path)
-        content = loadmat(path, simplify_cells=True)
+        content = sp.io.loadmat(path, simplify_cells=True)
     flattening = as_in_matlab()
     if "None" in content:
         flattening.unusable["(objects)"] = "timetable, table and timeseries cannot be read outside MATLAB"
