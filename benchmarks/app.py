@@ -33,7 +33,6 @@ import numpy as np
 
 from flexviz.app import DEMO
 from flexviz.app.application import Application
-from flexviz.app.playback import RATE as FRAMES
 from flexviz.app.server import start_server
 from flexviz.app.tasks import Identify, open_set
 from flexviz.identification import identify
@@ -43,6 +42,7 @@ from flexviz.robot import Robot
 
 SAMPLES, RATE, JOINTS = 20_000, 1000.0, 7
 PAGE, SLIDER, GROWTH = 3.0, 0.05, 50.0  # [s], [s], [MB an hour]: what they are to stay below
+FRAMES = 30.0  # a second, at least
 PARTS = ("page", "bandwidth", "tuning", "playback", "memory")
 TUNED = ("butterworth-zero-phase", "eso")
 
@@ -181,7 +181,7 @@ def drag(app: Application, name: str, count: int, pause: float = 0.0) -> None:
         time.sleep(pause)
     if pause:
         rate = (app.display.playback.frames - frames) / (time.monotonic() - started)
-        line("playback meanwhile", f"{rate:.1f} frames/s", f"{FRAMES:g} /s", rate / FRAMES)
+        line("playback meanwhile", f"{rate:.1f} frames/s", f">= {FRAMES:g} /s", rate / FRAMES)
     late, worked = float(np.quantile(wall, 0.95)), float(np.quantile(cpu, 0.95))
     figure = (
         f"{1e3 * late:.1f} ms p95, {1e3 * np.median(wall):.1f} ms median, {1e3 * worked:.1f} ms p95 of CPU"
@@ -203,7 +203,9 @@ def playback() -> None:
         wait(app, lambda: not app.tasks.busy)
         begin = time.monotonic()
         rate, seconds = frame_rate(app, lambda: time.monotonic() - begin > 5.0)
-        line("playback alone", f"{rate:.1f} frames/s over {seconds:.1f} s", f"{FRAMES:g} /s", rate / FRAMES)
+        line(
+            "playback alone", f"{rate:.1f} frames/s over {seconds:.1f} s", f">= {FRAMES:g} /s", rate / FRAMES
+        )
         store = app.store
         store.change("refine", replace(store.analysis, refine=True))
         task = Identify(store.analysis.without_result())
@@ -212,7 +214,7 @@ def playback() -> None:
         line(
             "playback beside a fit",
             f"{rate:.1f} frames/s over {seconds:.1f} s",
-            f"{FRAMES:g} /s",
+            f">= {FRAMES:g} /s",
             rate / FRAMES,
         )
 

@@ -34,8 +34,9 @@ def test_cascade_is_the_exact_first_order_hold(w, step):
     a = -w * np.eye(6) + w * np.eye(6, k=-1)
     b = np.r_[w, np.zeros(5)]
     expected = first_order_hold(a, b, y, step, np.full(6, y[0]))
-    got = cascade(y[:, None], step, w)[:, :, 0].T
-    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9 * np.abs(y).max())
+    for stride in (1, 7, 300):
+        got = cascade(y[:, None], step, w, stride)[:, :, 0].T
+        np.testing.assert_allclose(got, expected[::stride], rtol=1e-9, atol=1e-9 * np.abs(y).max())
 
 
 @pytest.mark.parametrize("w", [20.0, 80.0])

@@ -1,4 +1,4 @@
-"""Playback: the clock of the displayed instant, and the thread that draws it 30 times per second."""
+"""Playback: the clock of the displayed instant, and the thread that draws it at least 30 times per second."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import traceback
 from collections.abc import Callable
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-RATE = 30.0  # [1/s]
+RATE = 31.0  # [1/s] a little above 30: what is late by more than `LATE` is left out
+LATE = 0.1  # [s]
 LEAST_SPAN = 0.05  # [s] that is played and drawn
 UNWATCHED_WAIT = 0.5  # [s] between looks whether somebody watches again
 
@@ -111,7 +112,7 @@ class Playback:
             if not self._watched():
                 self._stop.wait(UNWATCHED_WAIT)
                 continue
-            due = max(due + 1.0 / RATE, wall.monotonic() - 0.1)
+            due = max(due + 1.0 / RATE, wall.monotonic() - LATE)
             try:
                 with self.lock:
                     self._draw()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import viser
-import viser.transforms as tf
+from scipy.spatial.transform import Rotation
 
 from flexviz.charts import COLOURS, rgb
 from flexviz.robot import PayloadBody, Robot
@@ -38,16 +38,26 @@ class RobotNodes:
         self._bodies: list[Any] = []
         self._payload: list[list[Any]] = []
         self._loads: list[tuple[str, np.ndarray, Any]] = []  # link, place in its frame, label
+        self._moved: dict[int, tuple[str, Any]] = {}  # joint -> reference link and what moves with it
+        names = [joint.replace("/", "_") for joint in robot.joints]
+        base = robot.link_poses(np.zeros(robot.n))
         for body in shape.bodies:
-            label = "base" if body.joint is None else robot.joints[body.joint].replace("/", "_")
+            label = "base" if body.joint is None else names[body.joint]
             mesh = server.scene.add_mesh_simple(
                 f"/{name}/{label}", body.vertices, body.faces, color=colour, opacity=opacity,
                 flat_shading=True, side="double", receive_shadow=False,
             )  # fmt: skip
-            if body.joint is not None:
+            if body.joint is None:
+                mesh.wxyz, mesh.position = _placed(base[body.link])
+            else:
                 _on_click(mesh, body.joint, on_click)
+                self._moved[body.joint] = body.link, mesh
             self._bodies.append(mesh)
         self._axes = joint_axes(robot, shape)
+        for joint, axis in enumerate(self._axes):
+            if axis is not None and joint not in self._moved:  # without a body
+                frame = server.scene.add_frame(f"/{name}/{names[joint]}", show_axes=False)
+                self._moved[joint] = axis.link, frame
         self._arcs: dict[tuple[str, int], Any] = {}
         self._opacity = opacity
         self._trail: Any = None
@@ -59,11 +69,11 @@ class RobotNodes:
 
     def pose(self, q: np.ndarray) -> None:
         """Take the joint positions q (n,) [rad]."""
-        self._poses = poses = self._robot.link_poses(q)
-        for body, handle in zip(self._shape.bodies, self._bodies, strict=True):
-            pose = poses[body.link]
-            handle.wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
-            handle.position = pose[:3, 3]
+        poses = self._robot.link_poses(q)
+        moved = np.reshape([poses[link] for link, _ in self._moved.values()], (-1, 4, 4))
+        places = zip(*_placed(moved), strict=True)
+        for (_, handle), (wxyz, position) in zip(self._moved.values(), places, strict=True):
+            handle.wxyz, handle.position = wxyz, position
         for link, at, label in self._loads:
             label.position = poses[link][:3, :3] @ at + poses[link][:3, 3]
 
@@ -119,12 +129,10 @@ class RobotNodes:
             points, key = arc_arrow(axis, float(shares[joint]), radius), (kind, joint)
             if key not in self._arcs:
                 colour = rgb(COLOURS.torque if outer else COLOURS.deflection)
-                self._arcs[key] = self._lines(f"{kind}{joint}", points, colour, ARC_WIDTH)
+                name = f"{self._moved[joint][1].name}/{kind}"
+                self._arcs[key] = self._lines(name, points, colour, ARC_WIDTH)
             else:
                 self._arcs[key].points = points
-            pose = self._poses[axis.link]
-            self._arcs[key].wxyz = tf.SO3.from_matrix(pose[:3, :3]).wxyz
-            self._arcs[key].position = pose[:3, 3]
 
     def path(self, positions: Sequence[np.ndarray]) -> np.ndarray:
         """Pieces (M − 1, 2, 3) [m] of the tip's path over M joint positions (n,) [rad]."""
@@ -138,20 +146,20 @@ class RobotNodes:
             self._marked.remove()
             self._marked = None
         if pieces is not None and len(pieces):
-            self._marked = self._lines("marked", pieces, rgb(COLOURS.playhead), 5.0)
+            self._marked = self._lines(f"/{self.name}/marked", pieces, rgb(COLOURS.playhead), 5.0)
 
     def trail(self, positions: Sequence[np.ndarray]) -> None:
         """Draw the path of the arm's tip over M joint positions (n,) [rad]."""
         segments = self.path(positions)
         if self._trail is None:
-            self._trail = self._lines("trail", segments, self._trail_colour, 1.5)
+            self._trail = self._lines(f"/{self.name}/trail", segments, self._trail_colour, 1.5)
         else:
             self._trail.points = segments
 
     def _lines(self, name: str, points: np.ndarray, colour: Colour, thickness: float) -> Any:
         """Line segments (K, 2, 3) [m], of this thickness [pixels]."""
         return self._server.scene.add_line_segments(
-            f"/{self.name}/{name}", points, colors=colour, thickness=thickness, thickness_units="screen"
+            name, points, colors=colour, thickness=thickness, thickness_units="screen"
         )
 
     def remove(self) -> None:
@@ -241,6 +249,11 @@ class Scene:
     def remove(self) -> None:
         for part in (*self.robots, self._grid, self._light, *self._labels.values()):
             part.remove()
+
+
+def _placed(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Quaternions (…, 4) and positions (…, 3) of poses (…, 4, 4)."""
+    return Rotation.from_matrix(poses[..., :3, :3]).as_quat(scalar_first=True), poses[..., :3, 3]
 
 
 def _on_click(mesh: Any, joint: int, on_click: Click) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from flexviz.app.page import put
 from flexviz.charts import COLOURS, TIME, Chart, ChartAxis
 from flexviz.wording import escape
 
@@ -26,7 +27,7 @@ class UplotChart:
 
     def __init__(self, server: viser.ViserServer, chart: Chart, order: float) -> None:
         self._server, self._chart = server, chart
-        self._columns = columns(chart)
+        self._columns, self._look = columns(chart), _look(chart)
         self._at: int | None = None  # row of the playhead
         self._level = LEVELS[0]
         self._handle = server.gui.add_uplot(
@@ -37,24 +38,24 @@ class UplotChart:
             height=chart.height,
             order=order,
             padding=(10, 14, 0, 0),
-            **_look(chart),
+            **self._look,
         )
 
-    def show(self, chart: Chart) -> None:
-        """Replace the chart."""
+    def show(self, chart: Chart, drawn: tuple[Array, ...]) -> None:
+        """Replace the chart, whose columns are `drawn`."""
         before, self._chart = self._chart, chart
-        self._columns, self._at, self._level = columns(chart), None, LEVELS[0]
-        look = _look(chart)
+        self._columns, self._at, self._level = drawn, None, LEVELS[0]
+        look, self._look = self._look, _look(chart)
         with self._server.atomic():
-            if look != _look(before):
-                for name, value in look.items():
+            for name, value in self._look.items():
+                if value != look[name]:
                     setattr(self._handle, name, value)
             if before.heading != chart.heading:
                 self._handle.title = chart.heading
             self._handle.data = self._data()
 
     def visible(self, on: bool) -> None:
-        self._handle.visible = on
+        put(self._handle, visible=on)
 
     def move(self, time: float) -> None:
         """Move the playhead to `time` [s], if it changes.
@@ -93,17 +94,19 @@ class ChartColumn:
         """Show these charts; a chart without series shows only its note."""
         self.shown = charts
         notes = "".join(f'<div class="fv fv-dim">{escape(c.note)}</div>' for c in charts if c.note)
-        self._notes.content = notes
-        drawn = {chart.key: chart for chart in charts if chart.series and len(columns(chart)[0]) > 1}
-        for key, shown in self._charts.items():
-            shown.visible(key in drawn)
-        for key, chart in drawn.items():
-            if key in self._charts:
-                self._charts[key].show(chart)
-            else:
-                place = self._notes.order + 1e-3 * (1 + [one.key for one in charts].index(key))
-                with self.folder:
-                    self._charts[key] = UplotChart(self._server, chart, place)
+        drawn = {chart.key: (chart, table) for chart in charts if chart.series
+                 and len((table := columns(chart))[0]) > 1}  # fmt: skip
+        with self._server.atomic():
+            put(self._notes, content=notes)
+            for key, shown in self._charts.items():
+                shown.visible(key in drawn)
+            for key, (chart, table) in drawn.items():
+                if key in self._charts:
+                    self._charts[key].show(chart, table)
+                else:
+                    place = self._notes.order + 1e-3 * (1 + [one.key for one in charts].index(key))
+                    with self.folder:
+                        self._charts[key] = UplotChart(self._server, chart, place)
 
     def move(self, time: float) -> None:
         """Move every playhead [s]."""

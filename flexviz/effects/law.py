@@ -92,6 +92,11 @@ class LinearEffect(LawEffect):
         columns = self.columns(motion)
         return values @ columns, columns
 
+    def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
+        columns = [self.columns(motion) for motion in context.motions(place.own_joint)]
+        slopes = context.filtered(columns, place.own_joint, self.depth)[..., None]
+        return Terms(self.entry, (place.own_joint,), np.tensordot(values, slopes, axes=1), slopes)
+
 
 class LoadedEffect(LinearEffect):
     """A law whose torque follows the transmission torque s."""

@@ -152,10 +152,11 @@ def noise_density(
     omega: Array = 2 * np.pi * hertz
     total = np.zeros((len(hertz), len(noise[0])))
     for path in paths:
-        products = np.einsum("jtim,ktim,m->jki", path.matrices, path.matrices, path.variance(noise))
-        products /= path.matrices.shape[1]
+        scaled = (path.matrices * np.sqrt(path.variance(noise))).transpose(2, 0, 1, 3)
+        flat = scaled.reshape(*scaled.shape[:2], -1)  # (n, D, N m)
+        products = flat @ flat.transpose(0, 2, 1) / path.matrices.shape[1]
         gain = np.array(path.gains(transfer, omega))
-        total += np.einsum("jf,kf,jki->fi", gain, gain.conj(), products).real
+        total += np.einsum("ijf,jf->fi", products @ gain, gain.conj()).real
     return 2 * step * total
 
 

@@ -7,7 +7,8 @@ Between samples y is taken as a straight line (first-order hold), for which the 
 is known in closed form: with x = wh, the transition from z_m to z_i is e^(−x) x^(i−m)/(i−m)!, the response to
 a constant is the regularised incomplete gamma function P(i, x), to a ramp P(i, x) − (i/x) P(i+1, x). All
 terms are positive, so that nothing cancels and the recursion is stable for every w and h. (The direct form
-with six repeated poles is not: at w h = 0.005 its coefficients lose all digits.)
+with six repeated poles is not: at w h = 0.005 its coefficients lose all digits.) Where only every S-th sample
+is wanted, the recursion runs over steps of S samples, with the sum of their responses as its input.
 """
 
 from math import factorial
@@ -22,35 +23,58 @@ ORDER = 6
 Array = NDArray[np.float64]
 
 
-def cascade(y: Array, step: float, bandwidth: float) -> Array:
+def cascade(y: Array, step: float, bandwidth: float, stride: int = 1) -> Array:
     """Outputs of the six sections.
 
     Args:
         y: shape (N, m). Before the first sample it is taken as constant.
         step: sampling step [s].
         bandwidth: w [rad/s].
+        stride: only every stride-th sample is returned.
 
     Returns:
-        shape (6, N, m): z_1 … z_6.
+        shape (6, ceil(N / stride), m): z_1 … z_6.
     """
     x = bandwidth * step
     number = np.arange(1, ORDER + 1)
     constant = sp.special.gammainc(number, x)
     ramp = constant - number / x * sp.special.gammainc(number + 1, x)
-    pole = np.exp(-x)
-    transition = [pole * x**k / factorial(k) for k in range(ORDER)]
+    response = _response(constant - ramp, ramp, _transition(x), stride)
+    transition = _transition(stride * x)[:, 0]
+    pole = transition[0]
 
     rows = np.ascontiguousarray(y.T)  # time runs along memory: the recursions below are sequential in it
-    z = np.empty((ORDER, *rows.shape))
+    count = (len(y) - 1) // stride
+    used = count * stride
+    between = rows[:, :used].reshape(len(rows) * count, stride)
+    last = rows[:, stride : used + 1 : stride]
+    z = np.empty((ORDER, len(rows), count + 1))
     flat = z.reshape(ORDER, -1)
+    drive = np.empty((len(rows), count))
     for i in range(ORDER):
-        drive = (constant[i] - ramp[i]) * rows
-        drive[:, :-1] += ramp[i] * rows[:, 1:]
+        between.dot(response[i, :-1], out=drive.reshape(-1))
+        drive += response[i, -1] * last
         if i:
-            drive += (np.array(transition[i:0:-1]) @ flat[:i]).reshape(rows.shape)
+            drive += (transition[i:0:-1] @ flat[:i]).reshape(len(rows), count + 1)[:, :-1]
         z[i, :, 0] = rows[:, 0]
-        z[i, :, 1:] = sp.signal.lfilter([1.0], [1.0, -pole], drive[:, :-1], axis=-1, zi=pole * rows[:, :1])[0]
+        z[i, :, 1:] = sp.signal.lfilter([1.0], [1.0, -pole], drive, axis=-1, zi=pole * rows[:, :1])[0]
     return z.transpose(0, 2, 1)
+
+
+def _transition(x: float) -> Array:
+    """From z_m to z_i over a step with wh = x, shape (6, 6)."""
+    down = np.subtract.outer(np.arange(ORDER), np.arange(ORDER))
+    return np.array([[np.exp(-x) * x**k / factorial(k) if k >= 0 else 0.0 for k in row] for row in down])
+
+
+def _response(first: Array, last: Array, transition: Array, stride: int) -> Array:
+    """Response after `stride` steps to unit samples, shape (6, stride + 1), from that after one (6,)."""
+    out = np.zeros((ORDER, stride + 1))
+    for k in range(stride):
+        out[:, : k + 1] = transition @ out[:, : k + 1]
+        out[:, k] += first
+        out[:, k + 1] += last
+    return out
 
 
 def combine(z: Array, coefficients: Array) -> Array:
@@ -63,4 +87,4 @@ def combine(z: Array, coefficients: Array) -> Array:
 def evaluate(coefficients: Array, omega: Array, bandwidth: float) -> NDArray[np.complex128]:
     """Σ_j coefficients[j−1] (w/(iω+w))^j at ω [rad/s], shape (len(ω),)."""
     base = bandwidth / (1j * omega + bandwidth)
-    return sum(c * base ** (j + 1) for j, c in enumerate(coefficients))  # type: ignore[return-value]
+    return base * np.polyval(coefficients[::-1], base)

@@ -62,31 +62,31 @@ class _PoleObserver(Observer):
     def settling(self) -> tuple[float, float]:
         return SETTLED / float(self._bandwidth.min()), 0.0
 
-    def _states(self, y: Array, step: float, orders: range) -> Array:
+    def _states(self, y: Array, step: float, orders: range, stride: int = 1) -> Array:
         bandwidth = self.bandwidth_of(y.shape[1])
         groups = [np.flatnonzero(bandwidth == w) for w in np.unique(bandwidth)]
         parts = []
         for columns in groups:
             w = float(bandwidth[columns[0]])
-            parts.append(self._filtered(y[:, columns] if len(groups) > 1 else y, step, w, orders))
+            parts.append(self._filtered(y[:, columns] if len(groups) > 1 else y, step, w, orders, stride))
         if len(parts) == 1:
             return parts[0]
-        out = np.empty((len(orders), *y.shape))
+        out = np.empty((len(orders), parts[0].shape[1], y.shape[1]))
         for columns, part in zip(groups, parts, strict=True):
             out[:, :, columns] = part
         return out
 
-    def _filtered(self, y: Array, step: float, w: float, orders: range) -> Array:
-        """The states `orders` at one bandwidth, shape (len(orders), N, m)."""
+    def _filtered(self, y: Array, step: float, w: float, orders: range, stride: int) -> Array:
+        """Every stride-th sample of the states `orders` at one bandwidth, shape (len(orders), N, m)."""
         scaled = self.coefficients[orders.start : orders.stop] * (w ** np.array(orders))[:, None]
-        return combine(cascade(y, step, w), scaled)
+        return combine(cascade(y, step, w, stride), scaled)
 
     def derivatives(
         self, y: Array, step: float, count: int, *,
         position: bool = False, delay: float = 0.0, stride: int = 1,
     ) -> Array:  # fmt: skip
         own = self if position else self.torque
-        return own._states(shifted(y, step, delay), step, range(count))[:, ::stride]
+        return own._states(shifted(y, step, delay), step, range(count), stride)
 
 
 class CausalEso(_PoleObserver):
@@ -132,10 +132,10 @@ class CausalEso(_PoleObserver):
         slowest = min(f.decay for f in (self._filter, self._torque._filter) if f) if self._filter else 1.0
         return SETTLED / (slowest * float(self._bandwidth.min())), 0.0
 
-    def _filtered(self, y: Array, step: float, w: float, orders: range) -> Array:
+    def _filtered(self, y: Array, step: float, w: float, orders: range, stride: int) -> Array:
         if self._filter is None:
-            return super()._filtered(y, step, w, orders)
-        return self._filter.states(y, step, w, orders)
+            return super()._filtered(y, step, w, orders, stride)
+        return self._filter.states(y, step, w, orders)[:, ::stride]
 
     def disturbance(self, theta: Array, step: float) -> Array:
         return self._states(theta, step, range(ORDER - 1, ORDER))[0]

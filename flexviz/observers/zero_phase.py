@@ -91,16 +91,16 @@ class ZeroPhaseObserver(Observer):
             inner = largest_divisor(stride, np.pi / (band * step))
         continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
         bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
-        omega, spectrum = continued.spectrum()
-        filtered = spectrum * self.gain(omega, bandwidth) / inner
+        omega, filtered = continued.spectrum()
+        filtered *= self.gain(omega, bandwidth) / inner
         if delay:
-            filtered = filtered * np.exp(-1j * omega * delay)[:, None]
+            filtered *= np.exp(-1j * omega * delay)[:, None]
         if continued.length % 2 == 0:
             filtered[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
         out = np.empty((count, -(-len(y) // stride), y.shape[1]))
         for k in range(count):
             if k:
-                filtered = filtered * (1j * omega)[:, None]
+                filtered *= (1j * omega)[:, None]
             out[k] = continued.samples(filtered, stride)
         out[0] += continued.trend[::stride] - continued.slope * delay
         if count > 1:
@@ -117,7 +117,8 @@ class ButterworthZeroPhase(ZeroPhaseObserver):
     order = 4
 
     def gain(self, omega: Array, bandwidth: Array) -> Array:
-        return 1.0 / (1.0 + (omega[:, None] / bandwidth) ** (2 * self.order))
+        fourth = np.square(np.square(omega[:, None] / bandwidth))
+        return 1.0 / (1.0 + np.square(fourth))
 
     def cutoff(self, order: int) -> float:
         return NEGLIGIBLE ** (1 / (order - 8)) * float(self._bandwidth.max())  # (ω/w)^(order − 8)

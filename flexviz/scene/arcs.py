@@ -18,6 +18,8 @@ LEAST_RADIUS, LARGEST_RADIUS = 0.1, 0.22  # of an arc, relative to the robot's r
 CLEARANCE = 1.25  # radius of an arc ÷ that of the body
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # times a power of ten: the end of an arc
 NEAR_AXIS = 0.08  # [robot's reach] along the axis: the part of the body that an arc goes around
+TURN = np.linspace(0.0, math.pi, ARC_PIECES + 1)  # [rad]
+SIDES = np.array([[-1.0], [1.0]])  # of an arrow
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +36,11 @@ def joint_axes(robot: Robot, shape: RobotShape) -> tuple[JointAxis | None, ...]:
     """The axis of each joint of the set; None for prismatic joints and joints without a link."""
     neutral = np.zeros(robot.n)
     poses = robot.link_poses(neutral)
+    bodies = {body.joint: body.link for body in shape.bodies}
     found: list[JointAxis | None] = []
     for joint in range(robot.n):
-        link = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
+        first = next((name for name in robot.links if robot.joint_of_link(name) == joint), None)
+        link = bodies.get(joint, first)
         if link is None:
             found.append(None)
             continue
@@ -74,17 +78,16 @@ def _radius(shape: RobotShape, poses: dict[str, Array], joint: int, link: str, a
 
 def arc_arrow(axis: JointAxis, share: float, radius: float) -> NDArray[np.float32]:
     """Line segments (ARC_PIECES + 2, 2, 3) [m] of an arrow over `share` (−1 … 1) of half a turn."""
-    share = float(np.clip(share, -1.0, 1.0))
-    angle = np.linspace(0.0, share * math.pi, ARC_PIECES + 1)
-    points = radius * (np.outer(np.cos(angle), axis.across) + np.outer(np.sin(angle), axis.along))
-    tip, direction = points[-1], points[-1] - points[-2]
-    size = float(np.linalg.norm(direction))
-    direction = direction / size if size > 0 else np.zeros(3)
-    outward = points[-1] / radius
-    head = min(0.35, 0.05 + abs(share)) * radius
-    barbs = [tip - head * direction + 0.6 * side * head * outward for side in (-1.0, 1.0)]
-    segments = [*np.stack([points[:-1], points[1:]], axis=1), *(np.stack([tip, barb]) for barb in barbs)]
-    return np.asarray(segments, dtype=np.float32)
+    share = min(max(share, -1.0), 1.0)
+    unit = np.cos(share * TURN)[:, None] * axis.across + np.sin(share * TURN)[:, None] * axis.along
+    direction = unit[-1] - unit[-2]
+    size = math.sqrt(direction @ direction)
+    head = min(0.35, 0.05 + abs(share))
+    barbs = unit[-1] - head * (direction / size if size > 0 else 0.0) + 0.6 * head * SIDES * unit[-1]
+    segments = np.empty((ARC_PIECES + 2, 2, 3), np.float32)
+    segments[:-2, 0], segments[:-2, 1] = radius * unit[:-1], radius * unit[1:]
+    segments[-2:, 0], segments[-2:, 1] = radius * unit[-1], radius * barbs
+    return segments
 
 
 def round_up(value: float) -> float:

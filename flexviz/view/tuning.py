@@ -55,7 +55,7 @@ def spark_svg(time: Array, values: Array, floor: float) -> str:
     middle = SPARK_HEIGHT / 2
     down = middle * (1 - 0.95 * y / largest)
     half = 0.95 * middle * min(NOISE_BAND * floor / largest, 1.0)
-    points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, down, strict=True))
+    points = " ".join(["%.1f,%.1f"] * len(x)) % tuple(np.stack((across, down), axis=1).ravel().tolist())
     return (
         f'<svg viewBox="0 0 {SPARK_WIDTH} {SPARK_HEIGHT}" preserveAspectRatio="none" aria-hidden="true">'
         f'<rect x="0" y="{middle - half:.1f}" width="{SPARK_WIDTH}" height="{max(2 * half, 0.6):.1f}" '

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexviz.app.page import Page, dim, warning
+from flexviz.app.page import Page, dim, put, warning
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
 from flexviz.app.uplot import ChartColumn
@@ -28,7 +28,7 @@ class LiveResidual:
     """The residual of the identified model with the present observer; the model's values are kept."""
 
     def __init__(self, store: Store, page: Page, shown: Callable[[], bool]) -> None:
-        self._store, self._shown = store, shown
+        self._store, self._page, self._shown = store, page, shown
         self._preview: ResidualPreview | None = None
         self._of: tuple[object, ...] = ()  # what the preview belongs to
         self._trade: dict[float, Cost] = {}
@@ -107,8 +107,9 @@ class LiveResidual:
         self._draw_trade()
 
     def _show(self, head: str, grid: str = "") -> None:
-        self._head.content, self._grid.content = head, grid
-        self._folder.visible = bool(grid) and len(self._trade) > 1
+        with self._page.server.atomic():
+            self._head.content, self._grid.content = head, grid
+            put(self._folder, visible=bool(grid) and len(self._trade) > 1)
 
     def _prepared(self) -> ResidualPreview:
         """The preview of the present result and group."""
@@ -153,4 +154,4 @@ class LiveResidual:
         store = self._store
         present = float(self._observer.bandwidth_of(store.measurements.n)[store.joint])
         self._charts.show((trade_chart(self._trade, store.joint, store.joint_name, present),))
-        self._folder.visible = len(self._trade) > 1
+        put(self._folder, visible=len(self._trade) > 1)
