@@ -36,14 +36,25 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 TESTS = {
-    "equation": ("equation.py", "effects.py", "effects_limits.py", "effects_memory.py", "extra_laws.py"),
+    "equation": (
+        "equation_parts.py", "equation_truth.py", "equation.py",
+        "effects.py", "effects_limits.py", "effects_memory.py",
+        "diagnosis_parts.py::test_pulses_and_steps_are_what_filtering_makes_of_them",
+        "diagnosis_parts.py::test_fewer_samples_of_smooth_columns_suffice",
+        "diagnosis_parts.py::test_residual_alone_is_the_residual",
+        "long_records.py::test_wide_band_signals_of_long_records_are_kept_once",
+        "long_records.py::test_the_pulses_of_a_long_stretch_take_memory_with_its_length",
+        "temperature_friction.py::test_an_effect_needs_the_temperature_of_every_group",
+    ),
     "observers": ("observers.py", "observer_gains.py", "equation.py"),
     "effects": (
-        "effects.py", "effects_limits.py", "effects_coupled.py", "effects_elastic.py", "effects_memory.py",
-        "curve_forms.py", "extra_laws.py", "equation.py",
+        "effects_judged.py", "effects.py", "effects_limits.py", "effects_coupled.py", "effects_elastic.py",
+        "effects_memory.py", "curve_forms.py", "equation.py", "equation_truth.py",
+        "diagnosis_parts.py::test_what_is_judged",
         "temperature_friction.py::test_closed_form_at_several_temperatures",
         "free_curve_effect.py::test_law", "free_curve_effect.py::test_range_is_that_of_the_data",
-        "user_effects.py::test_derivatives_and_simulation_are_checked",
+        "free_curve_effect.py::test_never_a_candidate",
+        "user_effect_terms.py", "user_effects.py::test_derivatives_and_simulation_are_checked",
         "user_effects.py::test_files_that_are_none", "user_effects.py::test_errors_name_file_and_line",
     ),
 }  # fmt: skip

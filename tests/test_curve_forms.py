@@ -99,6 +99,79 @@ def test_of_velocity_both_directions_are_one_law() -> None:
     )
 
 
+def test_what_is_proportional_to_velocity_does_not_count() -> None:
+    """The model's viscous friction takes it: rows without their part along ±|v|, weighted."""
+    rng = np.random.default_rng(0)
+    std = rng.uniform(0.1, 0.4, (2, 40))
+    points = curve_points("velocity", SPEED.tolist(), rng.normal(size=(2, 40)), std)
+    signed = np.r_[SPEED, -SPEED] * points.weight
+    counted = points.counted(rng.normal(size=(80, 3)))
+    assert np.abs(signed @ counted).max() < 1e-9 < np.abs(counted).max()
+    np.testing.assert_allclose(points.counted(signed), 0.0, atol=1e-9)
+    largest = np.abs(points.torque).max()
+    np.testing.assert_allclose(1 / points.weight**2, std.ravel() ** 2 + (0.05 * largest) ** 2)
+    assert points.backward.sum() == 40 and points.each_way and points.viscous
+    alone = curve_points("position", X.tolist(), [X], [0 * X])
+    assert not alone.backward.any() and not alone.each_way and not alone.viscous
+    np.testing.assert_array_equal(alone.counted(X), X)
+
+
+@pytest.mark.parametrize(
+    ("kind", "inside", "outside"),
+    [
+        ("bump", [(0.0, 0.5), (2.0, 0.1), (4.0, 1.9)], [(-0.1, 0.5), (4.1, 0.5), (1.0, 0.03), (1.0, 2.1)]),
+        ("exponential", [(0.3,), (-7.0,)], [(0.2,), (-0.2,), (8.0,)]),
+        ("sine", [(1.6,), (30.0,)], [(1.4,), (-3.0,)]),
+    ],
+)
+def test_forms_that_the_range_can_show(kind: str, inside: list[tuple], outside: list[tuple]) -> None:
+    """Of a range of 4: a bump within it, at most half as wide; e-folds and turns that can be seen."""
+    family = FAMILIES[kind]
+    assert all(family.possible(np.array(inner), 0.0, 4.0) for inner in inside)
+    assert not any(family.possible(np.array(inner), 0.0, 4.0) for inner in outside)
+    for inner in zip(*(values[[0, -1]] for values in family.grid(0.0, 4.0)), strict=True):
+        assert family.possible(np.array(inner), 0.0, 4.0)
+
+
+def test_a_form_is_said_in_words() -> None:
+    def text(kind: str, direction: str, variable: str, unit: str, **values: float) -> str:
+        return CurveForm(kind, direction, variable, unit, values, 0.853).text
+
+    assert (
+        text("constant", "both", "position", "rad", size=2.0)
+        == "a constant torque of 2 Nm (85 % of the curve)"
+    )
+    assert text("constant", "against", "load", "Nm", size=-2.0).startswith(
+        "a step of −2 Nm where the motion rev"
+    )
+    spring = text("line", "both", "position", "rad", size=1.0, slope=3.0)
+    assert spring == "a linear spring of 3 Nm/rad, 1 Nm at zero (85 % of the curve)"
+    line = text("line", "forward", "position", "rad", size=1.0, slope=3.0)
+    assert line.startswith("a straight line of 3 Nm per rad, 1 Nm at zero, in forward motion only")
+    assert text("line", "both", "time", "s", size=1.0, slope=3.0).startswith("a straight line of 3 Nm per s")
+    grows = text("exponential", "against", "load", "Nm", size=1.0, rate=0.25)
+    assert grows.startswith(
+        "an exponential of 1 Nm at zero that grows by a factor of e every 4 Nm, against the m"
+    )
+    assert "falls by a factor of e every 4 Nm" in text(
+        "exponential", "both", "load", "Nm", size=1.0, rate=-0.25
+    )
+    assert text("sine", "backward", "time", "s", size=1.0, order=7.0).startswith(
+        "a sine of 1 Nm with 7 rad per s,"
+    )
+
+
+def test_a_draft_is_on_the_motor_unless_it_is_said() -> None:
+    form = CurveForm("line", "both", "position", "rad", SIZES["line"], 0.9)
+    assert draft_effect(form, "j", "s") == draft_effect(form, "j", "s", on_link=False)
+    against = CurveForm("bump", "against", "load", "Nm", SIZES["bump"], 0.9)
+    for one, (linear, smooth, state) in ((form, (True, True, False)), (against, (False, False, True))):
+        text = draft_effect(one, "j", "s")
+        assert f"    linear = {linear}\n    smooth = {smooth}\n    state = {state}\n" in text
+    assert "state = True" in draft_effect(form, "j", "s", on_link=True)
+    assert 'ParameterSpec("width", "Nm", lower=0.015, ' in draft_effect(against, "j", "s")  # a twentieth
+
+
 @pytest.mark.parametrize("kind", list(FAMILIES))
 @pytest.mark.parametrize("variable", ["position", "velocity", "load", "time"])
 @pytest.mark.usefixtures("own_effects")

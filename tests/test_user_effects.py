@@ -248,6 +248,44 @@ CHANGES = {
     "raises": ("motion.velocity[", "motion.speed[", "line 17: .* AttributeError"),
     "not finite": ("motion.velocity[", "np.log(motion.velocity)[", "line 16: .* not finite"),
     "state": ("motion.velocity[", "motion.torque[", "line 16: .* state = True is missing"),
+    "state by stiffness": ("motion.velocity[", "motion.stiffness * motion.time[", "state = True is missing"),
+    "state by friction": (
+        "motion.velocity[",
+        "motion.motor_viscous * motion.time[",
+        "state = True is missing",
+    ),
+    "state by the link": ("motion.velocity[", "motion.link_position[", "line 16: .* state = True is missing"),
+    "no parameters": (
+        "parameters = (ParameterSpec",
+        "parameters = 0, (ParameterSpec",
+        "line 14: .* tuple of",
+    ),
+    "parameter's name": ('("size",', '("Size",', 'line 14: .* "Size" is not a unique snake_case name'),
+    "parameter twice": (
+        "lower=0.0),)",
+        'lower=0.0), ParameterSpec("size", "Nm"))',
+        'line 14: .* "size" is not a unique',
+    ),
+    "no room": ("lower=0.0", "lower=1.0, upper=1.0", "line 14: .* leave no room"),
+    "examples": (COLUMNS, f"    example = (1.0, 2.0)\n\n{COLUMNS}", "line 16: .* has 2 values, expected 1"),
+    "endless example": (
+        COLUMNS,
+        f"    example = (float('inf'),)\n\n{COLUMNS}",
+        "line 16: .* size = inf is out",
+    ),
+    "grid": (COLUMNS, f"    grid = {{'sice': (1.0,)}}\n\n{COLUMNS}", 'line 16: .* grid "sice": did you mean'),
+    "set": (COLUMNS, f'    scope = "set"\n\n{COLUMNS}', 'line 16: .* scope is "set", expected "joint"'),
+    "no constructor": (
+        COLUMNS,
+        f"    def __init__(self):\n        1 / 0\n\n{COLUMNS}",
+        "line 17: .*ZeroDivision",
+    ),
+    "guesses": (
+        COLUMNS,
+        f"    def guesses(self, context, place):\n        return [1]\n\n{COLUMNS}",
+        "line 16: .* guesses raises AttributeError",
+    ),
+    "not a number": ('title = "My friction"', "title = 3", "line 7: .* title is 3, expected a text"),
 }
 
 
@@ -283,7 +321,10 @@ LAW = GOOD.replace("LinearEffect", "LawEffect").replace(
         ("motion.velocity[np.newaxis]", "", None),
         ("1.01 * motion.velocity[np.newaxis]", "", "line 16: .*∂u/∂size differs from .* by 0.99 %"),
         ("motion.velocity", "", "line 16: .*slopes has shape"),
-        ("motion.velocity[np.newaxis]", "-", "line 20: .* simulation and u differ"),
+        ("1.0005 * motion.velocity[np.newaxis]", "", None),
+        ("-motion.velocity[np.newaxis]", "", "line 16: .*∂u/∂size differs"),
+        ("motion.velocity[np.newaxis]", "-", "line 20: .* simulation and u differ by 2e.02 %"),
+        ("motion.velocity[np.newaxis]", "1.002 * ", "line 20: .* simulation and u differ by 0.2 %"),
     ],
 )
 def test_derivatives_and_simulation_are_checked(

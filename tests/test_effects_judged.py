@@ -1,0 +1,390 @@
+"""What a search and a verdict ask an effect: traits, limits of what could be real, starts, sizes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from benchmarks.effect_pages.pictures import PLACE
+from flexviz.effects import (
+    CURVES,
+    EFFECTS,
+    Effect,
+    EffectEvidence,
+    EffectTarget,
+    JointScale,
+    LawEffect,
+    LinearEffect,
+    LoadedEffect,
+    ParameterSpec,
+    Terms,
+    free_curve,
+)
+from flexviz.effects.base_tilt import BaseTilt
+from flexviz.effects.free_curve import BEND, NODES, SIZE
+from flexviz.effects.trial import TrialSignal
+from tests.test_effects import LAW_EFFECTS, MOTION, VALUES, value
+
+FRICTION = {"coulomb_friction", "stribeck_friction", "quadratic_friction", "load_dependent_friction"}
+HAVING = {  # trait → the effects that have it, all others do not
+    "common": {"coulomb_friction", "link_coulomb_friction", "torque_offset"},
+    "usual": FRICTION | {"torque_offset", "cable_spring"},
+    "hidden_state": {"presliding_hysteresis", "link_coulomb_friction"},
+    "damps_deflection": {"joint_damping"},
+    "flexible": {"torque_ripple", "transmission_error"},
+    "after_rest": {"startup_friction"},
+    "joint_optional": {"torque_delay"},
+    "absorbed_by_stiffness": {"stiffness_hardening", "backlash", "joint_damping"},
+    "stopgap": set(),
+}
+SAYING = {  # attribute → what an effect says there, all others its usual value
+    "beside": (None, {"stribeck_friction": "coulomb_friction", "startup_friction": "coulomb_friction"}),
+    "replaces": (None, {"presliding_hysteresis": "coulomb_friction"}),
+    "instead_of": (None, {"gravity_compensator": "cable_spring"}),
+    "offset_parameter": (None, {"cable_spring": "rest_angle"}),
+    "fewest_joints": (1, {"motor_coupling": 2, "coupled_friction": 2}),
+    "optimism": (3.0, {"joint_damping": 20.0}),
+    "expected": ({}, {"torque_gain": {"gain_error": 0.05}}),
+}
+
+
+def rms(y: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(y**2)))
+
+
+def law(name: str) -> LawEffect:
+    effect = EFFECTS[name]
+    assert isinstance(effect, LawEffect)
+    return effect
+
+
+class Plain(Effect):
+    """An effect with nothing but parameters, bounded on neither, one, the other and both sides."""
+
+    name, where = "plain", "motor"
+    parameters = (
+        ParameterSpec("free", "Nm"),
+        ParameterSpec("above", "Nm", lower=2.0),
+        ParameterSpec("below", "Nm", upper=-3.0),
+        ParameterSpec("between", "Nm", 4.0, 5.0),
+        ParameterSpec("positive", "Nm", lower=0.0, symbol="p"),
+    )
+    example: ClassVar[tuple[float, ...]] = ()
+
+    def terms(self, context, place, values):
+        raise NotImplementedError
+
+
+# -- traits
+
+
+def test_traits_are_those_the_search_relies_on() -> None:
+    """A trait lost moves an effect to another list, another phase of the search or another threshold."""
+    assert {trait: {e.name for e in EFFECTS.values() if getattr(e, trait)} for trait in HAVING} == HAVING
+    for attribute, (usual, said) in SAYING.items():
+        found = {name: getattr(effect, attribute) for name, effect in EFFECTS.items()}
+        assert found == {name: said.get(name, usual) for name in EFFECTS}, attribute
+    assert all(c.stopgap and not c.common and not c.usual for c in CURVES)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_an_effect_without_its_size_is_absent(name: str) -> None:
+    """`size_at` decides whether an interval includes zero: with those parameters zero nothing is left."""
+    effect, full = EFFECTS[name], np.array(VALUES[name])
+    none = full.copy()
+    none[list(effect.size_at)] = 0.0
+    most = np.abs(value(name)).max()
+    assert np.abs(value(name, values=none)).max() < 1e-6 * most
+    for k in effect.size_at:
+        only = none.copy()
+        only[k] = full[k]
+        assert np.abs(value(name, values=only)).max() > 1e-3 * most
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_traits_that_a_law_shows(name: str) -> None:
+    """Constant, relative to friction, by temperature, with memory, linear; moved by what is identified."""
+    effect, u = EFFECTS[name], value(name)
+    assert effect.constant == (np.ptp(u) == 0.0)
+    other = value(name, replace(MOTION, temperature=MOTION.temperature + 7.0))
+    assert effect.by_temperature == (not np.array_equal(u, other))
+    stiffer = replace(MOTION, stiffness=1.2 * MOTION.stiffness, motor_viscous=1.3 * MOTION.motor_viscous)
+    if name not in ("load_dependent_friction", "backlash"):  # they follow the torque, which is prescribed
+        assert effect.state == (not np.array_equal(u, value(name, stiffer)))
+    assert not effect.relative or np.allclose(value(name, stiffer), 1.3 * u, rtol=1e-12)
+    if effect.linear:
+        np.testing.assert_allclose(value(name, values=2 * np.array(VALUES[name])), 2 * u, rtol=1e-12)
+    assert isinstance(effect, LinearEffect) <= effect.linear
+    if isinstance(effect, LawEffect):
+        before = effect.unknown(MOTION.motions(0)[0], np.array(VALUES[name]))
+        assert effect.memory == bool(len(before)) and before.shape[1] == MOTION.count()
+        assert effect.depth == (1 if effect.where in ("link", "load") else 3)
+    entry = {"motor": "torque", "sensing": "torque", "joint": "deflection"}.get(effect.where, "residual")
+    assert effect.terms(MOTION, PLACE, np.array(VALUES[name])).entry == effect.entry == entry
+
+
+def test_places_in_a_robot() -> None:
+    """Where a search tries an effect: every joint, every payload, once per set, nowhere for episodes."""
+    joints = [EffectTarget(0), EffectTarget(1), EffectTarget(2)]
+    wanted = {"joint": joints, "set": [EffectTarget()], "episode": []}
+    wanted["payload"] = [EffectTarget(payload="p1"), EffectTarget(payload="p2")]
+    for effect in EFFECTS.values():
+        found = effect.targets(3, ("p1", "p2"))
+        assert found == (joints[:-1] if effect.name == "coupled_friction" else wanted[effect.scope]), effect
+        assert bool(effect.targets(1, ())) == (effect.fewest_joints == 1 and effect.scope in ("joint", "set"))
+
+
+# -- what could be real
+
+
+@pytest.mark.parametrize("effect", [*EFFECTS.values(), Plain()], ids=lambda e: e.name)
+def test_a_search_that_ends_at_a_bound_has_found_nothing(effect: Effect) -> None:
+    inside = effect.sizes()
+    quiet = EffectEvidence(np.full(9, 1e-9), 1e-9, viscous=np.inf)
+    for k, p in enumerate(effect.parameters):
+        assert p.lower < inside[k] < p.upper
+        for edge in (p.lower, p.upper):
+            values = inside.copy()
+            values[k] = edge
+            wrong = bool(np.isfinite(edge) and edge != 0.0 and not (edge == p.lower and p.lower_occurs))
+            assert effect.at_bound(values) == wrong
+            assert not (wrong and effect.credible(values, quiet))
+            if wrong:
+                values[k] = edge * (1 + 1e-7)
+                assert effect.at_bound(values)
+                values[k] = edge + 1e-5 * (inside[k] - edge)
+                assert effect.at_bound(values) == (abs(values[k] - edge) < 1e-6 * abs(edge))
+    assert not effect.at_bound(inside)
+
+
+def test_sizes_that_are_too_small_or_too_large_are_not_believed() -> None:
+    """Artefacts of time stamps, of the torque's hold, of other errors; drives that nobody would accept."""
+    evidence = EffectEvidence(np.array([3.0, -4.0, 5.0]) * 1e3, record_step=1e-3)
+    beside = replace(evidence, effects=frozenset({"joint_damping"}))
+    delay, contact, gain = (EFFECTS[n] for n in ("torque_delay", "external_contact", "torque_gain"))
+    for sign in (1, -1):
+        seen = [delay.credible(np.array([sign * d]), evidence) for d in (1.9e-5, 2.1e-5, 9e-2, 0.1)]
+        assert seen == [False, True, True, False]
+        seen = [delay.credible(np.array([sign * d]), beside) for d in (9e-5, 1.1e-4)]
+        assert seen == [False, True]
+        least = 3e-5 * rms(evidence.torque)
+        seen = [contact.credible(np.array([sign * s * least, 1.0, 2.0]), evidence) for s in (0.9, 1.1)]
+        assert seen == [False, True]
+        assert [gain.credible(np.array([sign * g]), evidence) for g in (0.39, 0.41)] == [True, False]
+    assert contact.possible(np.array([1.0, 2.0, 2.0])) and not contact.possible(np.array([1.0, 2.0, 1.9]))
+    assert all(e.possible(np.array(VALUES[n])) for n, e in EFFECTS.items())
+
+
+def test_a_gap_that_is_never_crossed_is_an_offset() -> None:
+    backlash, torque = EFFECTS["backlash"], np.ones(1000)
+    for reversed_, offset in ((0, True), (4, True), (6, False), (500, False)):
+        for side in (1.0, -1.0):
+            mixed = np.where(np.arange(1000) < reversed_, -side, side) * torque
+            assert backlash.only_an_offset(EffectEvidence(mixed, 1e-3)) == offset
+    assert not backlash.only_an_offset(EffectEvidence(np.r_[np.zeros(990), np.ones(10), -np.ones(10)], 1e-3))
+    never = EffectEvidence(np.ones(9), 1e-3)
+    assert not any(e.only_an_offset(never) for e in EFFECTS.values() if e.name != "backlash")
+
+
+# -- starts
+
+
+def test_a_gap_that_the_compliance_has_absorbed() -> None:
+    """Least squares of q's loss c s + b sign(s) on s alone; the starts undo it."""
+    backlash, s = EFFECTS["backlash"], MOTION.torque.at(MOTION.time, 1)[0]
+    c, b = 1e-3, 0.012
+    fitted = float((c * s + b * np.sign(s)) @ s / (s @ s))
+    starts = backlash.elastic_starts(s, fitted, c)
+    assert starts[-1].values == pytest.approx((b,)) and starts[-1].compliance == pytest.approx(c)
+    shares = [start.values[0] / (fitted * rms(s)) for start in starts[:-1]]
+    assert shares == sorted(shares) and 0.05 < shares[0] < 0.2 and 0.5 < shares[-1] < 1.0
+    for start in starts:
+        left = fitted - start.values[0] * np.mean(np.abs(s)) / np.mean(s**2)
+        assert start.compliance == pytest.approx(max(left, 0.2 * fitted))
+    stiffer = backlash.elastic_starts(s, c, 2 * c)  # a joint stiffer than the rough value has absorbed none
+    assert len(stiffer) == len(starts) - 1 and all(start.values[0] > 0 for start in stiffer)
+    assert all(not e.elastic_starts(s, fitted, c) for e in EFFECTS.values() if e.name != "backlash")
+
+
+def test_one_effect_starts_from_another() -> None:
+    """A sine wave from a spring, presliding from Coulomb, a spring that takes the offset beside it."""
+    compensator, spring = EFFECTS["gravity_compensator"], EFFECTS["cable_spring"]
+    sine, cosine = compensator.refining(np.array([3.0, 0.2]))
+    q = 1e-4
+    assert sine * np.sin(q) + cosine * np.cos(q) == pytest.approx(3.0 * (q - 0.2), rel=1e-6)
+    stiffness, coulomb = EFFECTS["presliding_hysteresis"].refining(np.array([2.0]))
+    assert coulomb == 2.0 and coulomb / stiffness == pytest.approx(0.01)
+    moved = spring.with_constant(np.array([3.0, 0.2]), 1.5)
+    np.testing.assert_allclose(value("cable_spring", values=moved), value("cable_spring") + 1.5)
+    np.testing.assert_array_equal(spring.with_constant(np.array([0.0, 0.2]), 1.5), [0.0, 0.2])
+    for effect in EFFECTS.values():
+        if effect is not spring:
+            np.testing.assert_array_equal(effect.with_constant(np.ones(3), 1.5), np.ones(3))
+        seconds = effect.time_constant(np.array([12.0]), 1e-3)
+        assert seconds == (pytest.approx(0.012) if effect.damps_deflection else 0.0)
+    assert EFFECTS["joint_damping"].time_constant(np.array([-1.0]), 1e-3) == 0.0
+    np.testing.assert_array_equal(EFFECTS["backlash"].refining(np.ones(1)), EFFECTS["backlash"].sizes())
+
+
+SHAPES = {  # parameter that a search tries on a grid, and whether its true value is there or between
+    "stribeck_friction": (1, np.geomspace(0.04, 0.8, 9)),
+    "thinning_friction": (1, np.geomspace(0.03, 0.5, 9)),
+    "startup_friction": (1, np.geomspace(0.006, 0.1, 9)),
+    "friction_drift": (1, np.geomspace(0.6, 8.0, 9)),
+    "presliding_hysteresis": (0, 2.0 / np.geomspace(0.006, 0.18, 9)),
+    "torque_ripple": (1, np.arange(1.0, 40.0, 3.0)),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_search_over_a_grid_meets_what_is_between(name: str) -> None:
+    """Whatever the shape, some guess explains nearly all of u, and its parameters are near the true ones."""
+    at, tried = SHAPES[name]
+    guesses = EFFECTS[name].guesses(MOTION, PLACE)
+    for shape in tried:
+        true = np.array(VALUES[name])
+        true[at] = shape
+        u, best = value(name, values=true), (0.0, np.zeros(0), "")
+        for guess in guesses:
+            columns = guess.columns[:, 0, :, 0]
+            sizes: Any = np.linalg.lstsq(columns.T, u, rcond=None)[0]
+            share = 1 - np.sum((u - sizes @ columns) ** 2) / np.sum(u**2)
+            if share > best[0]:
+                best = (share, guess.to_values(sizes), guess.label)
+        assert best[0] > 0.94, (shape, best)
+        assert 0.4 < best[1][at] / shape < 2.5
+        assert np.allclose(best[1], true, rtol=1.5)
+
+
+def test_guesses_of_rest_angle_and_tilt() -> None:
+    (spring,) = EFFECTS["cable_spring"].guesses(MOTION, PLACE)
+    np.testing.assert_allclose(spring.to_values(np.array([3.0, -0.6])), [3.0, 0.2])
+    np.testing.assert_array_equal(spring.to_values(np.array([0.0, -0.6])), [0.0, 0.0])
+    (tilt,) = BaseTilt().guesses(MOTION, PLACE)
+    np.testing.assert_allclose(tilt.to_values(np.array([9.0, -0.3])), [0.5, -0.3])
+    assert EFFECTS["external_contact"].guesses(MOTION, PLACE) == []
+
+
+# -- sizes of simulated effects
+
+UNITS = ((r"^(Nm|kg m²)", (1, 0)), (r"kg m²| s²", (0, 2)), (r"( |^)s(?!²)", (0, 1)), (r"/s$", (0, -1)))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_typical_sizes_are_visible_and_have_the_units_of_their_parameters(name: str) -> None:
+    """Hidden in a simulation without values, an effect has to be seen, and not to be all there is."""
+    effect, torque = EFFECTS[name], rms(MOTION.tau(0)[0])
+    deflection, inertias = torque / MOTION.stiffness, (1.2, 0.8)
+    scale = JointScale(
+        torque, rms(MOTION.theta(0)[1]), deflection, MOTION.stiffness, *inertias, 0.4, 6.0, 1.8
+    )
+    values = effect.typical(scale)
+    terms = effect.terms(MOTION, PLACE, np.array(values))
+    share = rms(terms.value[0, :, 0]) * (MOTION.stiffness if terms.entry == "deflection" else 1) / torque
+    assert 0.004 < share < 0.45
+    a, b = 3.0, 1.7  # other units of torque and time
+    changed = {"torque": a, "speed": 1 / b, "stiffness": a, "duration": b, "viscous": a * b}
+    changed |= dict.fromkeys(("motor_inertia", "neighbour_inertia"), a * b**2)
+    other = replace(scale, **{field: factor * getattr(scale, field) for field, factor in changed.items()})
+    for p, size, in_other in zip(effect.parameters, values, effect.typical(other), strict=True):
+        powers = np.sum([power for pattern, power in UNITS if re.search(pattern, p.unit)] or [(0, 0)], axis=0)
+        later = 1.0 if name in ("torque_delay", "joint_damping") else b ** powers[1]  # some milliseconds
+        assert in_other == pytest.approx(size * a ** powers[0] * later), p.name
+        assert p.lower <= size <= p.upper
+    still = effect.typical(replace(scale, deflection=1e-9))
+    assert name not in ("backlash", "transmission_error") or still[0] > 1e-4  # above an encoder's step
+
+
+def test_examples_come_first_else_a_place_between_the_bounds() -> None:
+    plain = Plain()
+    np.testing.assert_allclose(plain.sizes(), [0.8, 2.8, -3.8, 4.3, 0.8])
+    assert plain.typical(None) == pytest.approx((0.8, 2.8, -3.8, 4.3, 0.8))  # type: ignore[arg-type]
+    plain.example = (1.0, 2.0, -4.0, 4.5, 0.1)  # type: ignore[misc]
+    np.testing.assert_array_equal(plain.sizes(), plain.example)
+    assert [p.symbol for p in plain.parameters] == ["free", "above", "below", "between", "p"]
+    assert plain.units == dict.fromkeys(("free", "above", "below", "between", "positive"), "Nm")
+
+
+# -- laws that follow the load, and free curves
+
+LOADED = [e for e in (*EFFECTS.values(), *CURVES) if isinstance(e, LoadedEffect)]
+
+
+@pytest.mark.parametrize("effect", LOADED, ids=lambda e: e.name)
+def test_slope_with_the_load_feeds_back(effect: LoadedEffect) -> None:
+    """s falls by u, and u with it: ∂u/∂s of what is recorded is g/(1 + g), on the link g."""
+    values = 0.4 * effect.sizes() if effect.stopgap else np.array(VALUES[effect.name])
+    if effect.stopgap:
+        values[:2] = -60.0, 75.0
+    motion, h = MOTION.motions(0)[0], 1e-4
+    up, down = (effect.law(replace(motion, torque=motion.torque + sign * h), values)[0] for sign in (1, -1))
+    slope = (up - down) / (2 * h)
+    wanted = slope / (1 + slope) if effect.where == "motor" else slope
+    smooth = np.abs(motion.torque) > 2 * h
+    found = effect.torque_slope(motion, values)
+    np.testing.assert_allclose(found[smooth], wanted[smooth], rtol=1e-5, atol=1e-7)
+    assert np.abs(found).max() > 0.01
+
+
+@pytest.mark.parametrize("curve", CURVES, ids=lambda c: c.name)
+def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None:
+    rng = np.random.default_rng(4)
+    torque, drawn = 20.0, rng.standard_normal((curve.sides, NODES))
+    x = np.r_[9.0, 9.0, drawn.ravel()]
+    bend = drawn[:, 2:] - 2 * drawn[:, 1:-1] + drawn[:, :-2]
+    energy = np.sum(drawn**2) / (SIZE * torque) ** 2 + np.sum(bend**2) / (BEND * torque) ** 2
+    assert x @ curve.precision(torque) @ x == pytest.approx(energy)
+    assert SIZE == 0.1 and BEND == 0.05  # a tenth of the rms torque, nearly straight from node to node
+    values, (motion,) = curve.sizes(), MOTION.motions(0)
+    low, high = values[:2] = (0.2, 0.7) if curve.variable != "load" else (-20.0, 30.0)
+    seen = curve.value(motion)
+    seen = np.abs(seen) if curve.variable == "velocity" else seen
+    u = curve.law(motion, values)[0]
+    forward = 0.5 * (
+        1 + np.tanh((motion.link_velocity if curve.where == "link" else motion.velocity) / 0.005)
+    )
+    table = curve.fine(values)
+    exact = [np.interp(np.clip(seen, low, high), table[0], side) for side in table[1]]
+    both = exact[0] if curve.sides == 1 else forward * exact[0] + (1 - forward) * exact[1]
+    np.testing.assert_allclose(u, both, atol=2e-3 * np.abs(u).max())
+    assert (seen < low).any() and (seen > high).any()
+    assert [len(side) for side in curve.node_parameters] == [NODES] * curve.sides
+    assert curve.node_parameters[-1][-1].name.endswith(f"_{NODES}")
+    assert free_curve(curve.name) is curve and EFFECTS[curve.name] is curve
+    assert curve.linear and curve.smooth == (curve.sides == 1)
+    assert curve.state == (curve.where == "link" or curve.variable == "load")
+
+
+# -- the trial motion itself
+
+
+def test_trial_motion_is_consistent() -> None:
+    """User-defined effects are checked along it: derivatives, the link side, and weights of a pendulum."""
+    signal = TrialSignal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4, slope=0.7)
+    t, h = np.linspace(0.0, 5.0, 7), 1e-4
+    levels, up, down = signal.at(t, 4), signal.at(t + h, 4), signal.at(t - h, 4)
+    np.testing.assert_allclose(levels[1:], (up - down)[:-1] / (2 * h), atol=1e-6)
+    np.testing.assert_allclose(
+        levels[0], 0.4 + 0.7 * t + 0.6 * np.sin(1.3 * t + 0.2) + 0.3 * np.sin(3.1 * t + 1)
+    )
+    np.testing.assert_allclose(signal.at(t, 1), levels[:1])
+    s, theta, q = MOTION.torque.at(MOTION.time, 3), MOTION.theta(0), MOTION.link_state(0)
+    np.testing.assert_allclose(MOTION.stiffness * (theta[:3] - q), s, atol=1e-9)
+    (motion,) = MOTION.motions(0)
+    assert motion.torque_scale == pytest.approx(rms(s[0]))
+    np.testing.assert_array_equal(motion.link_velocity, q[1])
+    assert MOTION.in_group("g1").all() and (MOTION.count(), MOTION.joints()) == (len(MOTION.time), 2)
+    weight = -9.81 * MOTION.gravity_torque(2)  # of the arm, as that of the payload
+    np.testing.assert_allclose(weight / MOTION.arm, MOTION.payload_torque("p1") / MOTION.payload, atol=1e-12)
+    assert np.array_equal(MOTION.delayed_tau(0, 0.1)[0], MOTION.torque.at(MOTION.time - 0.1, 1)[0])
+    parts = [np.stack((np.sin(MOTION.time), np.cos(MOTION.time)))]
+    filtered = MOTION.filtered(parts, 0, 2)
+    np.testing.assert_array_equal(filtered[:, 0], parts[0])
+    np.testing.assert_allclose(filtered[0, 1, 1:-1], np.cos(MOTION.time)[1:-1], atol=1e-5)
+    assert set(LAW_EFFECTS) <= set(EFFECTS) and isinstance(
+        EFFECTS["base_tilt"].terms(MOTION, PLACE, np.zeros(2)), Terms
+    )

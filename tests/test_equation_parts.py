@@ -1,0 +1,292 @@
+"""Parts of the equation in closed form: unknown friction at reversals and at the start, bands, layout."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect
+from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses
+from flexviz.equation.chain import Chain
+from flexviz.equation.context import _ends
+from flexviz.equation.fine_signals import _sign_band, fine_bands
+from flexviz.equation.initial_state import RIDGE, initial_states
+from flexviz.equation.reversal_nuisance import parts_of, undecided
+from flexviz.errors import InputError
+from flexviz.measurements import MeasurementSet
+from flexviz.observers import FlatZeroPhase
+from tests.test_equation_truth import at_the_truth
+
+COULOMB, OFFSET = ("coulomb_friction", 1), ("torque_offset", 1)
+
+
+def law(name: str) -> LawEffect:
+    effect = EFFECTS[name]
+    assert isinstance(effect, LawEffect)
+    return effect
+
+
+def moving(velocity: np.ndarray) -> JointMotion:
+    """Along a velocity, with no torque."""
+    none, time = np.zeros_like(velocity), np.arange(len(velocity)) / 500.0
+    return JointMotion(
+        np.asarray(time, np.float64), none, velocity, none, none, none + 1.0, 1000.0, 1.0, torque_scale=1.0
+    )
+
+
+def total(equation: Equation, x: np.ndarray) -> Chain:
+    link = equation.at(x).link_terms(x)
+    return Chain(x[equation.layout.compliance], x[equation.layout.link_viscous], link)
+
+
+# -- friction at reversals
+
+
+def test_friction_is_unknown_while_it_turns_round() -> None:
+    """|v| < 0.0115 rad/s, where tanh(v / 0.005) has settled on neither side to 1 %; too little biases K."""
+    motion = moving(0.5 * (2e-3 * np.arange(1001) - 1.003))
+    times, sizes = undecided(law("coulomb_friction"), motion, np.array([2.0]))
+    half = 0.005 * np.arctanh(0.98) / 0.5 + 0.005  # [s], and half a spacing beyond
+    assert times[0] == pytest.approx(1.003 - half, abs=3e-3) and times[-1] == pytest.approx(
+        1.003 + half, abs=3e-3
+    )
+    assert len(times) == 7 and np.ptp(np.diff(times)) < 5e-3
+    spacing = (times[-1] - times[0]) / 6
+    assert 0.007 < spacing <= 0.01
+    np.testing.assert_allclose(sizes, 0.15 * 4.0 * np.tanh(4.0) * spacing, rtol=0.08)
+    assert not len(undecided(law("coulomb_friction"), motion, np.zeros(1))[0])
+    forward = moving(np.full(1001, 0.5))
+    assert not len(undecided(law("coulomb_friction"), forward, np.array([2.0]))[0])
+
+
+def test_a_rest_costs_a_dozen_pulses_and_none_lies_outside_the_record() -> None:
+    still = np.where(np.arange(1001) < 600, 0.0, 0.5)
+    times, sizes = undecided(law("coulomb_friction"), moving(still), np.array([2.0]))
+    assert len(times) == 11 and times[0] > 0.0 and times[-1] == pytest.approx(1.2, abs=0.01)  # one before 0
+    np.testing.assert_allclose(sizes, sizes[0])
+    ends, _ = undecided(law("coulomb_friction"), moving(still[::-1].copy()), np.array([2.0]))
+    assert len(ends) == 11 and ends[-1] < 2.0
+
+
+def test_parts_of_a_long_stretch() -> None:
+    for seconds, count in ((12.0, 1), (29.9, 1), (30.5, 3), (44.0, 4), (104.0, 10)):
+        time: Any = 5.0 + 0.02 * np.arange(round(seconds / 0.02) + 1)
+        parts = parts_of(time)
+        assert len(parts) == count and parts[0].start == 0 and parts[-1].stop == len(time)
+        assert all(a.stop == b.start for a, b in pairwise(parts))
+        assert np.ptp([p.stop - p.start for p in parts]) <= 1
+
+
+def test_a_pulse_is_what_friction_would_have_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction that is higher by one standard deviation during one fine sample moves r by its column."""
+    equation, x = at_the_truth({COULOMB: (2.0,), OFFSET: (1.0,)}, 8.0, 1.2)
+    point, coulomb = equation.at(x), law("coulomb_friction")
+    found = pulses(point, x, total(equation, x))
+    assert [(p.block, p.begin, p.rows.start) for p in found] == [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
+    plain, before = coulomb.law, point.residual(x)
+    for one in found[:2]:
+        rows = equation.signals.blocks[one.block].rows
+        motion = point.context.motions(1)[one.block]
+        times, sizes = undecided(coulomb, motion, np.array([2.0]))
+        assert one.columns.shape == (rows.stop - rows.start, 2, len(times))
+        k = len(times) // 2
+
+        def higher(
+            seen: JointMotion, values: Any, at: float = times[k], area: float = sizes[k], m: Any = motion
+        ):
+            u, slopes = plain(seen, values)
+            here = np.abs(seen.time - at) < 1e-6
+            more = here * 1e-3 * area / seen.step * (len(seen.time) == len(m.time))
+            return u + more, slopes + more / values[0]
+
+        monkeypatch.setattr(coulomb, "law", higher)
+        moved = Equation(equation.robot, equation.signals, equation.layout).at(x).residual(x) - before
+        monkeypatch.undo()
+        column = 1e-3 * one.columns[:, :, k]
+        np.testing.assert_allclose(moved[rows], column, atol=0.02 * np.abs(column).max())
+
+
+# -- unknown initial states
+
+
+def test_an_unknown_initial_state_is_projected_out() -> None:
+    """r − C (CᵀC + λ)⁻¹ Cᵀ r in every stretch, C: r's answer to friction wound up at its start."""
+    plain, x = at_the_truth({}, 8.0, 0.8)
+    chosen = (ChosenEffect("presliding_hysteresis", 0), ChosenEffect("startup_friction", 1))
+    equation = Equation(plain.robot, plain.signals, Layout(plain.layout.joints, chosen))
+    x = np.r_[x, 4.0, 2.0, 0.9, 0.4]
+    point, chain, signals = equation.at(x), total(equation, x), equation.signals
+    effects = [(effect, x[where]) for effect, where in equation.layout.effect_slices()]
+    found = initial_states(point.context, signals, effects, chain)
+    assert [state.rows for state in found] == [block.rows for block in signals.blocks]
+    rng = np.random.default_rng(0)
+    for index, state in enumerate(found):
+        count = state.rows.stop - state.rows.start
+        assert state.columns.shape == (2 * count, 2)
+        for k, (effect, values) in enumerate(effects):
+            motion = point.context.motions(effect.joint or 0)[index]
+            unknown = law(effect.effect).unknown(motion, values)
+            u = point.context.filtered_block(index, unknown, effect.joint or 0, 3)[0]
+            column = chain.rows(state.rows).column("torque", (effect.joint or 0,), u[:, :, None])
+            np.testing.assert_allclose(
+                state.columns[:, k], (column / np.abs(unknown).max()).ravel(), atol=1e-12
+            )
+        r = rng.standard_normal((signals.count, 2, 3))
+        c, kept = state.columns, r.copy()
+        state.remove_from(r)
+        flat = kept[state.rows].reshape(2 * count, 3)
+        left = flat - c @ np.linalg.solve(c.T @ c + RIDGE**2 * np.eye(2), c.T @ flat)
+        np.testing.assert_allclose(r[state.rows].reshape(2 * count, 3), left, atol=1e-9)
+        outside = np.ones(signals.count, bool)
+        outside[state.rows] = False
+        np.testing.assert_array_equal(r[outside], kept[outside])
+    # and the equation uses them, with pulses of the same columns at the beginning of a record
+    alone = Equation(equation.robot, signals, equation.layout).at(x)
+    again = alone.residual(x)
+    for state in alone._initial or []:
+        np.testing.assert_allclose(
+            state.columns.T @ again[state.rows].ravel(), 0.0, atol=1e-3 * np.abs(again).max()
+        )
+    assert len(alone._initial or []) == 3 and RIDGE == 0.01
+    pulsed = pulses(point, x, chain)
+    for one in pulsed:
+        motions = [point.context.motions(j)[one.block] for j in (0, 1)]
+        many = [len(undecided(law(e.effect), m, v)[0]) for (e, v), m in zip(effects, motions, strict=True)]
+        assert one.columns.shape[2] == sum(many) + 2
+
+
+# -- operating points
+
+
+def test_the_operating_point_follows_what_matters_to_the_effects() -> None:
+    """Evaluated again after a change of 0.2 % of K, B or friction, and of nothing else: a fit's time."""
+    equation, x = at_the_truth(
+        {("cable_spring", 0): (3.0, 0.2), ("stiffness_hardening", 1): (2e4,)}, 8.0, 1.2
+    )
+    point = equation.at(x)
+    for k in range(20, len(x)):
+        little, much = x.copy(), x.copy()
+        little[k] *= 1.0018
+        much[k] *= 1.0025
+        assert not point.left_behind(little) and point.left_behind(much)
+    heavier = x.copy()
+    heavier[:20] *= 1.5
+    assert equation.at(heavier, point) is point and equation.has_state
+    moved = x.copy()
+    moved[20:28] *= 1.05
+    again, fresh = equation.at(moved, point), equation.at(moved)
+    np.testing.assert_allclose(again.residual(moved), fresh.residual(moved), atol=1e-3)
+    assert np.abs(point.residual(moved) - fresh.residual(moved)).max() > 1e-2
+    plain, x = at_the_truth({OFFSET: (1.0,)}, 8.0, 1.2)
+    here = plain.at(x)
+    assert not plain.has_state and plain.at(2 * x, here) is here
+
+
+def test_jacobian_that_lets_the_load_move() -> None:
+    """Friction that follows the load: ∂r/∂x with the operating point renewed, against differences."""
+    plain, x = at_the_truth({OFFSET: (2.0,), ("quadratic_friction", 1): (0.7,)}, 5.0, 1.6)
+    curve = ChosenEffect("free_curve_load", 1)
+    layout = Layout(plain.layout.joints, (*plain.layout.effects, curve))
+    equation = Equation(plain.robot, plain.signals, layout)
+    x = np.r_[x, EFFECTS["free_curve_load"].sizes()]
+    x[layout.effect_slice(curve).start + np.arange(2)] = -40.0, 60.0
+    moving_, still = (equation.at(x).evaluate(x, moving=m).jacobian for m in (True, False))
+    columns = [layout.motor_inertia.start + 1, layout.motor_viscous.start + 1, 28, 29]  # offset and quadratic
+    for k in columns:
+        h = 0.03 * x[k]  # s is iterated to 1e-5 of its largest value
+        ends = []
+        for sign in (1, -1):
+            other = x.copy()
+            other[k] += sign * h
+            ends.append(equation.at(other).residual(other))
+        slope = (ends[0] - ends[1]) / (2 * h)
+        error, ignored = (np.sqrt(np.mean((j[:, :, k] - slope) ** 2)) for j in (moving_, still))
+        assert error < 0.05 * ignored and ignored > 0.05 * np.sqrt(np.mean(slope**2)), k
+    same = [k for k in range(layout.size) if k not in columns]
+    np.testing.assert_array_equal(moving_[:, :, same], still[:, :, same])
+
+
+# -- bands, ends, layout
+
+
+def test_bands_follow_the_noise(demo: MeasurementSet) -> None:
+    """70 Hz for the sign of the velocity at 2e-5 rad and 1 ms, lower with noise^⅔, never beyond the grid."""
+    signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 8))
+    block = signals.blocks[0]
+    for factor in (1.0, 8.0, 1e4, 1e-4):
+        per_sample = factor * 2e-5 * np.sqrt(1e-3 / block.segment.step)
+        limit = 0.3 / 2e-3
+        wanted = np.clip(70.0 / factor ** (2 / 3), 4.0, limit)
+        np.testing.assert_allclose(_sign_band(block, np.array([per_sample])), wanted, rtol=1e-4)
+    shared: dict[object, Any] = {}
+    inertia, stiffness = np.ones(2), np.full(2, 1000.0)
+    bands = fine_bands(signals, inertia, stiffness, shared)
+    assert fine_bands(signals, 1.0001 * inertia, stiffness, shared) is bands
+    wider = fine_bands(signals, 0.2 * inertia, stiffness, shared)
+    assert wider.key != bands.key and (wider.narrow[0] > bands.narrow[0]).all()
+    np.testing.assert_array_equal(wider.wide[0], bands.wide[0])
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "reach"), [(100, 900, 50), (100, 240, 70), (0, 1000, 30), (200, 700, 249)]
+)
+def test_ends_of_a_record(head: int, tail: int, reach: int) -> None:
+    """Both ends, each once, within stretches that reach as far as the filter remembers."""
+    seen = np.zeros(1000, int)
+    for used, taken in _ends(head, tail, 1000, reach):
+        part = np.arange(1000)[taken]
+        seen[part[used]] += 1
+        if taken != slice(0, 1000):
+            assert len(part) == (head if part[0] == 0 else 1000 - tail) + reach
+    outside = np.r_[np.ones(head), np.zeros(tail - head), np.ones(1000 - tail)].astype(bool)
+    assert (seen[outside] == 1).all() and (head + reach >= tail - reach or not seen[~outside].any())
+
+
+def test_every_entry_of_the_vector_has_a_name_a_unit_and_a_label(demo: MeasurementSet) -> None:
+    effects = (ChosenEffect("payload_error", payload="p2"), ChosenEffect("external_contact", 1, "g1"))
+    layout = Layout(("a", "b"), effects)
+    moments = ["mass", "mx", "my", "mz", "ixx", "ixy", "iyy", "ixz", "iyz", "izz"]
+    rest = ["stiffness", "motor_inertia", "link_viscous_friction", "motor_viscous_friction"]
+    labels = [f"{m}:{j}" for j in "ab" for m in moments] + [f"{name}:{j}" for name in rest for j in "ab"]
+    labels += ["payload_error.relative_mass_error:p2"]
+    labels += [f"external_contact.{p}:b:g1" for p in ("torque", "start", "end")]
+    assert layout.labels() == labels and layout.size == len(labels) == 32
+    units = [unit for _, _, unit in layout.names()]
+    assert units[:10] == ["kg", *["kg m"] * 3, *["kg m²"] * 6] == units[10:20]
+    assert units[20:] == ["Nm/rad"] * 2 + ["kg m²"] * 2 + ["Nm s/rad"] * 4 + ["-", "Nm", "s", "s"]
+    assert [joint for _, joint, _ in layout.names()][28:] == [None, "b", "b", "b"]
+    assert [layout.effect_slice(e) for e in effects] == [slice(28, 29), slice(29, 32)]
+    found = layout_of(replace(demo, effects=("torque_offset:joint2",)), ["coulomb_friction:joint1"])
+    assert [e.text(demo.joints) for e in found.effects] == ["torque_offset:joint2", "coulomb_friction:joint1"]
+
+
+def test_what_is_dropped_at_the_ends(demo: MeasurementSet) -> None:
+    """The observer's transients, or what is asked for, and no more than a share of the shortest record."""
+    observer = FlatZeroPhase(2 * np.pi * 8)
+    group = demo.groups[0]
+    begin, end = group.segments[0].time[[0, -1]]
+    options: dict[str, Any]
+    for options, before, after in (
+        ({}, *observer.settling()),
+        ({"drop": (0.3, 0.7)}, 0.3, 0.7),
+        ({"drop": (3.0, 4.0), "longest_edge": 0.1}, 0.1 * (end - begin), 0.1 * (end - begin)),
+    ):
+        signals = build_signals(demo, [group], observer, **options)
+        step = np.diff(signals.time)[0]
+        assert 0 <= signals.time[0] - begin - before < step + 1e-9
+        assert -1e-9 <= end - after - signals.time[-1] < step + 1e-9
+    with pytest.raises(InputError, match=r"longest segment has .* s, .* needs 30 s to settle"):
+        build_signals(demo, [group], observer, drop=(10.0, 20.0))
+    wide = build_signals(demo, [group], FlatZeroPhase([10.0, 20.0]))
+    assert [wide.observer_of(j).bandwidth for j in (0, 1)] == [10.0, 20.0]
+
+
+def test_temperatures_are_required_only_where_an_effect_needs_them(demo: MeasurementSet) -> None:
+    signals = build_signals(demo, demo.groups[:1], FlatZeroPhase(2 * np.pi * 8))
+    Equation(demo.robot, signals, Layout(demo.joints, (ChosenEffect("coulomb_friction", 0),)))
+    with pytest.raises(InputError, match=r'"temperature_friction" needs the temperature .* group "'):
+        Equation(demo.robot, signals, Layout(demo.joints, (ChosenEffect("temperature_friction", 0),)))
