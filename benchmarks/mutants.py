@@ -6,8 +6,8 @@ A mutant is a package with one change: another comparison or operation, another 
 or result, a statement left out. The quick tests of the package (`TESTS`) run once to learn which of them run
 which line; a mutant meets those that run its line, quickest first, until one fails. No file is changed: the
 mutant is compiled in memory, in a process of its own. The file `--out` keeps what was caught; survivors are
-tried again. Texts, annotations, decorators and assertions are left alone, and assignments to a name are not
-left out, since any test would notice.
+tried again. Texts, annotations, decorators, assertions and numbers below 1e-6 (guards against rounding) are
+left alone, and assignments to a name are not left out, since any test would notice.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ QUICK = (
 )
 BUDGET = 12.0  # [s] of processor time, in an unhurried process, for the tests of one mutant
 PATIENCE = 10.0  # a mutant that needs so many times the processor time of its tests is stuck, and noticed
+SMALLEST = 1e-6  # smaller numbers guard against rounding: half as much again does nothing
 OURS = ("flexviz", "tests", "benchmarks")
 
 
@@ -153,7 +154,7 @@ class Changer(ast.NodeTransformer):
             return self.choose(node, ast.Constant(not value))
         if isinstance(value, int):
             return self.choose(node, ast.Constant(value + 1))
-        if isinstance(value, float):
+        if isinstance(value, float) and not 0.0 < abs(value) < SMALLEST:
             return self.choose(node, ast.Constant(1.5 * value if value else 1.0))
         return node
 

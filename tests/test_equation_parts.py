@@ -9,17 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect
+from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect, LinearEffect
 from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import _ends
-from flexviz.equation.fine_signals import _sign_band, fine_bands
+from flexviz.equation.fine_signals import (
+    LINK_VELOCITY_NOISE,
+    TORQUE_NOISE,
+    _sign_band,
+    fine_bands,
+    fine_signals,
+)
 from flexviz.equation.initial_state import RIDGE, initial_states
 from flexviz.equation.reversal_nuisance import parts_of, undecided
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
 from flexviz.observers import FlatZeroPhase
-from tests.test_equation_truth import at_the_truth
+from tests.test_equation_truth import HOLD, at_the_truth, link_motion
 
 COULOMB, OFFSET = ("coulomb_friction", 1), ("torque_offset", 1)
 
@@ -84,10 +90,11 @@ def test_parts_of_a_long_stretch() -> None:
 def test_a_pulse_is_what_friction_would_have_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction that is higher by one standard deviation during one fine sample moves r by its column."""
     equation, x = at_the_truth({COULOMB: (2.0,), OFFSET: (1.0,)}, 8.0, 1.2)
-    point, coulomb = equation.at(x), law("coulomb_friction")
+    point, coulomb = equation.at(x), EFFECTS["coulomb_friction"]
+    assert isinstance(coulomb, LinearEffect)
     found = pulses(point, x, total(equation, x))
     assert [(p.block, p.begin, p.rows.start) for p in found] == [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
-    plain, before = coulomb.law, point.residual(x)
+    plain, before = coulomb.columns, point.residual(x)
     for one in found[:2]:
         rows = equation.signals.blocks[one.block].rows
         motion = point.context.motions(1)[one.block]
@@ -96,14 +103,12 @@ def test_a_pulse_is_what_friction_would_have_to_be(monkeypatch: pytest.MonkeyPat
         k = len(times) // 2
 
         def higher(
-            seen: JointMotion, values: Any, at: float = times[k], area: float = sizes[k], m: Any = motion
+            seen: JointMotion, at: float = times[k], area: float = sizes[k], n: int = len(motion.time)
         ):
-            u, slopes = plain(seen, values)
-            here = np.abs(seen.time - at) < 1e-6
-            more = here * 1e-3 * area / seen.step * (len(seen.time) == len(m.time))
-            return u + more, slopes + more / values[0]
+            here = (np.abs(seen.time - at) < 1e-6) & (len(seen.time) == n)
+            return plain(seen) + 1e-3 * here * area / seen.step / 2.0  # of Coulomb friction of 2 Nm
 
-        monkeypatch.setattr(coulomb, "law", higher)
+        monkeypatch.setattr(coulomb, "columns", higher)
         moved = Equation(equation.robot, equation.signals, equation.layout).at(x).residual(x) - before
         monkeypatch.undo()
         column = 1e-3 * one.columns[:, :, k]
@@ -229,6 +234,41 @@ def test_bands_follow_the_noise(demo: MeasurementSet) -> None:
     wider = fine_bands(signals, 0.2 * inertia, stiffness, shared)
     assert wider.key != bands.key and (wider.narrow[0] > bands.narrow[0]).all()
     np.testing.assert_array_equal(wider.wide[0], bands.wide[0])
+
+
+def test_fine_signals_have_the_gain_of_their_bands() -> None:
+    """A vibration above the motion, in θ and τ: Butterworth of the velocity's and of the torque's band."""
+    plain, _ = at_the_truth({}, 8.0, 1.2)
+    block, hertz = plain.signals.blocks[0], 40.0
+    segment = block.segment
+    shared: dict[object, Any] = {"noise": (np.full(2, 2e-6), np.full(2, 2e-5))}
+    shake = np.sin(2 * np.pi * hertz * segment.time)[:, None]
+    wave = replace(segment, theta=1e-3 * shake * [1, 1], tau=shake * [1, 1])
+    signals = replace(plain.signals, blocks=(replace(block, segment=wave),))
+    bands = fine_bands(signals, np.ones(2), np.full(2, 1000.0), shared)
+    (fine,) = fine_signals(signals, bands, shared)
+    assert (bands.wide[0] > 50).all() and (bands.narrow[0] < 70).all() and fine.step == 2e-3
+    np.testing.assert_array_equal(fine.torque_hertz, bands.narrow[0])
+    middle, at = slice(500, -500), segment.time[::2]
+    w, late = 2 * np.pi * hertz, 2 * np.pi * hertz * HOLD / 2
+    wide, narrow = (1 / (1 + (hertz / b[0][0]) ** 8) for b in (bands.wide, bands.narrow))
+    for k, phase in enumerate(np.pi / 2 * np.arange(4)):
+        exact = [(fine.theta[k], 1e-3 * narrow, 0.0)]
+        if k < 2:
+            exact += [((fine.position, fine.velocity)[k], 1e-3 * wide, 0.0), (fine.tau[k], narrow, late)]
+        for found, gain, delay in exact:
+            wanted = gain * w**k * np.sin(w * at + phase - delay)
+            np.testing.assert_allclose(found[middle, 1], wanted[middle], atol=0.02 * gain * w**k)
+    assert (TORQUE_NOISE, LINK_VELOCITY_NOISE) == (5e-3, 4e-3)  # of the rms torque; [rad/s]
+
+
+def test_link_velocity_of_the_wide_band() -> None:
+    """Of effects that ask for nothing identified: q̇ = θ̇ − ṡ/K with s without any effect."""
+    equation, x = at_the_truth({OFFSET: (2.0,)}, 8.0, 1.2)
+    motion = equation.at(x).context.motions(0)[0]
+    exact = link_motion(0, 2)[1][::2, 0]  # a wide band rings in the jerk of a record without noise
+    middle = slice(1500, -1500)
+    np.testing.assert_allclose(motion.link_velocity[middle], exact[middle], atol=1e-2 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize(

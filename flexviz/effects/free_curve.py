@@ -211,9 +211,6 @@ class FreeLoadCurve(FreeCurveEffect, LoadedEffect):
     variable, unit = "load", "Nm"
     state = True
 
-    def columns(self, motion: JointMotion) -> Array:
-        raise NotImplementedError  # the columns depend on the range
-
     def torque_slope(self, motion: JointMotion, values: Array) -> Array:
         step = max(values[1] - values[0], 1e-9) / (NODES - 1)
         slope = self.design(motion.torque, motion.velocity, values, 1) @ values[CONSTANTS:] / step

@@ -98,7 +98,7 @@ class LinearEffect(LawEffect):
         return Terms(self.entry, (place.own_joint,), np.tensordot(values, slopes, axes=1), slopes)
 
 
-class LoadedEffect(LinearEffect):
+class LoadedEffect(LawEffect):
     """A law whose torque follows the transmission torque s."""
 
     @abstractmethod

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import JointScale
-from flexviz.effects.law import LoadedEffect
+from flexviz.effects.law import LinearEffect, LoadedEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
 
-class LoadDependentFriction(LoadedEffect):
+class LoadDependentFriction(LinearEffect, LoadedEffect):
     """Gear friction proportional to the transmitted torque."""
 
     name = "load_dependent_friction"
