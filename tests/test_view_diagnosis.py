@@ -75,6 +75,10 @@ def test_the_verdict_begins_as_agreed() -> None:
     unknown = verdict_text(replace(DIAGNOSIS, verdict="unknown"))
     assert unknown.startswith("Unknown:") and "joint2, where 31 % follows the velocity" in unknown
     assert verdict_text(replace(DIAGNOSIS, verdict="unknown", where=())).startswith("Unknown:")
+    # the joint that errs most is not always the one with the structured residual, for which there is a curve
+    both = (*DIAGNOSIS.where, ResidualLocation("joint1", "time", 0.07, (0.0, 1.0)))
+    split = verdict_text(replace(DIAGNOSIS, verdict="unknown", where=both), worst="joint1")
+    assert split.endswith("mostly on joint1; it is clearest on joint2, where 31 % follows the velocity.")
 
 
 def test_the_verdict_says_when_it_is_old_or_cut_short() -> None:

@@ -1,7 +1,9 @@
-// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; and a button at every plot.
+// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; a button at every plot.
 // The values go into the page's own controls, as if they had been typed, and are checked there.
 if (!window.flexvizPage) {
   window.flexvizPage = true;
+  const asksForDark = new URLSearchParams(window.location.search).has('darkMode');  // and viser shows nothing else
+  document.documentElement.classList.toggle('fv-dark', asksForDark);
   const CLICK = 4;  // [px] a press may move; more is a drag, which zooms
   const over = e => (e.target.closest ? e.target.closest('.u-over') : null);
   const timed = place => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart)

@@ -80,7 +80,8 @@ class PlotPanel:
                 hint = (
                     "every plot of this tab as SVG and CSV, zipped; a plot's own corner has a button for PNG"
                 )
-                page.client_button("Save plots", partial(self._save, name, column), hint=hint)
+                act = partial(self._save, name, column)
+                column.button = page.client_button("Save plots", act, visible=False, hint=hint)
         self._columns = columns
         page.style(hidden, page.client_text(PICTURE_LABEL, self._save_picture))
         panel.dock_right()
@@ -155,8 +156,9 @@ class PlotPanel:
         self._stale = True
 
     def _draw_convergence(self) -> None:
-        """Draw the solver's iterations, at most once per tick."""
-        if not self._stale:
+        """Draw the iterations, at most once per tick; the last ones stay until there are new ones."""
+        waiting = self._store.running and not self._store.fit.iterations and self._convergence.shown
+        if not self._stale or waiting:
             return
         self._stale = False
         store, spread = self._store, self._store.measurements.torque_spread

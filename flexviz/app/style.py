@@ -117,6 +117,11 @@ def hidden(uuid: str) -> str:
     return f"{flex(uuid)} {{ display: none; }}"
 
 
+def hidden_in_the_dark(uuid: str) -> str:
+    """A rule that hides a control on pages whose address asks for the dark theme."""
+    return f".fv-dark {hidden(uuid)}"
+
+
 def no_number_box(uuid: str) -> str:
     """A rule that hides the numbers at a slider whose scale is not the slider's own number."""
     parts = (".mantine-NumberInput-root", ".mantine-Slider-label")

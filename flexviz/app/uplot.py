@@ -85,6 +85,7 @@ class ChartColumn:
     def __init__(self, server: viser.ViserServer, tab: Any) -> None:
         self._server = server
         self.folder = tab  # what holds the charts
+        self.button: Any = None  # shown while there is a chart
         self._charts: dict[str, UplotChart] = {}
         self.shown: tuple[Chart, ...] = ()  # as given last
         with tab:
@@ -98,6 +99,8 @@ class ChartColumn:
                  and len((table := columns(chart))[0]) > 1}  # fmt: skip
         with self._server.atomic():
             put(self._notes, content=notes)
+            if self.button is not None:
+                put(self.button, visible=bool(drawn))
             for key, shown in self._charts.items():
                 shown.visible(key in drawn)
             for key, (chart, table) in drawn.items():

@@ -10,6 +10,7 @@ from flexviz.batch.rows import DONE, FAILED, FleetRow
 from flexviz.wording import escape, number, percent, plural
 
 LISTED = 300  # rows on the page around the chosen one: each costs the browser time
+LONGEST_NAME = 14  # characters of a folder's name on one line
 MARK = "data-fleet"  # attribute of a row: its number
 
 
@@ -32,9 +33,15 @@ def _row(index: int, row: FleetRow, chosen: bool, shown: bool) -> str:
     kind = " ".join(["fv-chosen"] * chosen + ["fv-open"] * shown)
     verdict = verdict_words(row) + (f": {found_text(row)}" if row.found else "")
     error = "–" if row.residual is None else percent(row.residual)
-    cells = (str(index + 1), row.set, row.day, verdict, error)
-    text = "".join(f"<td>{escape(cell)}</td>" for cell in cells)
+    cells = [escape(cell) for cell in (str(index + 1), row.set, row.day, verdict, error)]
+    cells[1] = "/<wbr>".join(_whole(part) for part in cells[1].split("/"))
+    text = "".join(f"<td>{cell}</td>" for cell in cells)
     return f'<tr {MARK}="{index + 1}" class="{kind}" title="{escape(row.error or row.set)}">{text}</tr>'
+
+
+def _whole(name: str) -> str:
+    """A name without a line break, unless it is long."""
+    return f'<span style="white-space: nowrap">{name}</span>' if len(name) <= LONGEST_NAME else name
 
 
 def about_html(row: FleetRow, apart: Sequence[Outlier], index: int) -> str:

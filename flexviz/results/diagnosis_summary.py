@@ -52,7 +52,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
             )
         if result.final_verdict == "unknown" and spread:
             out.append(f"what stays: {left_text(joints, error, spread, last.noise_floor)}")
-    place = location(result.where, worst)
+    place = location(result.where)
     if result.final_verdict == "unknown" and place is not None:
         low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
         out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")

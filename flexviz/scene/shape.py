@@ -148,13 +148,17 @@ def thinned_mesh(mesh: Any, faces: int = MAX_FACES) -> Any:
 
 
 def stick(robot: Robot, urdf: Any, link: str, reach: float, poses: dict[str, Array]) -> Any:
-    """Capsules from a link's frame to its child joints, for a link without geometry."""
+    """A ball at a link's frame and capsules to its child joints, for a link without geometry.
+
+    The balls of joints that meet in a point are nested.
+    """
     import trimesh
 
-    radius = 0.035 * reach
+    radius, joint = 0.035 * reach, robot.joint_of_link(link)
+    inner = 0.0 if joint is None else (joint + 1) / (robot.n + 1)
     own = np.linalg.inv(poses[link])
     ends = [own @ poses[joint.child] for joint in urdf.joint_map.values() if joint.parent == link]
-    meshes = [trimesh.creation.icosphere(subdivisions=2, radius=1.25 * radius)]
+    meshes = [trimesh.creation.icosphere(subdivisions=2, radius=(1.3 - 0.25 * inner) * radius)]
     for end in ends:
         length = float(np.linalg.norm(end[:3, 3]))
         if length < 0.1 * radius:

@@ -139,7 +139,7 @@ def _load(values: Array | None, ends: Array | None, joint: int, factor: float) -
         return "<td>–</td>"
     end = factor * float(ends[joint])
     decimals = min(max(1 - int(np.floor(np.log10(end))), 0), 4)
-    value = f"{factor * float(values[joint]):.{decimals}f}".replace("-", "−")
+    value = f"{factor * float(values[joint]):z.{decimals}f}".replace("-", "−")
     return f'<td>{value} <span class="fv-dim">/ {number(end, 1)}</span></td>'
 
 

@@ -52,7 +52,8 @@ def verdict_text(
         diagnosis: the diagnosis.
         added: names of effects that it found and added; if there are any, they come first.
         joints: all joints of the robot.
-        worst: joint with the largest share of its torque unexplained; default: the diagnosis's choice.
+        worst: joint with the largest share of its torque unexplained, named beside the one with the largest
+            structured residual, which the free curve is for.
     """
     if added:
         beginning, _, rest = verdict_text(diagnosis, joints=joints, worst=worst).partition(":")
@@ -72,13 +73,13 @@ def verdict_text(
         return f"{beginning} an effect that could not be named."
     if diagnosis.verdict == "nothing-missing":
         return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
-    place = location(diagnosis.where, worst)
-    if place is None:
-        return f"{beginning} no effect of the library explains the structured residual."
-    return (
-        f"{beginning} no effect of the library explains the structured residual, mostly on {place.joint}, "
-        f"where {share_text(place.explained or 0.0)} follows {ALONG.get(place.variable, place.variable)}."
-    )
+    unknown = f"{beginning} no effect of the library explains the structured residual"
+    place, clearest = location(diagnosis.where, worst), location(diagnosis.where)
+    if place is None or clearest is None:
+        return f"{unknown}."
+    other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"
+    share, along = share_text(clearest.explained or 0.0), ALONG.get(clearest.variable, clearest.variable)
+    return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}."
 
 
 def location(where: Sequence[L], worst: str = "") -> L | None:

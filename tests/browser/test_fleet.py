@@ -56,6 +56,11 @@ def test_a_click_opens_a_set(results: Path, serve: Callable[..., str], open_page
         page.set_viewport_size({"width": width, "height": height})
         well_laid_out(page)
         shot(page, f"fleet-{width}")
+    # the address asks for the dark theme, so there is nothing to choose; and no plot of models to save yet
+    assert page.get_by_text("Dark theme", exact=True).is_hidden()
+    tab(page, "Compare").click()
+    until(lambda: not page.locator("button:visible", has_text="Save plots").count(), 20, "no button")
+    tab(page, "Fleet").click()
     lines.nth(7).locator("td").nth(1).click()
     until(lambda: opened.count() and opened.locator("td").first.inner_text() == "8", what="the other set")
     assert row(page, "Measurement set").locator("input").first.input_value() == "set7"

@@ -12,7 +12,7 @@ from flexviz.app.steps.another_set import AnotherSet
 from flexviz.app.steps.files import Files
 from flexviz.app.steps.step import WorkflowStep
 from flexviz.app.store import Store
-from flexviz.app.style import label_width
+from flexviz.app.style import hidden_in_the_dark, label_width
 from flexviz.app.tasks import sets_beside
 from flexviz.app.workspace import unsaved_dir
 from flexviz.errors import InputError
@@ -45,7 +45,7 @@ class DataStep(WorkflowStep):
         self.files = Files(store, page)
         self.another = AnotherSet(store, page)
         page.command("Read the data again", lambda: store.open_path(self._shown()))
-        page.checkbox("Dark theme", False, page.set_dark)
+        page.style(hidden_in_the_dark, page.checkbox("Dark theme", False, page.set_dark))
         page.style(label_width, self._choice, "7.6em")
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
         store.subscribe(Changed.OPENED | Changed.FOLDER, self._list_sets, Turn.CONTROLS)
