@@ -28,6 +28,7 @@ LAYERS = (
         "progress",
         "statistics",
         "jobs",
+        "parallel",
         "schemas",
         "toml",
         "charts",

@@ -71,12 +71,14 @@ def diagnose(
     from flexviz.diagnosis import why_no_curve
     from flexviz.importing import with_plausibility_warnings
     from flexviz.measurements import read_set
+    from flexviz.parallel import on_cores, usable_cores
 
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply beside it")
     terminal.check_output_file(json_file, ".json")
     check_draft_file(draft_effect)
-    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop:
+    cores = on_cores(usable_cores())
+    with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
         measurements = with_plausibility_warnings(read_set(measurement_set))
         result = search(
             measurements,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class CandidateScores:
     def shortened(self) -> CandidateScores:
         """The same with the signatures of the leading candidates only; all signatures take hundreds of MB."""
         kept = LIMITS.kept_signatures
-        rest = [replace(s, signature=np.zeros(0), rows=None) for s in self.ranked[kept:]]
+        rest = [s.without_signature() for s in self.ranked[kept:]]
         return CandidateScores([*self.ranked[:kept], *rest], self.projection)
 
 

@@ -114,8 +114,8 @@ def _extended(
     tell(stages.LOCATION)
     at_noise = FitContext(measurements, layout)
     fit = at_noise.fit(layout, after.x, iterations=0)
-    places, maps = locate_residual(at_noise, fit)
-    left = fit_free_curve(at_noise, fit, places[0])
+    places, maps, parts = locate_residual(at_noise, fit)
+    left = fit_free_curve(at_noise, fit, places[0], parts)
     prior = context.start(layout).prior
     kept = (note for note in diagnosis.notes if note.kind not in OF_THE_LAST_MODEL)
     return replace(

@@ -36,6 +36,7 @@ class Necessity:
         rise_error: standard error of the rise, from its scatter between short stretches.
         share: root of the absolute rise, relative to the spread of the joint's torque.
         credible: its parameters could be real.
+        quiet: the model errs little on its joint, so that even small effects stand out.
     """
 
     deviations: float
@@ -43,6 +44,7 @@ class Necessity:
     rise_error: float
     share: float
     credible: bool
+    quiet: bool
 
     @property
     def needed(self) -> bool:
@@ -50,7 +52,7 @@ class Necessity:
         harmless = self.held_out_rise < LIMITS.rise_deviations * self.rise_error
         return (
             self.credible
-            and self.deviations > (LIMITS.plain if harmless else LIMITS.significant)
+            and self.deviations > (LIMITS.plain if harmless or self.quiet else LIMITS.significant)
             and self.held_out_rise > 0
             and self.share > LIMITS.least_torque_share
         )
@@ -79,20 +81,21 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         firm: effects that are not dropped, such as those of the set's own model.
     """
     x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
+    walls = Walls.of(fit)
     judged, jacobian = fit.judged
     stretches = _stretches(fit)
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
     while True:
         found = {
-            effect: _necessity(fit, effect, where, x, covariance, judged, jacobian, stretches)
+            effect: _necessity(fit, effect, where, x, covariance, walls, judged, jacobian, stretches)
             for effect, where in left.items()
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
         if not weak:
             return Elimination(found, tuple(dropped), x)
         worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
-        move, covariance = _without(x, covariance, sizes(worst, left[worst]))
+        move, covariance = _without(x, covariance, sizes(worst, left[worst]), walls)
         x = x + move
         judged = judged + jacobian @ move
         x[left.pop(worst)] = 0.0
@@ -106,13 +109,14 @@ def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[tuple[Cho
     the joints, beside those before it.
     """
     # of independent errors: with it the conditional parameters are those of a fit without the effects
-    covariance = sandwich(fit.information, fit.information, fit.prior_derivatives[1], fit.at_bound).matrix
+    covariance = sandwich(fit.information, fit.information, fit.prior_derivatives[1], fit.held).matrix
+    walls = Walls.of(fit)
     judged, jacobian = fit.judged
     left = {effect: where for effect, where in fit.layout.effect_slices() if effect in effects}
 
     def without(absent: Mapping[ChosenEffect, slice]) -> Array:
         rows = [row for e, where in absent.items() for row in sizes(e, where)]
-        x = fit.x + _without(fit.x, covariance, rows)[0]
+        x = fit.x + _without(fit.x, covariance, rows, walls)[0]
         for where in absent.values():
             x[where] = 0.0
         return x
@@ -136,14 +140,46 @@ def sizes(effect: ChosenEffect, where: slice) -> list[int]:
     return [where.start + k for k in EFFECTS[effect.effect].size_at]
 
 
-def _without(x: Array, covariance: Array, rows: list[int]) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Bounds of the robot's own parameters that lie at one, where an effect may have driven them.
+
+    Attributes:
+        rows: shape (K,), indices of the parameters.
+        lower, upper: shape (K,).
+    """
+
+    rows: NDArray[np.intp]
+    lower: Array
+    upper: Array
+
+    @staticmethod
+    def of(fit: MotionFit) -> Walls:
+        """Those of a fit."""
+        rows = np.flatnonzero(fit.at_bound & ~fit.held)
+        bounds = fit.context.start(fit.layout).bounds
+        return Walls(rows, bounds.lower[rows], bounds.upper[rows])
+
+    def beyond(self, x: Array) -> list[int]:
+        """Parameters of x, shape (P,), outside their bounds."""
+        return self.rows[(x[self.rows] < self.lower) | (x[self.rows] > self.upper)].tolist()
+
+
+def _without(x: Array, covariance: Array, rows: list[int], walls: Walls) -> tuple[Array, Array]:
     """Move (P,) of the parameters when those at `rows` become zero, and the covariance given that.
 
-    Parameters held at a bound, without variance, say nothing about the others.
+    Parameters held at a bound, without variance, say nothing about the others; those at `walls` stay where
+    they would leave their bounds.
     """
     free = [row for row in rows if covariance[row, row] > 0]
     gain = np.linalg.solve(covariance[np.ix_(free, free)], covariance[free]).T
-    move = -gain @ x[free]
+    move, stay = -gain @ x[free], list[int]()
+    while out := [row for row in walls.beyond(x + move) if row not in stay]:
+        stay += out
+        fixed = free + stay
+        moves = np.linalg.solve(covariance[np.ix_(fixed, fixed)], covariance[fixed])[: len(free)]
+        move = -x[free] @ moves
+        move[stay] = 0.0
     move[rows] = -x[rows]
     return move, covariance - gain @ covariance[free]
 
@@ -154,6 +190,7 @@ def _necessity(
     where: slice,
     x: Array,
     covariance: Array,
+    walls: Walls,
     judged: Array,
     jacobian: Array,
     stretches: list[slice],
@@ -161,9 +198,9 @@ def _necessity(
     rows = sizes(effect, where)
     values, inside = x[rows], covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0) or not np.any(values):
-        return Necessity(0.0, 0.0, 0.0, 0.0, False)
+        return Necessity(0.0, 0.0, 0.0, 0.0, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
-    move, _ = _without(x, covariance, rows)
+    move, _ = _without(x, covariance, rows, walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
     joint = effect.joint
     joints = slice(None)
@@ -184,7 +221,9 @@ def _necessity(
     share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
     step = max(b.segment.step for b in fit.context.signals.blocks)
     credible = EFFECTS[effect.effect].credible(x[where], effect_evidence(fit, effect, step))
-    return Necessity(deviations, mean, error, share, credible)
+    near = fit.rms < LIMITS.far_off * fit.context.noise_floor
+    quiet = bool(near.all() if effect.joint is None else near[effect.joint])
+    return Necessity(deviations, mean, error, share, credible, quiet)
 
 
 def _stretches(fit: MotionFit) -> list[slice]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import held_out_share
-from flexviz.diagnosis.comparison import CandidateScores, SearchStep
+from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, SearchStep
 from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.fit_context import Fit, FitContext, Fitted
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
@@ -199,3 +202,21 @@ def effect_values(fit: Fitted, std: Array) -> tuple[dict[str, object], ...]:
             }
         )
     return tuple(out)
+
+
+def ranked(
+    context: FitContext, base: Fit, tried: Sequence[RefittedCandidate], first: Sequence[Finding]
+) -> list[Finding]:
+    """Candidates for the model `base`: the one added, `first`, then the others that were refitted."""
+    out = list(first)
+    named = {(f.effect, f.joint, f.group, f.payload) for f in out}
+    results = Comparison(list(tried)).objectives
+    for one in tried:
+        effect = one.effect
+        key = (effect.effect, base.layout.joint_name(effect), effect.group, effect.payload)
+        if key in named or base.objective - one.fit.objective <= 0:
+            continue
+        other = explain(context, SearchStep(base, one, results), one.fit)
+        most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
+        out.append(replace(other, confidence=min(other.confidence, most)))
+    return out

@@ -16,6 +16,7 @@ from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
+from flexviz.parallel import Background
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -58,3 +59,35 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
     if not closer.converged or closer.chi.max() > worst:
         return None
     return FinalRefit(closer.x, context.covariance(closer))
+
+
+class EarlyRefit:
+    """The final refit of a model that is probably the last, begun while the search looks for more.
+
+    Args:
+        measurements: the set.
+        check: called before each step of a refit; may raise to stop.
+    """
+
+    def __init__(self, measurements: MeasurementSet, check: Callable[[], None]) -> None:
+        self.measurements, self.check = measurements, check
+        self._fit: Fit | None = None
+        self._work: Background[FinalRefit | None] | None = None
+
+    def begin(self, fit: Fit) -> None:
+        """Begin with this model instead of an earlier one."""
+        self.close()
+        if fit.layout.n in FINAL_WEIGHTING.orders:
+            self._fit, self._work = fit, Background(lambda: final_refit(self.measurements, fit, self.check))
+
+    def of(self, fit: Fit) -> FinalRefit | None:
+        """The refit of a model."""
+        if self._work is None or self._fit is not fit:
+            self.begin(fit)
+        return self._work.result() if self._work is not None else None
+
+    def close(self) -> None:
+        """End what was begun."""
+        if self._work is not None:
+            self._work.close()
+            self._work = None

@@ -19,7 +19,14 @@ from flexviz.diagnosis.curves import KAPPAS, CurveResponse, Splines, curve_respo
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, FreeCurve
 from flexviz.diagnosis.residual_location import joint_maps
-from flexviz.diagnosis.residuals import Absorption, SlowResidual, absorption, joint_residuals, samples
+from flexviz.diagnosis.residuals import (
+    Absorption,
+    JointResiduals,
+    SlowResidual,
+    absorption,
+    joint_residuals,
+    samples,
+)
 from flexviz.diagnosis.result import ResidualLocation
 
 Array = NDArray[np.float64]
@@ -39,13 +46,15 @@ class SmoothFit:
     prediction: Array
 
 
-def fit_free_curve(context: FitContext, fit: Fit, place: ResidualLocation) -> FreeCurve:
+def fit_free_curve(
+    context: FitContext, fit: Fit, place: ResidualLocation, parts: list[JointResiduals] | None = None
+) -> FreeCurve:
     """Curve of a joint's residual against the variable of a location.
 
     A group or a frequency is replaced by the variable of the joint that explains most. Against position there
-    is one curve per direction if this explains clearly more.
+    is one curve per direction if this explains clearly more. `parts`: the residuals, if they are known.
     """
-    parts = joint_residuals(context, fit)
+    parts = joint_residuals(context, fit) if parts is None else parts
     data = samples(context, fit, parts)
     joint = fit.layout.joints.index(place.joint)
     variable, sides = _variable(data, joint, place.variable)

@@ -98,8 +98,8 @@ class ManyEffects:
         context = FitContext(self.measurements, final.layout)
         at_noise = context.fit(final.layout, final.x, iterations=0)
         tell(stages.LOCATION)
-        where, maps = locate_residual(context, at_noise)
-        curve = fit_free_curve(context, at_noise, where[0]) if last == "unknown" else None
+        where, maps, parts = locate_residual(context, at_noise)
+        curve = fit_free_curve(context, at_noise, where[0], parts) if last == "unknown" else None
         bandwidths = None
         if guarded:
             tell(stages.BANDWIDTH)

@@ -68,6 +68,15 @@ class ModelFamily:
         curves = self.curves if curves is None else curves
         return self.context.fit(layout, x, curves=curves, iterations=iterations, check=lambda: self.say(""))
 
+    def weigh(self, fit: MotionFit) -> Callable[[Array, int], Array]:
+        """Function that weights the columns of a stretch like the residual of a fit."""
+
+        def weigh(columns: Array, block: int) -> Array:
+            rows = self.context.signals.blocks[block].rows
+            return (columns * fit.weights[rows][:, :, None]).reshape(-1, columns.shape[2])
+
+        return weigh
+
     # -- the rich model
 
     def usual_fit(self, beside: MotionFit | None = None) -> MotionFit:
@@ -121,6 +130,17 @@ class ModelFamily:
             smaller = Layout(fit.layout.joints, tuple(result.kept))
             fit = self.fit(smaller, fit.towards(result.x, smaller))
         return fit, eliminate(fit, frozenset(fit.layout.effects)).kept
+
+    def without_absent(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model without effects of size zero, which the last fit has brought to their bound."""
+        absent = {e for e, need in needed.items() if need.deviations == 0} - set(self.own.effects)
+        if not absent:
+            return fit, needed
+        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in absent))
+        fit = self.fit(smaller, smaller.vector(fit.layout.model(fit.x)))
+        return fit, eliminate(fit, frozenset(smaller.effects)).kept
 
     def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
         """Torque offsets beside a spring, whose rest angle they stand for during the search.

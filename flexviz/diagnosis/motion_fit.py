@@ -115,9 +115,13 @@ class MotionFit:
     @cached_property
     def covariance(self) -> Covariance:
         """Of the parameters, from the residual's own spectra."""
-        rows = [b.rows for b in self.context.signals.blocks]
-        score = score_covariance(*self.whitened, rows)
-        return sandwich(self.information, score, self.prior_derivatives[1], self.at_bound)
+        score = score_covariance(*self.whitened, [b.rows for b in self.context.signals.blocks])
+        return sandwich(self.information, score, self.prior_derivatives[1], self.held)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Parameters at a bound that count as certain: those of effects, not the robot's own, shape (P,)."""
+        return self.at_bound & (np.arange(len(self.x)) >= self.layout.effect_start)
 
     @cached_property
     def rms(self) -> Array:
@@ -182,8 +186,7 @@ class MotionContext:
         self.signals = self._signals(measurements.fit_groups)
         self._held = self._signals(held) if held else None
         self.apart = np.zeros(len(joints), bool)
-        self._shared: dict[object, Any] = {}
-        self._held_shared: dict[object, Any] = {}
+        self._shared, self._held_shared = dict[object, Any](), dict[object, Any]()
         bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
         self._start = start_values(measurements, bare)
         rigid = bare.evaluate(self._start.x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,14 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from flexviz.diagnosis import stages
+from flexviz.diagnosis import evidence, stages
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import NearNoise
-from flexviz.diagnosis.comparison import Comparison, RefittedCandidate, SearchStep
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
-from flexviz.diagnosis.evidence import effect_values, explain, explained_residual, made_step, uncertain
-from flexviz.diagnosis.final_refit import Conclusion, final_refit
+from flexviz.diagnosis.final_refit import Conclusion, EarlyRefit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
@@ -27,7 +27,7 @@ from flexviz.diagnosis.model_error import ModelErrorSearch
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
-from flexviz.diagnosis.result import Diagnosis, Finding
+from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -35,6 +35,7 @@ from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
+from flexviz.parallel import Background
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback
 from flexviz.results import Note, Verdict
 
@@ -71,8 +72,8 @@ def diagnose(
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"):
-        pipeline = _Pipeline(measurements, start, progress, should_stop)
-        result = pipeline.run(apply, guarded)
+        with contextlib.closing(_Pipeline(measurements, start, progress, should_stop)) as pipeline:
+            result = pipeline.run(apply, guarded)
         if apply and free_curve and not why_no_curve(result):
             result = pipeline.with_curve(result)
         if result.stopped and not result.findings and (best := pipeline.news.so_far) is not None:
@@ -106,7 +107,9 @@ class _Pipeline:
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
-        self.start = start
+        self.start = None if callable(start) else start
+        self.plain = Background(lambda: self.plain_model(start if callable(start) else None))
+        self.refit = EarlyRefit(measurements, self.check_stop)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
@@ -164,6 +167,11 @@ class _Pipeline:
             pass  # the result contains the findings so far
         return self.result(apply, guarded)
 
+    def close(self) -> None:
+        """End what was begun beside the search."""
+        self.plain.close()
+        self.refit.close()
+
     def with_curve(self, result: Diagnosis) -> Diagnosis:
         """The result with a free curve; without if the user stops it."""
         try:
@@ -178,12 +186,15 @@ class _Pipeline:
         """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        model = self.start() if callable(self.start) else self.start
-        if model is None:
-            model = identify(self.measurements, should_stop=self.should_stop).model
+        model = self.start if self.start is not None else self.plain.result()
         x = self.layout.vector(model)
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
+
+    def plain_model(self, known: Callable[[], FlexibleModel | None] | None) -> FlexibleModel:
+        """The model that is `known`, or else the one of a plain identification."""
+        model = known() if known is not None else None
+        return model if model is not None else identify(self.measurements, should_stop=self.should_stop).model
 
     def check_stop(self) -> None:
         self.say("")
@@ -195,6 +206,8 @@ class _Pipeline:
         for number in range(LIMITS.rounds):
             fit = self.final
             self.say("scoring candidate effects")
+            if (apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
+                self.refit.begin(fit)
             gained = self.reference.objective - fit.objective
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
             if number == 0:
@@ -217,8 +230,7 @@ class _Pipeline:
         """A refit with its covariance, without what takes memory."""
         fit = refitted.fit
         covariance = self.context.covariance(fit)
-        scored = replace(refitted.scored, signature=np.zeros(0), rows=None)
-        return RefittedCandidate(scored, fit.reported(covariance))
+        return RefittedCandidate(refitted.scored.without_signature(), fit.reported(covariance))
 
     def replace_final(self, fit: Fit) -> None:
         """Replace the fit of the final model by a better one from other start values."""
@@ -256,7 +268,7 @@ class _Pipeline:
 
     def imitates(self, step: SearchStep) -> bool:
         """Whether an effect is too uncertain or explains much less than a free curve of its joint."""
-        if uncertain(self.context, step, self.final):
+        if evidence.uncertain(self.context, step, self.final):
             return True
         if step.chosen.effect.joint is None or step.scores is None:
             return False
@@ -272,11 +284,11 @@ class _Pipeline:
         if self.model_error_variance is not None:
             in_noise_units = self.context.fit(self.final.layout, self.final.x, iterations=0)
         findings = [
-            explain(
+            evidence.explain(
                 self.context,
                 step,
                 in_noise_units if step.adapted is None else self.final,
-                explained_residual(
+                evidence.explained_residual(
                     step.before.layout, step.chosen.effect.joint, self.error_band, before, after
                 ),
             )
@@ -287,24 +299,24 @@ class _Pipeline:
             fits[-1], errors[-1] = last.fit, self.error_band.errors(last.fit)
         added = [None, *findings] if apply else [None]
         verdicts: list[Verdict] = [*("missing" for _ in self.steps), last.verdict]
-        taken = [made_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
+        taken = [evidence.made_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
         prior = self.context.start(layout).prior
-        where, maps = locate_residual(self.context, final)
+        where, maps, parts = locate_residual(self.context, final)
         curve = bandwidths = None
         reached = last.verdict != "unknown"
         if not self.stopped:
-            curve = None if reached else fit_free_curve(self.context, final, where[0])
+            curve = None if reached else fit_free_curve(self.context, final, where[0], parts)
             if guarded or (guarded is None and not reached):
                 self.tell(stages.BANDWIDTH)
                 bandwidths = check_bandwidth(self.measurements, layout, final.x)
         return Diagnosis(
             set_name=self.measurements.name,
             verdict=taken[0].verdict,
-            findings=tuple(self.ranked(findings[:1])),
+            findings=tuple(evidence.ranked(self.context, self.base, self.tried, findings[:1])),
             where=where,
             steps=tuple(taken),
-            effects=effect_values(final, last.covariance.standard_errors),
+            effects=evidence.effect_values(final, last.covariance.standard_errors),
             parameters=parameter_estimates(
                 layout, final.x, prior.centre, last.covariance, np.zeros(layout.size, bool), prior
             ),
@@ -326,25 +338,10 @@ class _Pipeline:
         if last == "nothing-missing":
             try:
                 self.say(stages.FINAL_REFIT)
-                closer = final_refit(self.measurements, final, self.search.check)
+                closer = self.refit.of(final)
             except Interrupted:
                 closer = None
             if closer is not None:
                 fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
                 return Conclusion(fit, last, closer.covariance, refined=True)
         return Conclusion(final, last, self.context.covariance(final))
-
-    def ranked(self, first: list[Finding]) -> list[Finding]:
-        """Candidates for the set's own model: the one added first, then the others that were refitted."""
-        out = list(first)
-        named = {(f.effect, f.joint, f.group, f.payload) for f in out}
-        results = Comparison(self.tried).objectives
-        for tried in self.tried:
-            effect = tried.effect
-            key = (effect.effect, self.base.layout.joint_name(effect), effect.group, effect.payload)
-            if key in named or self.base.objective - tried.fit.objective <= 0:
-                continue
-            other = explain(self.context, SearchStep(self.base, tried, results), tried.fit)
-            most = (1 - out[0].confidence if out else 0.5) / (1 + len(out))
-            out.append(replace(other, confidence=min(other.confidence, most)))
-        return out

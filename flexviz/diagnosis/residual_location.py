@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +21,13 @@ from flexviz.diagnosis.cross_validation import (
 from flexviz.diagnosis.curves import explained_by_curve
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.records import DIRECTED, DIRECTION_GAIN, DIRECTIONS, UNITS, ResidualMap
-from flexviz.diagnosis.residuals import SLOW, SlowResidual, joint_residuals, samples
+from flexviz.diagnosis.residuals import SLOW, JointResiduals, SlowResidual, joint_residuals, samples
 from flexviz.diagnosis.result import ResidualLocation
 from flexviz.diagnosis.spectrum import HANN_LINES, Spectrum, periodogram, spectra
 from flexviz.equation import layout_of
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
@@ -225,19 +227,31 @@ def maps_of(
     layout = layout_of(measurements, effects)
     context = FitContext(measurements, layout)
     check()
-    return locate_residual(context, context.fit(layout, layout.vector(model), iterations=0), check)[1]
+    return locate_residual(context, context.fit(layout, layout.vector(model), iterations=0), check).maps
+
+
+class Located(NamedTuple):
+    """Where the residual of a fit lies.
+
+    Attributes:
+        places: the joint with the largest structured residual first, each by explained share.
+        maps: of every joint and variable.
+        parts: the residuals that were looked at.
+    """
+
+    places: tuple[ResidualLocation, ...]
+    maps: tuple[ResidualMap, ...]
+    parts: list[JointResiduals]
 
 
 def residual_locations(
     context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
 ) -> tuple[ResidualLocation, ...]:
     """Locations of the residual: by joint, then by explained share."""
-    return locate_residual(context, fit, check)[0]
+    return locate_residual(context, fit, check).places
 
 
-def locate_residual(
-    context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None
-) -> tuple[tuple[ResidualLocation, ...], tuple[ResidualMap, ...]]:
+def locate_residual(context: FitContext, fit: Fit, check: Callable[[], None] = lambda: None) -> Located:
     """Locations of the residual and their maps, the joint with the largest structured residual first.
 
     An effect missing on a neighbouring joint may leave a larger but unstructured residual. "position" also
@@ -249,9 +263,13 @@ def locate_residual(
     found = spectra(context, fit, parts)
     places: list[tuple[float, list[ResidualLocation]]] = []
     all_maps: list[ResidualMap] = []
-    for j in sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square):
+
+    def maps_of_joint(j: int) -> list[ResidualMap]:
         check()
-        seen = (*joint_maps(data, j), frequency_map(data, j, found[j]))
+        return [*joint_maps(data, j), frequency_map(data, j, found[j])]
+
+    order = sorted(range(fit.layout.n), key=lambda k: -found[k].chi_square)
+    for j, seen in zip(order, shared(maps_of_joint, order), strict=True):
         all_maps.extend(seen)
         rows = {m.variable: m for m in seen}
         both, position = rows.pop(DIRECTED), rows["position"]
@@ -263,4 +281,4 @@ def locate_residual(
         weight = found[j].chi_square * max(surely, UNSTRUCTURED_SHARE)
         places.append((weight, [ResidualLocation(m.joint, m.variable, m.explained, m.range) for m in ranked]))
     places.sort(key=lambda joint: -joint[0])
-    return tuple(place for _, joint in places for place in joint), tuple(all_maps)
+    return Located(tuple(place for _, joint in places for place in joint), tuple(all_maps), parts)

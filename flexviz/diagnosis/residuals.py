@@ -22,6 +22,7 @@ from flexviz.estimation import (
     noise_paths,
 )
 from flexviz.observers import FlatZeroPhase
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
@@ -68,34 +69,40 @@ class JointResiduals:
 
 def joint_residuals(context: FitContext, fit: Fit) -> list[JointResiduals]:
     """Residuals of the fit groups and, if any, of the validation groups."""
-    out = []
-    for source, point in ((context.two_band, fit.point), (context.validation, fit.held_out)):
-        if source is None or point is None:
-            continue
-        two_band = source.with_layout(fit.layout)
-        wide = two_band.wide.at(fit.x)
-        residual = wide.residual(fit.x)
-        paths = noise_paths(fit.layout, fit.x, point.link)
-        whiteners = two_band.joint_whiteners(paths)
-        chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.link)
-        unknown = pulses(wide, fit.x, chain)
-        white, slow = np.zeros_like(residual), np.zeros_like(residual)
-        shown = np.zeros(len(residual), bool)
-        for index, block in enumerate(two_band.blocks):
-            rows, here = block.rows, [p for p in unknown if p.block == index]
-            for j, whitener_j in enumerate(whiteners[index]):
-                residual[rows, j], white[rows, j] = settled_reversals(
-                    whitener_j, residual[rows, j], point.used[rows], here, j
-                )
-            kept = block.rows.start + np.flatnonzero(point.used[block.rows])
-            step = block.segment.step * block.stride
-            edge = int(np.ceil(SLOW_EDGE / step))
-            inner = slice(edge, max(len(kept) - edge, edge))
-            slow[kept[inner]] = SLOW.derivatives(residual[kept], step, 1)[0, inner]
-            shown[kept[inner]] = True
-        white[~point.used] = 0.0
-        out.append(JointResiduals(two_band, point, residual, slow, shown, white, paths))
-    return out
+    parts = ((context.two_band, fit.point), (context.validation, fit.held_out))
+    return [_of_groups(fit, data, point) for data, point in parts if data is not None and point is not None]
+
+
+def _of_groups(fit: Fit, data: TwoBandData, point: Point) -> JointResiduals:
+    two_band = data.with_layout(fit.layout)
+    wide, blocks = two_band.wide.at(fit.x), two_band.blocks
+    residual = wide.residual(fit.x)
+    paths = noise_paths(fit.layout, fit.x, point.link)
+    whiteners = two_band.joint_whiteners(paths)
+    chain = Chain(fit.x[fit.layout.compliance], fit.x[fit.layout.link_viscous], point.link)
+    unknown: list[list[Pulses]] = [[] for _ in blocks]
+    for part in pulses(wide, fit.x, chain):
+        unknown[part.block].append(part)
+
+    def settled(at: tuple[int, int]) -> tuple[Array, Array]:
+        k, j = at
+        rows = blocks[k].rows
+        return settled_reversals(whiteners[k][j], residual[rows, j], point.used[rows], unknown[k], j)
+
+    each = [(k, j) for k in range(len(blocks)) for j in range(fit.layout.n)]
+    white, slow = np.zeros_like(residual), np.zeros_like(residual)
+    for (k, j), found in zip(each, shared(settled, each), strict=True):
+        residual[blocks[k].rows, j], white[blocks[k].rows, j] = found
+    shown = np.zeros(len(residual), bool)
+    for block in blocks:
+        kept = block.rows.start + np.flatnonzero(point.used[block.rows])
+        step = block.segment.step * block.stride
+        edge = int(np.ceil(SLOW_EDGE / step))
+        inner = slice(edge, max(len(kept) - edge, edge))
+        slow[kept[inner]] = SLOW.derivatives(residual[kept], step, 1)[0, inner]
+        shown[kept[inner]] = True
+    white[~point.used] = 0.0
+    return JointResiduals(two_band, point, residual, slow, shown, white, paths)
 
 
 def settled_reversals(

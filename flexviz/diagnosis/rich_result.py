@@ -20,6 +20,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Projection
+from flexviz.parallel import shared
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -65,13 +66,14 @@ def staircase(
     """
     ordered = by_weight(rich.fit, rich.added(own))
     added = [None, *(effect for effect, _ in ordered)]
-    stairs = []
-    for count, (_, x) in enumerate(ordered):
+
+    def stair(count: int) -> Stair:
         layout = Layout(own.joints, (*own.effects, *(e for e, _ in ordered[:count])))
-        start = rich.fit.towards(x, layout)
+        start = rich.fit.towards(ordered[count][1], layout)
         fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
-        stairs.append(Stair.of(added[count], fit, band))
-    return [*stairs, Stair.of(added[-1], rich.fit, band)]
+        return Stair.of(added[count], fit, band)
+
+    return [*shared(stair, range(len(ordered))), Stair.of(added[-1], rich.fit, band)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:

@@ -24,6 +24,7 @@ from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_g
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, best_intervals, score
+from flexviz.parallel import shared
 from flexviz.wording import plural
 
 Array = NDArray[np.float64]
@@ -133,7 +134,7 @@ class RichSearch(ModelFamily):
             joints = {e.joint for e in set(fit.layout.effects) - set(merged.layout.effects)}
             self._refused = {e for e in self._refused if e.joint not in joints}
             merged, kept = self.with_all_found(*self.refined(merged, kept, joints))
-        fit, needed = self.without_superfluous_curves(merged, kept)
+        fit, needed = self.without_absent(*self.without_superfluous_curves(merged, kept))
         return RichModel(fit, needed, self.curves)
 
     def keep(self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]) -> None:
@@ -271,12 +272,19 @@ class RichSearch(ModelFamily):
         weigh, projection = self.weigh(fit), fit.projection
         groups = self.context.measurements.groups
         wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
-        found = score(fit.point, fit.chain, wanted, weigh, projection)
-        for joint in range(fit.layout.n):
+
+        def of_joint(joint: int | None) -> list[ScoredCandidate]:
             self.say("")
-            intervals = best_intervals(fit.point, joint, weigh, projection, longest=LIMITS.longest_episode)
-            found += [s for s in intervals if s.effect not in self._refused]
-        return sorted(found, key=lambda s: -s.gain)
+            here = [e for e in wanted if e.joint == joint]
+            found = score(fit.point, fit.chain, here, weigh, projection)
+            if joint is not None:
+                longest = LIMITS.longest_episode
+                intervals = best_intervals(fit.point, joint, weigh, projection, longest=longest)
+                found += [s for s in intervals if s.effect not in self._refused]
+            return [s.without_signature() for s in found]
+
+        found = shared(of_joint, [*range(fit.layout.n), None])
+        return sorted((s for part in found for s in part), key=lambda s: -s.gain)
 
     def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> UnknownCurve | None:
         """The free curve that explains much more than any candidate on its joint; the largest one."""
@@ -300,15 +308,6 @@ class RichSearch(ModelFamily):
         columns[:, curve.joint] = own
         columns *= fit.weights[:, :, None]
         return explained_gain(curve, *fit.projection.normal(columns.reshape(-1, own.shape[1])))
-
-    def weigh(self, fit: MotionFit) -> Callable[[Array, int], Array]:
-        """Function that weights the columns of a stretch like the residual of a fit."""
-
-        def weigh(columns: Array, block: int) -> Array:
-            rows = self.context.signals.blocks[block].rows
-            return (columns * fit.weights[rows][:, :, None]).reshape(-1, columns.shape[2])
-
-        return weigh
 
     def best_of_each_joint(self, fit: MotionFit, leading: list[ScoredCandidate]) -> list[ScoredCandidate]:
         """The best candidate of each joint, and of those without one, that explains a clear share."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
+from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.recurrence import chained
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts
+SMALLEST_ANGLE = 1e-5  # [rad]
 INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, uniform within ±1
 
 
@@ -70,6 +71,10 @@ class PreslidingHysteresis(LawEffect):
             column = context.filtered(parts, joint, self.depth)[..., None]
             out.append(Guess(self.entry, (joint,), column, to_values))
         return out
+
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
+        """Not over an angle that no record resolves: that is sliding friction."""
+        return super().credible(values, evidence) and values[1] > SMALLEST_ANGLE * values[0]
 
     def refining(self, simpler: Array) -> Array:
         return np.array([simpler[0] / START_ANGLE, simpler[0]])

@@ -12,7 +12,7 @@ of two steps, so that the gain of every pair follows from the Gram matrix of the
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,6 +111,10 @@ class ScoredCandidate:
     values: Array
     signature: Array
     rows: slice | None = None
+
+    def without_signature(self) -> ScoredCandidate:
+        """The same without what takes memory."""
+        return replace(self, signature=np.zeros(0), rows=None)
 
 
 def score(

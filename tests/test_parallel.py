@@ -1,0 +1,89 @@
+"""Work on several cores gives what one core gives, and survives what happens to a copy of the process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+from flexviz import parallel
+from flexviz.parallel import Background, on_cores, shared, usable_cores
+
+TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
+
+
+def test_one_core_is_the_default() -> None:
+    here = os.getpid()
+    assert shared(lambda k: (k, os.getpid()), range(3)) == [(k, here) for k in range(3)]
+    assert Background(os.getpid).result() == here
+
+
+@TWO
+@pytest.mark.parametrize("count", [0, 1, 2, 300])
+def test_results_come_in_order(count: int) -> None:
+    with on_cores(2):
+        assert shared(lambda k: k**2, range(count)) == [k**2 for k in range(count)]
+
+
+@TWO
+def test_the_work_is_shared() -> None:
+    def piece(_: int) -> int:
+        time.sleep(0.05)
+        return os.getpid()
+
+    with on_cores(2):
+        assert len(set(shared(piece, range(6)))) == 2
+        background = Background(os.getpid)
+        assert background.result() != os.getpid()
+
+
+@TWO
+def test_what_fails_in_a_copy_fails_here() -> None:
+    def piece(k: int) -> int:
+        time.sleep(0.02)
+        if k == 3:
+            raise ValueError(f"piece {k}")
+        return k
+
+    with on_cores(2):
+        with pytest.raises(ValueError, match="piece 3"):
+            shared(piece, range(6))
+        with pytest.raises(ZeroDivisionError):
+            Background(lambda: 1 // 0).result()
+
+
+@TWO
+def test_a_killed_copy_is_replaced() -> None:
+    here = os.getpid()
+
+    def piece(k: int) -> int:
+        time.sleep(0.02)
+        if os.getpid() != here:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return k
+
+    with on_cores(2):
+        assert shared(piece, range(6)) == list(range(6))
+        assert Background(lambda: piece(7)).result() == 7
+
+
+@TWO
+def test_no_process_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[int] = []
+    fork = os.fork
+
+    def counted() -> int:
+        begun.append(fork())
+        return begun[-1]
+
+    monkeypatch.setattr(parallel.os, "fork", counted)
+    with on_cores(2):
+        shared(abs, range(4))
+        Background(lambda: time.sleep(60)).close()
+        with pytest.raises(KeyboardInterrupt):
+            shared(lambda k: (_ for _ in ()).throw(KeyboardInterrupt), range(4))
+    for number in begun:
+        with pytest.raises(ProcessLookupError):
+            os.kill(number, 0)
