@@ -173,8 +173,11 @@ def test_they_are_used_saved_and_shown(tmp_path):
     # the preview repeats the residual and the noise floor of the fit
     group = measurements.fit_groups[0]
     alone = identify(measurements, groups=[group.name], observer="eso", gains=gains, max_iterations=3)
-    seen = ResidualPreview(measurements, group, alone.model).at(alone.observer)
+    preview = ResidualPreview(measurements, group, alone.model)
+    seen = preview.at(alone.observer)
     np.testing.assert_allclose(seen.rms, alone.residual.rms, rtol=1e-6)
+    preview.at(make_observer("butterworth-zero-phase", 30.0))  # and keeps nothing of another observer
+    np.testing.assert_array_equal(preview.at(alone.observer).residual, seen.residual)
     np.testing.assert_allclose(seen.noise_floor, alone.residual.noise_floor, rtol=0.02)
 
     session = Session.of(measurements)

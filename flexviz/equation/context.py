@@ -54,6 +54,7 @@ class EffectContext:
         self._x, self._q, self._s = x.copy(), q, s
         self._bands = bands
         self._motions: dict[int, list[JointMotion]] = {}
+        self._used: list[FineSignals] | None = None  # what determines the motions, where s does not
         self._cache: dict[object, Array] = {}
 
     @property
@@ -68,6 +69,11 @@ class EffectContext:
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals with other parameters."""
         return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, self._bands)
+
+    def take_motions(self, earlier: EffectContext) -> None:
+        """Use the motions of an earlier context with the same parameters, where they are the same."""
+        if earlier._motions and self._s is None and self.fine() is earlier._used:
+            self._motions, self._used = earlier._motions, earlier._used
 
     # -- the protocol ------------------------------------------------------------------------------------
 
@@ -217,6 +223,7 @@ class EffectContext:
 
     def motions(self, joint: int) -> Sequence[JointMotion]:
         if joint not in self._motions:
+            self._used = None if self._s is not None else self.fine()
             self._motions[joint] = self._make_motions(joint)
         return self._motions[joint]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.equation import Equation, build_signals, layout_of
+from flexviz.equation import Equation, OperatingPoint, build_signals, layout_of
 from flexviz.estimation import noise_density, noise_paths
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.model import FlexibleModel
@@ -58,6 +58,7 @@ class ResidualPreview:
         self._layout = layout_of(measurements, tuple(effects))
         self._x = self._layout.vector(model)
         self._fine: dict[object, Any] = {}  # wide-band signals, which depend on no observer
+        self._point: OperatingPoint | None = None  # of the last evaluation
         equation = self._equation(ButterworthZeroPhase(SEEN))
         link = equation.at(self._x).link_terms(self._x)
         every = slice(None, None, max(1, equation.signals.count // FLOOR_SAMPLES))
@@ -74,7 +75,11 @@ class ResidualPreview:
     def at(self, observer: Observer) -> ObservedResidual:
         """The residual with this observer; InputError if the group is too short for it."""
         equation = self._equation(observer)
-        residual = equation.at(self._x).residual(self._x)
+        point = equation.at(self._x)
+        if self._point is not None:
+            point.context.take_motions(self._point.context)
+        self._point = point
+        residual = point.residual(self._x)
         rms = np.sqrt(np.mean(residual**2, axis=0))
         return ObservedResidual(equation.signals.time, residual, rms, self.noise_floor(observer))
 
