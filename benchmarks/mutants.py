@@ -48,7 +48,8 @@ TESTS = {
     ),
     "observers": ("observers.py", "observer_gains.py", "equation.py"),
     "effects": (
-        "effects_judged.py", "effects.py", "effects_limits.py", "effects_coupled.py", "effects_elastic.py",
+        "effects_judged.py", "effects_curves.py", "effects.py", "effects_limits.py", "effects_coupled.py",
+        "effects_elastic.py",
         "effects_memory.py", "curve_forms.py", "equation.py", "equation_truth.py",
         "diagnosis_parts.py::test_what_is_judged",
         "temperature_friction.py::test_closed_form_at_several_temperatures",
@@ -348,9 +349,10 @@ class Tests:
             contexts |= set(self._lines.get(mutant.path, {}).get(str(line), ()))
         files = {context[:-2] for context in contexts if context.endswith("::")}
         chosen = [name for name in self.seconds if name in contexts or name.split("::")[0] in files]
-        if "" in contexts and not chosen:  # it runs when the module is imported
-            chosen = list(self.seconds)
         chosen.sort(key=self.seconds.__getitem__)
+        if "" in contexts:  # it runs when the module is imported, and any test may need what it made
+            others = self.seconds.keys() - set(chosen)
+            chosen += sorted(others, key=lambda name: (self.seconds[name], name))
         spent = 0.0
         for k, name in enumerate(chosen):
             spent += self.seconds[name]

@@ -13,21 +13,21 @@ from benchmarks.effect_pages.pictures import PLACE
 from flexviz.effects import (
     CURVES,
     EFFECTS,
+    ChosenEffect,
     Effect,
     EffectEvidence,
     EffectTarget,
     JointScale,
     LawEffect,
     LinearEffect,
-    LoadedEffect,
     ParameterSpec,
-    Terms,
-    free_curve,
+    choose_effects,
 )
 from flexviz.effects.base_tilt import BaseTilt
-from flexviz.effects.free_curve import BEND, NODES, SIZE
-from flexviz.effects.trial import TrialSignal
-from tests.test_effects import LAW_EFFECTS, MOTION, VALUES, value
+from flexviz.effects.trial import TrialMotion
+from flexviz.errors import InputError
+from flexviz.model import EffectValue
+from tests.test_effects import MOTION, VALUES, value
 
 FRICTION = {"coulomb_friction", "stribeck_friction", "quadratic_friction", "load_dependent_friction"}
 HAVING = {  # trait → the effects that have it, all others do not
@@ -127,6 +127,42 @@ def test_traits_that_a_law_shows(name: str) -> None:
     assert effect.terms(MOTION, PLACE, np.array(VALUES[name])).entry == effect.entry == entry
 
 
+def test_linear_effects_say_so() -> None:
+    """Their columns are made once for a fit, and a search scores them exactly."""
+    linear = set()
+    for name, effect in EFFECTS.items():
+        one, other = np.array(VALUES[name]), 0.7 * np.array(VALUES[name])[::-1] + 0.1
+        parts = [effect.terms(MOTION, PLACE, values).slopes for values in (one, other)]
+        linear |= {name} if np.allclose(*parts, rtol=1e-9, atol=1e-12) else set()
+    assert linear - {"payload_error"} == {e.name for e in EFFECTS.values() if e.linear}
+
+
+def test_places_in_text() -> None:
+    pair = ("a", "b")
+    assert len(choose_effects(["coupled_friction", "motor_coupling"], pair)) == 3
+    many = choose_effects(
+        ["payload_error", "presliding_hysteresis:b", "coulomb_friction"], pair, ["p1", "p2"]
+    )
+    assert [e.text(pair) for e in many] == [
+        "payload_error:p1", "payload_error:p2", "presliding_hysteresis:b", "coulomb_friction:a",
+    ]  # fmt: skip
+    assert [e.place for e in many][1:3] == [EffectTarget(payload="p2"), EffectTarget(1)]
+    (delay,) = choose_effects(["torque_delay"], pair)
+    assert delay.place == EffectTarget() and delay.value(pair).joint is None
+    for text, words in (
+        ("torque_delay:b", 'belongs to no joint; write "torque_delay"'),
+        ("payload_error:p3", 'payload "p3" is not carried'),
+        ("torque_offset:c", 'joint "c" is not in the set'),
+        ("external_contact:b", "name the group, as in"),
+        ("external_contact:b@g1", 'group "g1" is not in the set'),
+        ("external_contact", 'as in "external_contact:a@group"'),
+    ):
+        with pytest.raises(InputError, match=words):
+            choose_effects([text], pair, ["p1"])
+    with pytest.raises(InputError, match='joint "z" is not in the set'):
+        ChosenEffect.of(EffectValue("torque_offset", "z", {}), pair)
+
+
 def test_places_in_a_robot() -> None:
     """Where a search tries an effect: every joint, every payload, once per set, nowhere for episodes."""
     joints = [EffectTarget(0), EffectTarget(1), EffectTarget(2)]
@@ -174,7 +210,11 @@ def test_sizes_that_are_too_small_or_too_large_are_not_believed() -> None:
         least = 3e-5 * rms(evidence.torque)
         seen = [contact.credible(np.array([sign * s * least, 1.0, 2.0]), evidence) for s in (0.9, 1.1)]
         assert seen == [False, True]
-        assert [gain.credible(np.array([sign * g]), evidence) for g in (0.39, 0.41)] == [True, False]
+        assert [gain.credible(np.array([sign * g]), evidence) for g in (0.39, 0.4, 0.41)] == [
+            True,
+            False,
+            False,
+        ]
     assert contact.possible(np.array([1.0, 2.0, 2.0])) and not contact.possible(np.array([1.0, 2.0, 1.9]))
     assert all(e.possible(np.array(VALUES[n])) for n, e in EFFECTS.items())
 
@@ -260,6 +300,30 @@ def test_a_search_over_a_grid_meets_what_is_between(name: str) -> None:
         assert np.allclose(best[1], true, rtol=1.5)
 
 
+@pytest.mark.parametrize("name", ["torque_ripple", "transmission_error"])
+def test_waves_keep_all_they_contain_and_fit_from_any_phase(name: str) -> None:
+    """Decimated no further than 40 cycles per turn at the highest speed allow; a and φ of sine and cosine."""
+    asked: list[float] = []
+
+    class Asked(TrialMotion):
+        def decimation(self, joint: int, depth: int, highest: float) -> list[int]:
+            asked.append(highest)
+            return [1]
+
+    made = Asked(MOTION.time, MOTION.motor, MOTION.torque)
+    guesses = EFFECTS[name].guesses(made, PLACE)
+    (highest,) = asked
+    fastest = 40 * np.abs(MOTION.theta(0)[1]).max()
+    assert fastest < highest < 2 * fastest and len(guesses) == 40
+    for order in (1, 7, 40):
+        columns = guesses[order - 1].columns
+        angle = order * MOTION.theta(0)[0]
+        np.testing.assert_allclose(columns[:, 0, :, 0], [np.sin(angle), np.cos(angle)], atol=1e-9)
+        amplitude, n, phase = guesses[order - 1].to_values(np.array([-0.6, 0.8]))
+        assert (amplitude, n) == pytest.approx((1.0, order)) and np.cos(phase) == pytest.approx(-0.6)
+        assert np.sin(phase) == pytest.approx(0.8)
+
+
 def test_guesses_of_rest_angle_and_tilt() -> None:
     (spring,) = EFFECTS["cable_spring"].guesses(MOTION, PLACE)
     np.testing.assert_allclose(spring.to_values(np.array([3.0, -0.6])), [3.0, 0.2])
@@ -307,84 +371,3 @@ def test_examples_come_first_else_a_place_between_the_bounds() -> None:
     np.testing.assert_array_equal(plain.sizes(), plain.example)
     assert [p.symbol for p in plain.parameters] == ["free", "above", "below", "between", "p"]
     assert plain.units == dict.fromkeys(("free", "above", "below", "between", "positive"), "Nm")
-
-
-# -- laws that follow the load, and free curves
-
-LOADED = [e for e in (*EFFECTS.values(), *CURVES) if isinstance(e, LoadedEffect)]
-
-
-@pytest.mark.parametrize("effect", LOADED, ids=lambda e: e.name)
-def test_slope_with_the_load_feeds_back(effect: LoadedEffect) -> None:
-    """s falls by u, and u with it: ∂u/∂s of what is recorded is g/(1 + g), on the link g."""
-    values = 0.4 * effect.sizes() if effect.stopgap else np.array(VALUES[effect.name])
-    if effect.stopgap:
-        values[:2] = -60.0, 75.0
-    motion, h = MOTION.motions(0)[0], 1e-4
-    up, down = (effect.law(replace(motion, torque=motion.torque + sign * h), values)[0] for sign in (1, -1))
-    slope = (up - down) / (2 * h)
-    wanted = slope / (1 + slope) if effect.where == "motor" else slope
-    smooth = np.abs(motion.torque) > 2 * h
-    found = effect.torque_slope(motion, values)
-    np.testing.assert_allclose(found[smooth], wanted[smooth], rtol=1e-5, atol=1e-7)
-    assert np.abs(found).max() > 0.01
-
-
-@pytest.mark.parametrize("curve", CURVES, ids=lambda c: c.name)
-def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None:
-    rng = np.random.default_rng(4)
-    torque, drawn = 20.0, rng.standard_normal((curve.sides, NODES))
-    x = np.r_[9.0, 9.0, drawn.ravel()]
-    bend = drawn[:, 2:] - 2 * drawn[:, 1:-1] + drawn[:, :-2]
-    energy = np.sum(drawn**2) / (SIZE * torque) ** 2 + np.sum(bend**2) / (BEND * torque) ** 2
-    assert x @ curve.precision(torque) @ x == pytest.approx(energy)
-    assert SIZE == 0.1 and BEND == 0.05  # a tenth of the rms torque, nearly straight from node to node
-    values, (motion,) = curve.sizes(), MOTION.motions(0)
-    low, high = values[:2] = (0.2, 0.7) if curve.variable != "load" else (-20.0, 30.0)
-    seen = curve.value(motion)
-    seen = np.abs(seen) if curve.variable == "velocity" else seen
-    u = curve.law(motion, values)[0]
-    forward = 0.5 * (
-        1 + np.tanh((motion.link_velocity if curve.where == "link" else motion.velocity) / 0.005)
-    )
-    table = curve.fine(values)
-    exact = [np.interp(np.clip(seen, low, high), table[0], side) for side in table[1]]
-    both = exact[0] if curve.sides == 1 else forward * exact[0] + (1 - forward) * exact[1]
-    np.testing.assert_allclose(u, both, atol=2e-3 * np.abs(u).max())
-    assert (seen < low).any() and (seen > high).any()
-    assert [len(side) for side in curve.node_parameters] == [NODES] * curve.sides
-    assert curve.node_parameters[-1][-1].name.endswith(f"_{NODES}")
-    assert free_curve(curve.name) is curve and EFFECTS[curve.name] is curve
-    assert curve.linear and curve.smooth == (curve.sides == 1)
-    assert curve.state == (curve.where == "link" or curve.variable == "load")
-
-
-# -- the trial motion itself
-
-
-def test_trial_motion_is_consistent() -> None:
-    """User-defined effects are checked along it: derivatives, the link side, and weights of a pendulum."""
-    signal = TrialSignal(((0.6, 1.3, 0.2), (0.3, 3.1, 1.0)), constant=0.4, slope=0.7)
-    t, h = np.linspace(0.0, 5.0, 7), 1e-4
-    levels, up, down = signal.at(t, 4), signal.at(t + h, 4), signal.at(t - h, 4)
-    np.testing.assert_allclose(levels[1:], (up - down)[:-1] / (2 * h), atol=1e-6)
-    np.testing.assert_allclose(
-        levels[0], 0.4 + 0.7 * t + 0.6 * np.sin(1.3 * t + 0.2) + 0.3 * np.sin(3.1 * t + 1)
-    )
-    np.testing.assert_allclose(signal.at(t, 1), levels[:1])
-    s, theta, q = MOTION.torque.at(MOTION.time, 3), MOTION.theta(0), MOTION.link_state(0)
-    np.testing.assert_allclose(MOTION.stiffness * (theta[:3] - q), s, atol=1e-9)
-    (motion,) = MOTION.motions(0)
-    assert motion.torque_scale == pytest.approx(rms(s[0]))
-    np.testing.assert_array_equal(motion.link_velocity, q[1])
-    assert MOTION.in_group("g1").all() and (MOTION.count(), MOTION.joints()) == (len(MOTION.time), 2)
-    weight = -9.81 * MOTION.gravity_torque(2)  # of the arm, as that of the payload
-    np.testing.assert_allclose(weight / MOTION.arm, MOTION.payload_torque("p1") / MOTION.payload, atol=1e-12)
-    assert np.array_equal(MOTION.delayed_tau(0, 0.1)[0], MOTION.torque.at(MOTION.time - 0.1, 1)[0])
-    parts = [np.stack((np.sin(MOTION.time), np.cos(MOTION.time)))]
-    filtered = MOTION.filtered(parts, 0, 2)
-    np.testing.assert_array_equal(filtered[:, 0], parts[0])
-    np.testing.assert_allclose(filtered[0, 1, 1:-1], np.cos(MOTION.time)[1:-1], atol=1e-5)
-    assert set(LAW_EFFECTS) <= set(EFFECTS) and isinstance(
-        EFFECTS["base_tilt"].terms(MOTION, PLACE, np.zeros(2)), Terms
-    )
