@@ -7,7 +7,8 @@ or result, a statement left out. The quick tests of the package (`TESTS`) run on
 which line; a mutant meets those that run its line, quickest first, until one fails. No file is changed: the
 mutant is compiled in memory, in a process of its own. The file `--out` keeps what was caught; survivors are
 tried again. Texts, annotations, decorators, assertions and numbers below 1e-6 (guards against rounding) are
-left alone, and assignments to a name are not left out, since any test would notice.
+left alone, and so are floating-point numbers of examples and starts (`CHOSEN`), where any near them would do.
+Assignments to a name are not left out, since any test would notice.
 """
 
 from __future__ import annotations
@@ -37,8 +38,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TESTS = {
     "equation": (
-        "equation_parts.py", "equation_truth.py", "equation.py",
-        "effects.py", "effects_limits.py", "effects_memory.py",
+        "equation_parts.py", "equation_truth.py", "equation.py", "effects_limits.py", "effects_memory.py",
         "diagnosis_parts.py::test_pulses_and_steps_are_what_filtering_makes_of_them",
         "diagnosis_parts.py::test_fewer_samples_of_smooth_columns_suffice",
         "diagnosis_parts.py::test_residual_alone_is_the_residual",
@@ -49,22 +49,21 @@ TESTS = {
     "observers": ("observers.py", "observer_gains.py", "equation.py"),
     "effects": (
         "effects_judged.py", "effects_curves.py", "effects.py", "effects_limits.py", "effects_coupled.py",
-        "effects_elastic.py",
-        "effects_memory.py", "curve_forms.py", "equation.py", "equation_truth.py",
-        "diagnosis_parts.py::test_what_is_judged",
+        "effects_elastic.py", "effects_memory.py", "curve_forms.py", "equation_truth.py", "equation_parts.py",
+        "equation.py::test_choosing_effects", "equation.py::test_effects_as_text_and_back",
+        "equation.py::test_effects_that_are_nowhere", "diagnosis_parts.py::test_what_is_judged",
         "temperature_friction.py::test_closed_form_at_several_temperatures",
         "free_curve_effect.py::test_law", "free_curve_effect.py::test_range_is_that_of_the_data",
-        "free_curve_effect.py::test_never_a_candidate",
-        "user_effect_terms.py", "user_effects.py::test_derivatives_and_simulation_are_checked",
+        "free_curve_effect.py::test_never_a_candidate", "user_effect_terms.py",
+        "user_effects.py::test_derivatives_and_simulation_are_checked",
         "user_effects.py::test_files_that_are_none", "user_effects.py::test_errors_name_file_and_line",
     ),
 }  # fmt: skip
-QUICK = (
-    "not identif and not recover and not wound_up and not torque_goes_on"  # what simulates first takes longer
-)
+QUICK = "not identif and not recover and not wound_up and not torque_goes_on"  # those simulate first
 BUDGET = 12.0  # [s] of processor time, in an unhurried process, for the tests of one mutant
 PATIENCE = 10.0  # a mutant that needs so many times the processor time of its tests is stuck, and noticed
 SMALLEST = 1e-6  # smaller numbers guard against rounding: half as much again does nothing
+CHOSEN = ("typical", "guesses", "grid", "example", "TRIAL")  # functions and names whose numbers are a choice
 OURS = ("flexviz", "tests", "benchmarks")
 
 
@@ -116,6 +115,7 @@ class Changer(ast.NodeTransformer):
         self.wanted = wanted
         self.found: list[tuple[tuple[int, int], str]] = []
         self.lines = (0, 0)
+        self.chosen = False  # within one of `CHOSEN`
 
     def choose(self, node: Any, *changed: Any) -> Any:
         out = node
@@ -133,7 +133,12 @@ class Changer(ast.NodeTransformer):
             self.lines = (node.lineno, max(node.lineno, end or 0))
         if isinstance(node, ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom):
             return node
-        return super().visit(node)
+        outer = self.chosen
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", node)
+        self.chosen = outer or getattr(target, "id", getattr(node, "name", "")) in CHOSEN
+        changed = super().visit(node)
+        self.chosen = outer
+        return changed
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> Any:
         node.args.defaults = [self.visit(default) for default in node.args.defaults]
@@ -155,7 +160,7 @@ class Changer(ast.NodeTransformer):
             return self.choose(node, ast.Constant(not value))
         if isinstance(value, int):
             return self.choose(node, ast.Constant(value + 1))
-        if isinstance(value, float) and not 0.0 < abs(value) < SMALLEST:
+        if isinstance(value, float) and not self.chosen and not 0.0 < abs(value) < SMALLEST:
             return self.choose(node, ast.Constant(1.5 * value if value else 1.0))
         return node
 
@@ -351,8 +356,7 @@ class Tests:
         chosen = [name for name in self.seconds if name in contexts or name.split("::")[0] in files]
         chosen.sort(key=self.seconds.__getitem__)
         if "" in contexts:  # it runs when the module is imported, and any test may need what it made
-            others = self.seconds.keys() - set(chosen)
-            chosen += sorted(others, key=lambda name: (self.seconds[name], name))
+            chosen += sorted(self.seconds.keys() - set(chosen), key=self.seconds.__getitem__)
         spent = 0.0
         for k, name in enumerate(chosen):
             spent += self.seconds[name]

@@ -133,6 +133,23 @@ def test_forms_that_the_range_can_show(kind: str, inside: list[tuple], outside: 
         assert family.possible(np.array(inner), 0.0, 4.0)
 
 
+def test_a_form_is_named_from_eight_points_on_and_never_beyond_doubt() -> None:
+    for count, there in ((7, False), (8, True)):
+        found = named("position", X[:count], [2.0 + 0 * X[:count]])
+        assert (found is not None) == there
+    assert found is not None and found.explained > 0.9999 and "(99 % of the curve)" in found.text
+    rng = np.random.default_rng(5)
+    noise = rng.normal(size=len(X))
+    noise -= noise.mean()
+    noise *= np.sqrt(len(X)) / np.linalg.norm(noise)
+    for share in (0.78, 0.82):  # of the square of a constant with noise
+        rows = [2.0 + 2.0 * np.sqrt(1 / share - 1) * noise]
+        points = curve_points("position", X.tolist(), rows, [np.full(len(X), 1.0)])
+        values, explained = FAMILIES["constant"].fit(points, (1.0, 1.0), False) or ({}, 0.0)
+        assert explained == pytest.approx(share) and values["size"] == pytest.approx(2.0)
+        assert (form_of(points, "position", "rad") is not None) == (share > 0.8)
+
+
 def test_a_form_is_said_in_words() -> None:
     def text(kind: str, direction: str, variable: str, unit: str, **values: float) -> str:
         return CurveForm(kind, direction, variable, unit, values, 0.853).text

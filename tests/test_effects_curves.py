@@ -48,6 +48,11 @@ def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None
     bend = drawn[:, 2:] - 2 * drawn[:, 1:-1] + drawn[:, :-2]
     energy = np.sum(drawn**2) / (SIZE * torque) ** 2 + np.sum(bend**2) / (BEND * torque) ** 2
     assert x @ curve.precision(torque) @ x == pytest.approx(energy)
+    reach = {"position": (-0.7312, 1.1), "velocity": (-2.51, 1.9), "load": (-31.2, 77.0), "time": (0.0, 9.97)}
+    rounded = {"position": (-0.75, 1.1), "velocity": (0.0, 2.55), "load": (-35.0, 80.0), "time": (0.0, 10.0)}
+    np.testing.assert_allclose(
+        curve.constants(reach), rounded[curve.variable], atol=1e-9
+    )  # to a twentieth of 10ⁿ
     assert (SIZE, BEND) == (0.1, 0.05)  # a tenth of the rms torque, nearly straight from node to node
     assert (NODES, GRID) == (24, 20.0)  # sessions and exported curves name every node
     values, (motion,) = curve.sizes(), MOTION.motions(0)

@@ -17,6 +17,7 @@ from flexviz.effects import (
     Effect,
     EffectEvidence,
     EffectTarget,
+    JointMotion,
     JointScale,
     LawEffect,
     LinearEffect,
@@ -230,6 +231,23 @@ def test_a_gap_that_is_never_crossed_is_an_offset() -> None:
     assert not any(e.only_an_offset(never) for e in EFFECTS.values() if e.name != "backlash")
 
 
+def test_a_joint_may_be_in_its_gap_where_its_torque_is_faint() -> None:
+    """Below 6 % of the largest torque within 80 ms, for the observer rings, and 1 % of the rms."""
+    time = 2e-3 * np.arange(1001)
+    still = np.zeros_like(time)
+    for faint, gap in ((6.05, True), (6.15, False), (-6.05, True)):
+        torque = np.where(time == time[500], faint, 100.0)
+        motion = JointMotion(time, still, still, torque, still, still, 1500.0, 1.0, torque_scale=10.0)
+        idle, size = law("backlash").undecided(motion, np.array([-0.003]))  # type: ignore[misc]
+        assert idle[500] == gap and not np.delete(idle, 500).any()
+        np.testing.assert_array_equal(size, np.full(1001, 0.006))
+    fallen = replace(motion, torque=np.where(time < 1.0, 100.0, 3.0))
+    idle = law("backlash").undecided(fallen, np.array([0.003]))[0]  # type: ignore[index]
+    assert time[idle][[0, -1]] == pytest.approx([1.0, 1.078], abs=3e-3) and idle.sum() == pytest.approx(
+        40, abs=1
+    )
+
+
 # -- starts
 
 
@@ -245,6 +263,8 @@ def test_a_gap_that_the_compliance_has_absorbed() -> None:
     for start in starts:
         left = fitted - start.values[0] * np.mean(np.abs(s)) / np.mean(s**2)
         assert start.compliance == pytest.approx(max(left, 0.2 * fitted))
+    near_rigid = backlash.elastic_starts(s, fitted, 0.05 * c)[-1]  # a gap takes most of it, but not all
+    assert near_rigid.compliance == pytest.approx(0.2 * fitted)
     stiffer = backlash.elastic_starts(s, c, 2 * c)  # a joint stiffer than the rough value has absorbed none
     assert len(stiffer) == len(starts) - 1 and all(start.values[0] > 0 for start in stiffer)
     assert all(not e.elastic_starts(s, fitted, c) for e in EFFECTS.values() if e.name != "backlash")

@@ -82,7 +82,7 @@ def _flank(time: Array, load: Array) -> Array:
     """
     loaded = np.abs(load) > 1
     if not loaded.any():
-        return np.clip(load, -1.0, 1.0)
+        return load
     ends = np.flatnonzero(loaded[:-1] & ~loaded[1:])  # the last loaded sample before a gap
     begins = np.flatnonzero(~loaded[:-1] & loaded[1:])  # the last idle one
     through = np.flatnonzero(loaded[:-1] & loaded[1:] & (load[:-1] * load[1:] < 0))
