@@ -150,6 +150,12 @@ def test_a_form_is_named_from_eight_points_on_and_never_beyond_doubt() -> None:
         assert (form_of(points, "position", "rad") is not None) == (share > 0.8)
 
 
+def test_rules_of_direction() -> None:
+    """A size is that of forward motion; of backward motion alone, that of backward motion."""
+    rules = {"both": (1.0, 1.0), "against": (1.0, -1.0), "forward": (1.0, 0.0), "backward": (0.0, 1.0)}
+    assert dict(DIRECTIONS) == rules
+
+
 def test_a_form_is_said_in_words() -> None:
     def text(kind: str, direction: str, variable: str, unit: str, **values: float) -> str:
         return CurveForm(kind, direction, variable, unit, values, 0.853).text

@@ -51,7 +51,7 @@ VALUES = {
     "load_dependent_friction": (0.08,),
     "presliding_hysteresis": (200.0, 2.0),
     "startup_friction": (1.8, 0.03),
-    "friction_drift": (0.8, 2.0),
+    "friction_drift": (0.8, 2.5),
     "temperature_friction": (0.03, -0.02),
     "torque_ripple": (1.2, 3.3, 0.4),
     "torque_offset": (-2.0,),

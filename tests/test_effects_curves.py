@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.effect_pages.pictures import PLACE
-from flexviz.effects import CURVES, EFFECTS, LoadedEffect, Terms, free_curve
+from flexviz.effects import CURVES, EFFECTS, JointState, LoadedEffect, Terms, free_curve
 from flexviz.effects.free_curve import BEND, GRID, NODES, SIZE
 from flexviz.effects.trial import TrialSignal
 from tests.test_effects import LAW_EFFECTS, MOTION, VALUES
@@ -43,7 +43,7 @@ def test_slope_with_the_load_feeds_back(effect: LoadedEffect) -> None:
 @pytest.mark.parametrize("curve", CURVES, ids=lambda c: c.name)
 def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None:
     rng = np.random.default_rng(4)
-    torque, drawn = 20.0, rng.standard_normal((curve.sides, NODES))
+    torque, drawn = 30.0, rng.standard_normal((curve.sides, NODES))
     x = np.r_[9.0, 9.0, drawn.ravel()]
     bend = drawn[:, 2:] - 2 * drawn[:, 1:-1] + drawn[:, :-2]
     energy = np.sum(drawn**2) / (SIZE * torque) ** 2 + np.sum(bend**2) / (BEND * torque) ** 2
@@ -75,6 +75,21 @@ def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None
     assert free_curve(curve.name) is curve and EFFECTS[curve.name] is curve
     assert curve.linear and curve.smooth == (curve.sides == 1)
     assert curve.state == (curve.where == "link" or curve.variable == "load")
+
+
+@pytest.mark.parametrize("curve", [c for c in CURVES if c.sides == 2], ids=lambda c: c.name)
+def test_simulated_curve_follows_the_direction_of_its_own_side(curve) -> None:
+    """A wound-up joint whose motor and link move in opposite directions."""
+    values, x = curve.sizes(), 0.3
+    table, torques = curve.fine(values)
+    forward, backward = (np.interp(x, table, side) for side in torques)
+    torque = curve.simulation(values)
+    for way in (1.0, -1.0):
+        motor, link = (way * x, -way * x) if curve.variable == "velocity" else (way, -way)
+        own = link if curve.where == "link" else motor
+        seen = torque(JointState(0.0, x, motor, x, link, 0.0))
+        assert seen == pytest.approx(forward if own > 0 else backward, abs=1e-9)
+    assert abs(forward - backward) > 1.0
 
 
 # -- the trial motion itself

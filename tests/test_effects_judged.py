@@ -233,7 +233,7 @@ def test_a_gap_that_is_never_crossed_is_an_offset() -> None:
 
 def test_a_joint_may_be_in_its_gap_where_its_torque_is_faint() -> None:
     """Below 6 % of the largest torque within 80 ms, for the observer rings, and 1 % of the rms."""
-    time = 2e-3 * np.arange(1001)
+    time: Any = 2e-3 * np.arange(1001)
     still = np.zeros_like(time)
     for faint, gap in ((6.05, True), (6.15, False), (-6.05, True)):
         torque = np.where(time == time[500], faint, 100.0)

@@ -95,7 +95,7 @@ def some_values(effect: str) -> np.ndarray:
     """Parameters at which the effect is clearly there and smooth."""
     values = {
         "stribeck_friction": [1.5, 0.3],
-        "friction_drift": [0.8, 2.0],
+        "friction_drift": [0.8, 2.5],
         "presliding_hysteresis": [40.0, 2.0],
         "startup_friction": [0.9, 0.05],
         "thinning_friction": [0.9, 0.15],

@@ -31,7 +31,7 @@ SMOOTH: Hidden = {  # effect and joint → parameters
     ("quadratic_friction", 0): (0.7,),
     ("directional_friction", 1): (0.4,),
     ("thinning_friction", 1): (0.9, 0.15),
-    ("friction_drift", 0): (0.8, 2.0),
+    ("friction_drift", 0): (0.8, 2.5),
     ("temperature_friction", 1): (0.03, 0.0),
     ("torque_ripple", 0): (1.2, 3.0, 0.4),
     ("torque_offset", 1): (2.0,),

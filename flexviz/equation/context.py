@@ -272,7 +272,8 @@ class EffectContext:
 
         s is known between the first and last sample of the equation in the stretch; beyond, the wide-band
         torque, also without friction, is continued from there: a damped joint would respond to a step of
-        friction that is subtracted on one side only.
+        friction that is subtracted on one side only. Only laws of the joint's own motion are subtracted: with
+        a torque gain, a delay or coupling beside damping, the residual still errs at both ends of a stretch.
         """
         torque, rate = motion.torque.copy(), rate.copy()
         laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
