@@ -6,9 +6,8 @@ A mutant is a package with one change: another comparison or operation, another 
 or result, a statement left out. The quick tests of the package (`TESTS`) run once to learn which of them run
 which line; a mutant meets those that run its line, quickest first, until one fails. No file is changed: the
 mutant is compiled in memory, in a process of its own. The file `--out` keeps what was caught; survivors are
-tried again. Texts, annotations, decorators, assertions and numbers below 1e-6 (guards against rounding) are
-left alone, and so are floating-point numbers of examples and starts (`CHOSEN`), where any near them would do.
-Assignments to a name are not left out, since any test would notice.
+tried again. Texts, annotations, decorators, assertions and numbers up to 1e-6 (guards against rounding) are
+left alone, as are chosen numbers of examples and starts (`CHOSEN`), and no assignment to a name is left out.
 """
 
 from __future__ import annotations
@@ -104,8 +103,8 @@ COMPARISONS: dict[type, tuple[type, ...]] = {
 }  # fmt: skip
 
 
-def negated(node: ast.expr) -> ast.expr:
-    return ast.UnaryOp(ast.Not(), node)
+def guard(node: ast.expr) -> bool:
+    return isinstance(getattr(node, "value", 0), float) and 0.0 < abs(node.value) <= SMALLEST  # type: ignore
 
 
 class Changer(ast.NodeTransformer):
@@ -160,13 +159,15 @@ class Changer(ast.NodeTransformer):
             return self.choose(node, ast.Constant(not value))
         if isinstance(value, int):
             return self.choose(node, ast.Constant(value + 1))
-        if isinstance(value, float) and not self.chosen and not 0.0 < abs(value) < SMALLEST:
+        if isinstance(value, float) and not self.chosen and not guard(node):
             return self.choose(node, ast.Constant(1.5 * value if value else 1.0))
         return node
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
         self.generic_visit(node)
         other = OPERATIONS.get(type(node.op))
+        if any(guard(side) for side in (node.left, node.right)) and isinstance(node.op, ast.Add | ast.Sub):
+            return node
         text = isinstance(node.left, ast.Constant | ast.JoinedStr) and not isinstance(
             getattr(node.left, "value", ""), int | float
         )
@@ -185,7 +186,7 @@ class Changer(ast.NodeTransformer):
     def visit_Compare(self, node: ast.Compare) -> Any:
         self.generic_visit(node)
         if len(node.ops) > 1:
-            return self.choose(node, negated(node))
+            return self.choose(node, ast.UnaryOp(ast.Not(), node))
         others = COMPARISONS[type(node.ops[0])]
         return self.choose(node, *(ast.Compare(node.left, [other()], node.comparators) for other in others))
 
@@ -196,7 +197,7 @@ class Changer(ast.NodeTransformer):
         self.generic_visit(node)
         self.lines = lines
         if not isinstance(node.test, ast.Compare):  # which has its own
-            node.test = self.choose(node.test, negated(node.test))
+            node.test = self.choose(node.test, ast.UnaryOp(ast.Not(), node.test))
         return node
 
     visit_If = visit_While = visit_IfExp = condition
@@ -334,9 +335,8 @@ class Tests:
         self.files = [f"tests/test_{name}" for name in TESTS[package]]
         with tempfile.TemporaryDirectory() as folder:
             seen = Path(folder) / "seen.json"
-            assert forked(lambda: Recorder(package).record(self.files, seen), 3600) == 0, (
-                "a test fails as it is"
-            )
+            code = forked(lambda: Recorder(package).record(self.files, seen), 3600)
+            assert code == 0, "a test fails as it is"
             document = json.loads(seen.read_text())
         self.seconds: dict[str, float] = document["seconds"]
         self._lines: dict[str, dict[str, list[str]]] = document["lines"]

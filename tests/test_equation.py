@@ -142,11 +142,12 @@ def test_jacobian_against_finite_differences(name, effects):
     check_slopes(equation, layout, x)
 
 
-def test_jacobian_where_the_link_has_nearly_all_friction():
+@pytest.mark.parametrize("joint", [0, 1])
+def test_jacobian_where_the_link_has_nearly_all_friction(joint: int):
     """There the drift of friction is scaled by a share of both sides' viscous friction."""
     robot = Robot.load("robots:planar_2r")
     measurements = made_up_set(robot, "link2", seconds=5.0)
-    layout = Layout(robot.joints, (ChosenEffect("friction_drift", 0),))
+    layout = Layout(robot.joints, (ChosenEffect("friction_drift", joint),))
     signals = build_signals(measurements, measurements.groups, FlatZeroPhase(2 * np.pi * 5), sample_step=0.2)
     x = point(layout, robot)
     x[layout.effect_start :] = some_values("friction_drift")
@@ -361,6 +362,11 @@ def test_samples_of_the_equation():
     segment = Segment(time, np.zeros((len(time), 1)), np.zeros((len(time), 1)), 1e-3)
     fine = fine_samples(segment)
     assert fine == int(FINE_STEP / 1e-3 + 1e-6) > 1
+    assert (
+        fine_samples(replace(segment, step=0.025))
+        == 1
+        == equation_stride(replace(segment, step=0.025), FlatZeroPhase(1.0), 0.025)
+    )
     slow, fast = FlatZeroPhase(1.0), FlatZeroPhase(2 * np.pi * 25)
     assert equation_stride(segment, slow, 0.025) == 25 - 25 % fine
     assert equation_stride(segment, fast, 0.025) == 5 - 5 % fine

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect, LinearEffect
-from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses
+from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses, reversal_nuisance
 from flexviz.equation.chain import Chain
 from flexviz.equation.context import _ends
 from flexviz.equation.fine_signals import (
@@ -19,13 +19,14 @@ from flexviz.equation.fine_signals import (
     _sign_band,
     fine_bands,
     fine_signals,
+    torque_band,
 )
 from flexviz.equation.initial_state import RIDGE, initial_states
 from flexviz.equation.reversal_nuisance import parts_of, undecided
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet
-from flexviz.observers import FlatZeroPhase
-from tests.test_equation_truth import HOLD, at_the_truth, link_motion
+from flexviz.observers import FlatZeroPhase, make_observer
+from tests.test_equation_truth import HOLD, LINK_VISCOUS, at_the_truth, link_motion, rnea
 
 COULOMB, OFFSET = ("coulomb_friction", 1), ("torque_offset", 1)
 
@@ -231,6 +232,10 @@ def test_bands_follow_the_noise(demo: MeasurementSet) -> None:
     inertia, stiffness = np.ones(2), np.full(2, 1000.0)
     bands = fine_bands(signals, inertia, stiffness, shared)
     assert fine_bands(signals, 1.0001 * inertia, stiffness, shared) is bands
+    root, scale = np.sqrt(block.segment.step), np.sqrt(np.mean(signals.tau[0] ** 2, axis=0))
+    theta, tau = (root * level for level in shared["noise"])
+    exact = torque_band(theta, tau, inertia, stiffness, scale, 150.0)
+    np.testing.assert_allclose(bands.narrow[0], exact, rtol=1e-6)
     wider = fine_bands(signals, 0.2 * inertia, stiffness, shared)
     assert wider.key != bands.key and (wider.narrow[0] > bands.narrow[0]).all()
     np.testing.assert_array_equal(wider.wide[0], bands.wide[0])
@@ -272,7 +277,8 @@ def test_link_velocity_of_the_wide_band() -> None:
 
 
 @pytest.mark.parametrize(
-    ("head", "tail", "reach"), [(100, 900, 50), (100, 240, 70), (0, 1000, 30), (200, 700, 249)]
+    ("head", "tail", "reach"),
+    [(100, 900, 50), (100, 240, 70), (0, 1000, 30), (200, 700, 249), (200, 700, 800)],
 )
 def test_ends_of_a_record(head: int, tail: int, reach: int) -> None:
     """Both ends, each once, within stretches that reach as far as the filter remembers."""
@@ -284,6 +290,49 @@ def test_ends_of_a_record(head: int, tail: int, reach: int) -> None:
             assert len(part) == (head if part[0] == 0 else 1000 - tail) + reach
     outside = np.r_[np.ones(head), np.zeros(tail - head), np.ones(1000 - tail)].astype(bool)
     assert (seen[outside] == 1).all() and (head + reach >= tail - reach or not seen[~outside].any())
+
+
+def test_wide_band_motion_beyond_what_the_equation_knows() -> None:
+    """Torque and link velocity of a joint with friction go on to the ends of a record."""
+    equation, x = at_the_truth(
+        {("quadratic_friction", 0): (3.0,), ("cable_spring", 0): (3.0, 0.2)}, 14.0, 1.2
+    )
+    shared: dict[object, Any] = {"noise": (np.full(2, 2e-6), np.full(2, 2e-5))}  # its bands do not ring
+    motion = Equation(equation.robot, equation.signals, equation.layout, shared).at(x).context.motions(0)[0]
+    q, v, a = (level[::2] for level in link_motion(0, 2))
+    load = rnea(equation.robot.model_with(equation.robot.cad_parameters), (q, v, a))[:, 0]
+    load += LINK_VISCOUS[0] * v[:, 0] + 3.0 * (q[:, 0] - 0.2)
+    for part in (slice(150, 590), slice(-590, -150), slice(610, -610)):
+        np.testing.assert_allclose(motion.torque[part], load[part], atol=0.01 * np.abs(load).max())
+        np.testing.assert_allclose(motion.link_velocity[part], v[part, 0], atol=6e-3 * np.abs(v).max())
+
+
+def test_a_state_is_unknown_at_the_beginning_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a long stretch taken apart, the first part alone has a column for it."""
+    plain, x = at_the_truth({}, 8.0, 0.8)
+    layout = Layout(plain.layout.joints, (ChosenEffect("presliding_hysteresis", 0),))
+    equation, x = Equation(plain.robot, plain.signals, layout), np.r_[x, 4.0, 2.0]
+    monkeypatch.setattr(reversal_nuisance, "LONGEST", 3.0)
+    monkeypatch.setattr(reversal_nuisance, "PART", 2.0)
+    monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (np.zeros(0), np.zeros(0)))
+    found = pulses(equation.at(x), x, total(equation, x))
+    assert [(p.block, p.rows.start, p.columns.shape[2]) for p in found] == [(0, 0, 1), (1, 0, 1), (2, 0, 1)]
+
+
+def test_ten_samples_are_enough_and_nine_are_not(demo: MeasurementSet) -> None:
+    group = demo.groups[0]
+    whole, observer = group.segments[0], FlatZeroPhase(2 * np.pi * 8)
+    for seconds, there in ((0.18, True), (0.16, False)):
+        part = slice(0, round(seconds / whole.step) + 1)
+        cut = replace(whole, time=whole.time[part], theta=whole.theta[part], tau=whole.tau[part])
+        groups = [replace(group, segments=(whole, cut))]
+        options: dict[str, Any] = {"sample_step": 0.02, "exact_step": True, "drop": (0.0, 0.0)}
+        signals = build_signals(demo, groups, observer, **options)
+        assert len(signals.blocks) == 1 + there
+        assert signals.blocks[-1].rows.stop - signals.blocks[-1].rows.start >= 10
+    eso = build_signals(demo, [group], make_observer("eso", 40.0))
+    context = Equation(demo.robot, eso, Layout(demo.joints)).at(np.ones(28)).context
+    assert context.decimation(0, 3, 1.0) == [1]  # it passes all frequencies
 
 
 def test_every_entry_of_the_vector_has_a_name_a_unit_and_a_label(demo: MeasurementSet) -> None:

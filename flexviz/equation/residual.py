@@ -113,7 +113,7 @@ class Equation:
     def _without_effects(self, x: Array) -> Array:
         """q without any effect, shape (3, N, n), as an initial link side for the effects."""
         lay, sig = self.layout, self.signals
-        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5] - x[lay.motor_viscous] * sig.theta[1:4]
+        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:] - x[lay.motor_viscous] * sig.theta[1:4]
         return sig.theta[:3] - x[lay.compliance] * s
 
 
@@ -177,7 +177,7 @@ class OperatingPoint:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
         lay, sig = self.layout, self.signals
         terms = self.terms(x) if terms is None else terms
-        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:5]
+        s = sig.tau - x[lay.motor_inertia] * sig.theta[2:]
         s -= x[lay.motor_viscous] * sig.theta[1:4]
         for _, term in terms:
             if term.entry == "torque":
@@ -246,7 +246,7 @@ class OperatingPoint:
         lay, theta = self.layout, self.signals.theta
         for j in range(lay.n):
             jacobian[:, :, lay.compliance.start + j] = chain.deflection(s[:, :, j], j)
-            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:5, :, j], j)
+            jacobian[:, :, lay.motor_inertia.start + j] = chain.torque(theta[2:, :, j], j)
             jacobian[:, :, lay.motor_viscous.start + j] = chain.torque(theta[1:4, :, j], j)
             jacobian[:, j, lay.link_viscous.start + j] = -q[1, :, j]
         for where, term in terms:
@@ -269,7 +269,7 @@ class OperatingPoint:
                 continue
             parts = [law.torque_slope(m, x[where])[None] for m in self.context.motions(j)]
             gain = self.context.filtered(parts, j, 3)[0]  # (3, N)
-            moves = [(lay.motor_inertia.start + j, theta[2:5, :, j])]
+            moves = [(lay.motor_inertia.start + j, theta[2:, :, j])]
             moves.append((lay.motor_viscous.start + j, theta[1:4, :, j]))
             for at, term in terms:
                 if term.entry == "torque" and j in term.joints and at != where:
