@@ -26,6 +26,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -130,7 +131,8 @@ class Changer(ast.NodeTransformer):
             body = getattr(node, "body", None)
             end = body[0].lineno - 1 if isinstance(body, list) else node.end_lineno
             self.lines = (node.lineno, max(node.lineno, end or 0))
-        if isinstance(node, ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom):
+        strict = isinstance(node, ast.keyword) and node.arg == "strict"  # an assertion, too
+        if strict or isinstance(node, ast.Assert | ast.JoinedStr | ast.Import | ast.ImportFrom):
             return node
         outer = self.chosen
         target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", node)
@@ -341,10 +343,8 @@ class Tests:
         self.seconds: dict[str, float] = document["seconds"]
         self._lines: dict[str, dict[str, list[str]]] = document["lines"]
         for name in document["imported"]:  # once, for all mutants
-            try:
+            with suppress(Exception):  # what only a test can import
                 importlib.import_module(name)
-            except Exception:  # what only a test can import
-                continue
 
     def of(self, mutant: Mutant) -> list[str]:
         """Tests that run the changed lines, quickest first, within the budget."""

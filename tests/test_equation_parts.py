@@ -70,6 +70,32 @@ def test_friction_is_unknown_while_it_turns_round() -> None:
     assert not len(undecided(law("coulomb_friction"), forward, np.array([2.0]))[0])
 
 
+@pytest.mark.parametrize("signal", ["velocity", "link_velocity", "torque"])
+def test_any_signal_at_which_a_law_jumps(signal: str) -> None:
+    """0.02 rad/s either side of a jump with a velocity, 2 % of the rms with a torque."""
+
+    class Step(LinearEffect):
+        where, parameters = "motor", ()
+
+        def columns(self, motion: JointMotion) -> np.ndarray:
+            return np.tanh(getattr(motion, signal) / (0.01 * scale))[None]
+
+    scale = 50.0 if signal == "torque" else 1.0
+    ramp = scale * 0.5 * (np.arange(1001) / 500.0 - 1.0031)
+    motion = replace(moving(np.zeros(1001)), torque_scale=50.0, **{signal: ramp})
+    times, sizes = undecided(Step(), motion, np.array([2.0]))
+    s = np.abs(ramp) / scale
+    up, here, down = (np.tanh((s + small) / 0.01) for small in (0.02, 0.0, -0.02))
+    between = np.minimum(up - here, here - down) > 0.01 * (up - down)
+    wide = 2e-3 * np.count_nonzero(between & (up - down > 0.5 * np.tanh(np.abs(s).max() / 0.01)))
+    assert (
+        len(times)
+        and abs(times.mean() - 1.0031) < 4e-3
+        and np.ptp(times) == pytest.approx(wide + 0.01, abs=5e-3)
+    )
+    np.testing.assert_allclose(sizes, 0.15 * 4.0 * np.tanh(2.0) * np.ptp(times) / (len(times) - 1), rtol=0.05)
+
+
 def test_a_rest_costs_a_dozen_pulses_and_none_lies_outside_the_record() -> None:
     still = np.where(np.arange(1001) < 600, 0.0, 0.5)
     times, sizes = undecided(law("coulomb_friction"), moving(still), np.array([2.0]))
@@ -96,6 +122,9 @@ def test_a_pulse_is_what_friction_would_have_to_be(monkeypatch: pytest.MonkeyPat
     found = pulses(point, x, total(equation, x))
     assert [(p.block, p.begin, p.rows.start) for p in found] == [(0, 0, 0), (1, 0, 0), (2, 0, 0)]
     plain, before = coulomb.columns, point.residual(x)
+    none = x.copy()
+    none[equation.layout.effect_start :] = 0.0
+    assert pulses(equation.at(none), none, total(equation, none)) == []
     for one in found[:2]:
         rows = equation.signals.blocks[one.block].rows
         motion = point.context.motions(1)[one.block]
@@ -200,6 +229,7 @@ def test_jacobian_that_lets_the_load_move() -> None:
     equation = Equation(plain.robot, plain.signals, layout)
     x = np.r_[x, EFFECTS["free_curve_load"].sizes()]
     x[layout.effect_slice(curve).start + np.arange(2)] = -40.0, 60.0
+    x[layout.link_viscous] = 40.0  # and the rate of s is felt, too
     moving_, still = (equation.at(x).evaluate(x, moving=m).jacobian for m in (True, False))
     columns = [layout.motor_inertia.start + 1, layout.motor_viscous.start + 1, 28, 29]  # offset and quadratic
     for k in columns:
