@@ -139,7 +139,7 @@ class Columns:
         link: LinkTerms | None = None
         for k, (layout, x) in enumerate(zip(self._layouts, self._vectors, strict=True)):
             point = Equation(measurements.robot, signals, layout).at(x)
-            found = point.evaluate(x)
+            found = point.evaluate(x, moving=True)
             link = link or found.link
             # what both models have is taken from the first one
             mine = [(i, self.labels.index(label)) for i, label in enumerate(layout.labels())]

@@ -222,6 +222,7 @@ def _necessity(
     step = max(b.segment.step for b in fit.context.signals.blocks)
     credible = EFFECTS[effect.effect].credible(x[where], effect_evidence(fit, effect, step))
     near = fit.rms < LIMITS.far_off * fit.context.noise_floor
+    near[[one.curve.joint for one in fit.eliminated]] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
     return Necessity(deviations, mean, error, share, credible, quiet)
 

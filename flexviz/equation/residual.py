@@ -78,15 +78,20 @@ class Equation:
         """Whether an effect depends on identified quantities."""
         return any(EFFECTS[e.effect].state for e in self.layout.effects)
 
-    def at(self, x: Array, after: OperatingPoint | None = None) -> OperatingPoint:
+    def at(self, x: Array, after: OperatingPoint | None = None, *, moving: bool = False) -> OperatingPoint:
         """Operating point of the effects at the parameters x.
 
         Args:
             x: shape (P,).
             after: an earlier point of the same fit. It is returned if nothing relevant to the effects has
                 changed; otherwise the iteration for s starts from it.
+            moving: any change is relevant to effects that follow the transmission torque, as in
+                `OperatingPoint.evaluate`.
         """
-        if after is not None and not (self.has_state and after.left_behind(x)):
+        follows = moving and any(isinstance(EFFECTS[e.effect], LoadedEffect) for e in self.layout.effects)
+        if after is not None and not (
+            self.has_state and after.left_behind(x, 0.0 if follows else STATE_CHANGE)
+        ):
             return after
         q = self._without_effects(x)
         if after is None:
@@ -139,11 +144,11 @@ class OperatingPoint:
         self._linear = linear  # of laws that are linear in their parameters: the same at every x
         self._initial: list[InitialStates] | None = None
 
-    def left_behind(self, x: Array) -> bool:
-        """Whether x differs noticeably from the parameters offered to the effects."""
+    def left_behind(self, x: Array, noticeable: float = STATE_CHANGE) -> bool:
+        """Whether x differs by more than a relative change from the parameters offered to the effects."""
         seen = slice(self.layout.compliance.start, self.layout.size)
         scale = np.abs(self.x[seen]) + np.abs(x[seen]) + 1e-9
-        return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) >= STATE_CHANGE)
+        return bool(np.max(np.abs(x[seen] - self.x[seen]) / scale) > noticeable)
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> OperatingPoint:
         """The operating point with x, q (3, N, n) and s (N, n) offered to the effects."""

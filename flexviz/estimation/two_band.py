@@ -133,10 +133,10 @@ class TwoBandData:
         self, x: Array, after: BandEvaluation | None = None, jacobian: bool = True
     ) -> BandEvaluation:
         """Both equations at x, shape (P,); `after`: an earlier evaluation of the same fit."""
-        wide = self.wide.at(x, None if after is None else after.wide_point)
-        narrow = self.narrow.at(x, None if after is None else after.narrow_point)
+        wide = self.wide.at(x, None if after is None else after.wide_point, moving=True)
+        narrow = self.narrow.at(x, None if after is None else after.narrow_point, moving=True)
         if jacobian:
-            found = narrow.evaluate(x)
+            found = narrow.evaluate(x, moving=True)
             s, link, slopes = found.torque[0], found.link, found.jacobian
         else:
             s, link, slopes = narrow.motor_side(x)[0][0], narrow.link_terms(x), None

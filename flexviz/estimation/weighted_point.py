@@ -79,7 +79,7 @@ class Point:
 
     def jacobian(self) -> Array:
         """∂r/∂x of the narrow band, shape (N, n, P)."""
-        return self.narrow_point.evaluate(self.x).jacobian
+        return self.narrow_point.evaluate(self.x, moving=True).jacobian
 
     def _weighted(self, jacobian: Array) -> Array:
         for weighting, rows in zip(self.weightings, self.rows, strict=True):
