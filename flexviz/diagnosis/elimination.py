@@ -219,12 +219,16 @@ def _necessity(
     shares = squares.mean(axis=0) * (sigma / fit.context.spread[joints]) ** 2
     # an effect without a joint acts on all of them, not only on one that lacks something else
     share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
-    step = max(b.segment.step for b in fit.context.signals.blocks)
-    credible = EFFECTS[effect.effect].credible(x[where], effect_evidence(fit, effect, step))
     near = fit.rms < LIMITS.far_off * fit.context.noise_floor
     near[[one.curve.joint for one in fit.eliminated]] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
-    return Necessity(deviations, mean, error, share, credible, quiet)
+    return Necessity(deviations, mean, error, share, credible(fit, effect, x[where]), quiet)
+
+
+def credible(fit: MotionFit, effect: ChosenEffect, values: Array) -> bool:
+    """Whether the parameters of one of a fit's effects, shape (P,), could be real."""
+    step = max(b.segment.step for b in fit.context.signals.blocks)
+    return EFFECTS[effect.effect].credible(values, effect_evidence(fit, effect, step))
 
 
 def _stretches(fit: MotionFit) -> list[slice]:

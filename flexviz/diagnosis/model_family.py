@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.elimination import Necessity, eliminate
+from flexviz.diagnosis.elimination import Necessity, credible, eliminate
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import UnknownCurve
@@ -216,6 +216,7 @@ class ModelFamily:
             e: swap
             for e, swap in swaps.items()
             if (hidden if EFFECTS[swap.effect].hidden_state else simple)[e.joint]
+            and credible(trial, swap, trial.x[trial.layout.effect_slice(swap)])
         }
         if not better:
             return fit, needed

@@ -10,7 +10,7 @@ from flexviz.effects.recurrence import chained
 from flexviz.effects.terms import Array, Context, EffectTarget, Guess, JointMotion, ParameterSpec
 
 START_ANGLE = 0.01  # [rad] over which friction builds up, where a fit starts
-SMALLEST_ANGLE = 1e-5  # [rad]
+SMALLEST_ANGLE = 1e-5  # [rad] over which friction builds up
 INITIAL_SPREAD = 3**-0.5  # standard deviation of h at the start of a record, uniform within ±1
 
 
