@@ -325,3 +325,23 @@ def test_link_torques_are_those_of_pinocchio(names: list[str] | None) -> None:
             np.testing.assert_allclose(slopes[:, :, j], (moved[0] - moved[1]) / 2e-6, atol=1e-6)
     empty = link.torque(np.zeros((robot.n, 10)), *rows)
     assert not empty.any()  # a body without mass
+
+
+def test_the_slope_of_friction_that_follows_the_torque(monkeypatch: pytest.MonkeyPatch) -> None:
+    """∂u/∂s ∂s/∂x where the operating point follows x; without it a fit overshoots and never ends."""
+    monkeypatch.setattr("flexviz.equation.residual.MAX_STATE_ITERATIONS", 60)
+    monkeypatch.setattr("flexviz.equation.residual.STATE_TOLERANCE", 1e-12)
+    equation, x = at_the_truth({("load_dependent_friction", 1): (0.4,)}, 8.0, 1.2)
+    layout, seen = equation.layout, equation.at(x)
+    moving, fixed = (seen.evaluate(x, moving=each).jacobian for each in (True, False))
+    for k in (layout.motor_inertia.start + 1, layout.motor_viscous.start + 1):
+        ends = []
+        for side in (1.0, -1.0):
+            there = x.copy()
+            there[k] += side * 1e-4 * x[k]
+            assert equation.at(there, seen) is seen and equation.at(there, seen, moving=True) is not seen
+            ends.append(equation.at(there, seen, moving=True).residual(there))
+        slope = (ends[0] - ends[1]) / (2e-4 * x[k])
+        of_moving, of_fixed = (np.linalg.norm(each[:, :, k] - slope) for each in (moving, fixed))
+        # products of filtered signals stand for filtered products
+        assert of_moving < 0.2 * np.linalg.norm(slope) and of_fixed > 0.4 * np.linalg.norm(slope)

@@ -10,8 +10,9 @@ import hashlib
 import importlib.util
 import sys
 import traceback
+from importlib.machinery import ModuleSpec, SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from flexviz.effects.effect import Effect
 from flexviz.effects.names import USER_NAMES
@@ -74,15 +75,22 @@ def forget_effects() -> None:
     _loaded.clear()
 
 
+class _AsItIsNow(SourceFileLoader):
+    """Compiles the file itself: what is cached beside it counts as new for a second after a change."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _run(file: Path, key: Path) -> ModuleType:
     name = f"flexviz_user_effects_{hashlib.sha256(str(key).encode()).hexdigest()[:12]}"
-    spec = importlib.util.spec_from_file_location(name, key)
-    if spec is None or spec.loader is None:
+    if key.suffix != ".py":
         raise InputError("is not a Python file; its name has to end in .py", file=file)
-    module = importlib.util.module_from_spec(spec)
+    loader = _AsItIsNow(name, str(key))
+    module = importlib.util.module_from_spec(ModuleSpec(name, loader, origin=str(key)))
     sys.modules[name] = module  # dataclasses look their module up there
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except (Exception, SystemExit) as error:
         del sys.modules[name]
         lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == str(key)]
