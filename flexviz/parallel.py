@@ -38,7 +38,7 @@ def on_cores(count: int) -> Iterator[None]:
 
 
 class Background(Generic[Result]):
-    """A function at work in a copy of the process; without a second core it runs when its result is asked."""
+    """A function at work in a copy of the process; on one core it runs when asked for its result."""
 
     def __init__(self, function: Callable[[], Result]) -> None:
         self._function = function

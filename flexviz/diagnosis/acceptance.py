@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fit, FitContext, Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -33,9 +34,14 @@ def held_out_share(before: Fit, after: Fit) -> float:
     return float(np.clip(share, 0.0, 1.0))
 
 
-def credible(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:
-    """Whether the estimated parameters of an effect are plausible; `raw_step` is that of the records [s]."""
-    values = fit.x[fit.layout.effect_slice(effect)]
+def credible(
+    fit: Judged, effect: ChosenEffect, raw_step: float, values: NDArray[np.float64] | None = None
+) -> bool:
+    """Whether the parameters of an effect are plausible; `raw_step` is that of the records [s].
+
+    `values`: other parameters than those of the fit, shape (P,).
+    """
+    values = fit.x[fit.layout.effect_slice(effect)] if values is None else values
     return EFFECTS[effect.effect].credible(values, effect_evidence(fit, effect, raw_step))
 
 

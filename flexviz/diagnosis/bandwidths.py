@@ -115,10 +115,8 @@ def without_own_error(band: BandwidthData, wider: BandwidthData, x: Array) -> Ba
             continue
         step = source.segment.step * source.stride
         slow = band.signals.observer.derivatives(wide[source.rows], step, 1)[0]
-        formed = sp.interpolate.CubicSpline(wider.signals.time[source.rows], slow)(
-            band.signals.time[own.rows]
-        )
-        error[own.rows] = residual[own.rows] - formed
+        formed = sp.interpolate.CubicSpline(wider.signals.time[source.rows], slow)
+        error[own.rows] = residual[own.rows] - formed(band.signals.time[own.rows])
     return replace(band, own_error=error)
 
 

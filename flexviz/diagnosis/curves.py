@@ -58,9 +58,8 @@ class Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """Design matrix at M instants, shape (M, size)."""
         inside = np.clip(value, *self.range)
-        one = np.array(
-            sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree).toarray(), dtype=float
-        )
+        design = sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree)
+        one = np.array(design.toarray(), dtype=float)
         if self.sides == 1:
             return one
         forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
@@ -153,9 +152,8 @@ def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splin
         if not data.shown[rows].any():
             continue
         fine = np.arange((count - 1) * OVERSAMPLING + 1) / OVERSAMPLING
-        both = sp.interpolate.CubicSpline(np.arange(count), np.stack((values[rows], velocity[rows]), axis=1))(
-            fine
-        )
+        known = np.stack((values[rows], velocity[rows]), axis=1)
+        both = sp.interpolate.CubicSpline(np.arange(count), known)(fine)
         design = splines.design(both[:, 0], both[:, 1])
         step = float(data.step[rows.start]) / OVERSAMPLING
         out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING)[::2]

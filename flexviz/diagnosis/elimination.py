@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.acceptance import effect_evidence
+from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
@@ -100,6 +100,11 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         judged = judged + jacobian @ move
         x[left.pop(worst)] = 0.0
         dropped.append(worst)
+
+
+def necessities(fit: MotionFit) -> dict[ChosenEffect, Necessity]:
+    """How much a model needs each of its effects."""
+    return eliminate(fit, frozenset(fit.layout.effects)).kept
 
 
 def by_weight(fit: MotionFit, effects: Sequence[ChosenEffect]) -> list[tuple[ChosenEffect, Array]]:
@@ -222,13 +227,13 @@ def _necessity(
     near = fit.rms < LIMITS.far_off * fit.context.noise_floor
     near[[one.curve.joint for one in fit.eliminated]] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
-    return Necessity(deviations, mean, error, share, credible(fit, effect, x[where]), quiet)
+    believed = credible(fit, effect, raw_step(fit), x[where])
+    return Necessity(deviations, mean, error, share, believed, quiet)
 
 
-def credible(fit: MotionFit, effect: ChosenEffect, values: Array) -> bool:
-    """Whether the parameters of one of a fit's effects, shape (P,), could be real."""
-    step = max(b.segment.step for b in fit.context.signals.blocks)
-    return EFFECTS[effect.effect].credible(values, effect_evidence(fit, effect, step))
+def raw_step(fit: MotionFit) -> float:
+    """Longest sampling interval of the recordings [s]."""
+    return max(b.segment.step for b in fit.context.signals.blocks)
 
 
 def _stretches(fit: MotionFit) -> list[slice]:

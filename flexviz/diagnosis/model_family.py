@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.elimination import Necessity, credible, eliminate
+from flexviz.diagnosis.acceptance import credible
+from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, raw_step
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import UnknownCurve
@@ -129,7 +130,7 @@ class ModelFamily:
                 return fit, result.kept
             smaller = Layout(fit.layout.joints, tuple(result.kept))
             fit = self.fit(smaller, fit.towards(result.x, smaller))
-        return fit, eliminate(fit, frozenset(fit.layout.effects)).kept
+        return fit, necessities(fit)
 
     def without_absent(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
@@ -140,7 +141,7 @@ class ModelFamily:
             return fit, needed
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in absent))
         fit = self.fit(smaller, smaller.vector(fit.layout.model(fit.x)))
-        return fit, eliminate(fit, frozenset(smaller.effects)).kept
+        return fit, necessities(fit)
 
     def offsets_of_springs(self, layout: Layout) -> frozenset[ChosenEffect]:
         """Torque offsets beside a spring, whose rest angle they stand for during the search.
@@ -165,7 +166,7 @@ class ModelFamily:
                 if effect.joint == offset.joint:
                     x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
         fit = self.fit(smaller, x)
-        return fit, eliminate(fit, frozenset(smaller.effects)).kept
+        return fit, necessities(fit)
 
     # -- alternatives to effects that it has
 
@@ -216,7 +217,7 @@ class ModelFamily:
             e: swap
             for e, swap in swaps.items()
             if (hidden if EFFECTS[swap.effect].hidden_state else simple)[e.joint]
-            and credible(trial, swap, trial.x[trial.layout.effect_slice(swap)])
+            and credible(trial, swap, raw_step(trial))
         }
         if not better:
             return fit, needed

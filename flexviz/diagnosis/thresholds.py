@@ -103,10 +103,9 @@ class MotionThresholds:
     settled_objective: float = 0.5  # change of the objective that ends a fit
     negligible_step: float = 0.05  # [standard deviations] step length that ends a fit
     significant: float = 4.0  # [standard deviations] that an effect's size needs
-    plain: float = (
-        10.0  # the same on a joint whose residual is not `far_off` from its noise, and where held-out
-    )
-    # groups are not clearly worse without the effect ...
+    # the same on a joint that is not `far_off` from its noise, and where held-out groups are not clearly
+    # worse without the effect ...
+    plain: float = 10.0
     rise_deviations: float = 1.0  # ... by this many standard errors
     least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
     stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise

@@ -187,9 +187,8 @@ class FormFamily:
     def _refined(cost: Callable[[Array], float], start: Array) -> Array:
         if not len(start):
             return start
-        found = sp.optimize.minimize(
-            cost, start, method="Nelder-Mead", options={"maxiter": 120, "xatol": 1e-6}
-        )
+        options = {"maxiter": 120, "xatol": 1e-6}
+        found = sp.optimize.minimize(cost, start, method="Nelder-Mead", options=options)
         return np.asarray(found.x, float)
 
 

@@ -89,9 +89,8 @@ class Equation:
                 `OperatingPoint.evaluate`.
         """
         follows = moving and any(isinstance(EFFECTS[e.effect], LoadedEffect) for e in self.layout.effects)
-        if after is not None and not (
-            self.has_state and after.left_behind(x, 0.0 if follows else STATE_CHANGE)
-        ):
+        noticeable = 0.0 if follows else STATE_CHANGE
+        if after is not None and not (self.has_state and after.left_behind(x, noticeable)):
             return after
         q = self._without_effects(x)
         if after is None:

@@ -105,9 +105,8 @@ def coarse_delay(pairs: list[tuple[Trace, Trace]], step: float) -> float | None:
             for start, count, trace in zip(starts, counts, pair, strict=True)
         ]
         size = np.std(speeds[0]) + 1e-12
-        total = total + np.abs(
-            sp.signal.correlate(speeds[1] / size, speeds[0] / size, mode="full", method="fft")
-        )
+        both = (speed / size for speed in reversed(speeds))
+        total = total + np.abs(sp.signal.correlate(*both, mode="full", method="fft"))
         powers += np.array([float(speed @ speed) / size**2 for speed in speeds])
     best = int(np.argmax(total))
     if not powers.all() or np.max(total) < LIMITS.same_velocity * np.sqrt(np.prod(powers)):
