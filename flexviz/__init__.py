@@ -60,6 +60,7 @@ _WHERE = {
     "ResultDocument": "flexviz.results",
     "read_result": "flexviz.results",
     "Session": "flexviz.session:OpenedSession",
+    "on_cores": "flexviz.parallel",
     "record": "flexviz.workflows",
     "write_report": "flexviz.workflows",
 }
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from flexviz.measurements import Group, MeasurementSet, Segment, read_set, write_set
     from flexviz.model import EffectValue, FlexibleModel
     from flexviz.observers import OBSERVERS, EsoGains, Observer, make_observer
+    from flexviz.parallel import on_cores
     from flexviz.progress import Iteration, Progress
     from flexviz.results import ParameterNotFound, ResultDocument, read_result
     from flexviz.robot import PayloadBody, Robot
@@ -125,6 +127,7 @@ __all__ = [
     "import_logs",
     "load_effects",
     "make_observer",
+    "on_cores",
     "read_result",
     "read_set",
     "record",

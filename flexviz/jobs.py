@@ -4,8 +4,8 @@ A `Task` runs either in a child process, which does not block playback by the in
 thread, which avoids copying the result.
 
 The child is a fresh interpreter connected by one pipe (it never imports the program's main script), runs with
-a single BLAS thread and a lower priority, and exits when the pipe closes. `in_children` registers
-preparations for it.
+a single BLAS thread and a lower priority, and exits when the pipe closes. A task may share its work with
+copies of the child (`flexviz.parallel`), which end with it. `in_children` registers preparations for it.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from multiprocessing import Pipe
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 from flexviz.errors import Cancelled, FlexvizError, one_line
+from flexviz.parallel import on_cores, usable_cores
 from flexviz.progress import ProgressCallback, StopCallback
 
 Result = TypeVar("Result")
@@ -287,14 +288,15 @@ def child_main(descriptor: int) -> None:
     """The child process: run the tasks that come through the pipe until it closes."""
     with contextlib.suppress(OSError):
         os.nice(5)  # playback and the page have priority
-    pipe = mpc.Connection(descriptor)
+    pipe, here = mpc.Connection(descriptor), os.getpid()
     lock = threading.Lock()
     stops: dict[int, threading.Event] = {}
     waiting: queue.SimpleQueue[tuple[int, list[Preparation], Task[Any]]] = queue.SimpleQueue()
 
     def send(kind: Kind, number: int, value: Any) -> None:
-        with lock:
-            pipe.send((kind, number, value))
+        if os.getpid() == here:  # a copy is silent: its messages would mix with those of this process
+            with lock:
+                pipe.send((kind, number, value))
 
     def read() -> None:
         while True:
@@ -314,7 +316,9 @@ def child_main(descriptor: int) -> None:
         for function, args in preparations:
             function(*args)
         stop = stops.setdefault(number, threading.Event())
-        send("done", number, task.run(partial(send, "progress", number), stop.is_set))
+        with on_cores(usable_cores()):
+            result = task.run(partial(send, "progress", number), stop.is_set)
+        send("done", number, result)
 
     threading.Thread(target=read, daemon=True).start()
     while True:

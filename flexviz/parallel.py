@@ -1,12 +1,14 @@
 """Independent pieces of work on several cores, by forked copies of the process.
 
 A copy has all data of the process without copying them; only results are sent back. A copy that fails or is
-killed sends nothing, and its work is done in the process itself, which then meets the same error.
+killed sends nothing, and its work is done in the process itself, which then meets the same error. A copy
+ends with the thread that made it, also if that is killed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
 import sys
@@ -15,11 +17,17 @@ from contextvars import ContextVar
 from multiprocessing import Pipe
 from typing import Any, Generic, TypeVar
 
+from flexviz.progress import StopCallback, never
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MOST_CORES = 4  # more of them wait for one another
+STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
+_PR_SET_PDEATHSIG = 1
 _allowed: ContextVar[int] = ContextVar("cores", default=1)
+_should_stop: ContextVar[StopCallback] = ContextVar("should_stop", default=never)
+_libc = ctypes.CDLL(None) if sys.platform == "linux" else None
 
 
 def usable_cores() -> int:
@@ -29,7 +37,10 @@ def usable_cores() -> int:
 
 @contextlib.contextmanager
 def on_cores(count: int) -> Iterator[None]:
-    """Allow work in this context to be shared by up to `count` cores."""
+    """Let `diagnose`, and what contains it, use up to `count` cores in this context; results do not change.
+
+    The process is forked: it must have no other threads that compute.
+    """
     token = _allowed.set(max(1, min(count, usable_cores())))
     try:
         yield
@@ -37,12 +48,25 @@ def on_cores(count: int) -> Iterator[None]:
         _allowed.reset(token)
 
 
-class Background(Generic[Result]):
-    """A function at work in a copy of the process; on one core it runs when asked for its result."""
+@contextlib.contextmanager
+def stopped_by(should_stop: StopCallback) -> Iterator[None]:
+    """End copies that are waited for in this context once `should_stop()` is true."""
+    token = _should_stop.set(should_stop)
+    try:
+        yield
+    finally:
+        _should_stop.reset(token)
 
-    def __init__(self, function: Callable[[], Result]) -> None:
+
+class Background(Generic[Result]):
+    """A function at work in a copy of the process.
+
+    On one core, or without `begin`, it runs when asked for its result.
+    """
+
+    def __init__(self, function: Callable[[], Result], begin: bool = True) -> None:
         self._function = function
-        self._copy = _Copy(function) if _allowed.get() > 1 else None
+        self._copy = _Copy(function) if begin and _allowed.get() > 1 else None
 
     def result(self) -> Result:
         """What the function returns. To be asked for once."""
@@ -91,10 +115,19 @@ class _Copy:
     """A copy of this process that calls a function and sends its result."""
 
     def __init__(self, function: Callable[[], Any]) -> None:
-        self._pipe, theirs = Pipe(duplex=False)
-        self._number: int | None = os.fork()
+        should_stop, parent = _should_stop.get(), os.getpid()
+        # what is done after a stop is not stopped by it
+        self._should_stop = never if should_stop() else should_stop
+        self._number: int | None = None
+        try:
+            self._pipe, theirs = Pipe(duplex=False)
+        except OSError:
+            return
+        with contextlib.suppress(OSError):  # no more processes or memory: as if it had failed
+            self._number = os.fork()
         if self._number == 0:
             with contextlib.suppress(BaseException):
+                _end_with(parent)
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever waits for the result stops this copy
                 _allowed.set(1)
                 theirs.send((function(),))
@@ -102,8 +135,13 @@ class _Copy:
         theirs.close()
 
     def answer(self) -> tuple[Any] | None:
-        """The result in a tuple; None if the copy failed."""
+        """The result in a tuple; None if the copy failed or is no longer wanted."""
+        if self._number is None:
+            return None
         try:
+            while not self._pipe.poll(STOP_SECONDS):
+                if self._should_stop():
+                    return None
             return self._pipe.recv()
         except (EOFError, OSError):
             return None
@@ -118,3 +156,11 @@ class _Copy:
             os.waitpid(self._number, 0)
             self._number = None
             self._pipe.close()
+
+
+def _end_with(parent: int) -> None:
+    """Have the system kill this copy when the thread that made it ends."""
+    assert _libc is not None
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it ended before
+        os._exit(0)

@@ -109,7 +109,7 @@ def test_find_add_undo_remove(app: Application, diagnosed_demo: Diagnosis) -> No
     assert len(app.store.analysis.model_steps) == 1
 
 
-def test_add_all_is_a_history_of_steps(app: Application) -> None:
+def test_add_all_is_a_history_of_steps(app: Application, diagnosed_demo: Diagnosis) -> None:
     reopen(app, sessions_dir() / DEMO)
     use(app, "Add all found")
     wait(app)
@@ -122,6 +122,7 @@ def test_add_all_is_a_history_of_steps(app: Application) -> None:
     assert np.allclose(result.model.stiffness, last.step.model.stiffness) and "as given" in result.message
     assert result.model.effects == last.step.model.effects
     assert last.step.rms_validation is not None
+    assert last.step.rms == diagnosed_demo.steps[-1].rms  # on one core, to the last digit
     shares = np.array(last.step.rms_validation) / app.store.measurements.torque_spread
     assert f"validation error {100 * shares.mean():.2g} % of the torque" in status(app)
     use(app, "Undo")

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 import queue
+import signal
+import subprocess
+import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,7 @@ import pytest
 
 from flexviz.errors import Cancelled, FlexvizError, InputError
 from flexviz.jobs import JobEvent, Task, Worker
+from flexviz.parallel import shared, usable_cores
 from flexviz.progress import Progress, ProgressCallback, StopCallback
 
 PATIENCE = 300.0  # [s] for anything; a test that waits so long has failed
@@ -71,6 +76,21 @@ class WasteTime(Task[None]):
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
         progress(Progress("begun"))
         time.sleep(600)
+
+
+@dataclass(frozen=True)
+class ShareForEver(Task[None]):
+    """Work for two cores without an end; who works writes its number to a file."""
+
+    folder: Path
+
+    def run(self, progress: ProgressCallback, should_stop: StopCallback) -> None:
+        def piece(_: int) -> None:
+            (self.folder / str(os.getpid())).touch()
+            progress(Progress("x" * 1_000_000))  # a copy is silent, or it would mix with others
+            time.sleep(600)
+
+        shared(piece, range(2))
 
 
 def placed(task: Task[Any], in_process: bool) -> Task[Any]:
@@ -239,3 +259,48 @@ def test_closing_waits_for_no_job() -> None:
     assert ears.until_progress().text == "begun"
     worker.close()
     assert not worker.busy and ears.until_end()[1].kind == "stopped"
+
+
+def alive(number: int) -> bool:
+    """Whether a process is there, and no zombie that nobody collects."""
+    try:
+        return Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def until(condition: Callable[[], bool], seconds: float = 60.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.01)
+    return condition()
+
+
+@pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
+@pytest.mark.parametrize("ended_by", ["stop", "close", "kill of the worker", "kill of the server"])
+def test_no_copy_outlives_its_worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended_by: str) -> None:
+    monkeypatch.setattr("flexviz.jobs.STOP_GRACE", 0.3)
+    worker, ears, server = Worker(), Ears(), None
+    if ended_by == "kill of the server":
+        code = "from tests.test_jobs import *; Worker().submit(ShareForEver(Path(sys.argv[1])), Ears())"
+        code += "; time.sleep(600)"
+        server = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
+    else:
+        worker.submit(ShareForEver(tmp_path), ears)
+        ears.until_progress()
+    assert until(lambda: len(list(tmp_path.iterdir())) == 2)
+    numbers = sorted(int(file.name) for file in tmp_path.iterdir())
+    assert all(alive(number) for number in numbers)
+    if server is not None:
+        server.kill()
+        server.wait()
+    elif ended_by == "kill of the worker":
+        assert worker._child is not None
+        os.kill(worker._child._process.pid, signal.SIGKILL)
+        values, end = ears.until_end()
+        assert end.kind == "failed" and not values  # the copy has told nothing
+    else:
+        getattr(worker, ended_by)()
+        assert ears.until_end()[1].kind == "stopped"
+    assert until(lambda: not any(alive(number) for number in numbers), 5.0)
+    worker.close()

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from flexviz import parallel
-from flexviz.parallel import Background, on_cores, shared, usable_cores
+from flexviz.parallel import Background, on_cores, shared, stopped_by, usable_cores
 
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
@@ -87,3 +87,37 @@ def test_no_process_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     for number in begun:
         with pytest.raises(ProcessLookupError):
             os.kill(number, 0)
+
+
+@TWO
+def test_a_stop_ends_a_copy_that_is_waited_for() -> None:
+    here, begin = os.getpid(), time.monotonic()
+
+    def work(_: int = 0) -> str:
+        if os.getpid() != here:
+            time.sleep(60)
+        time.sleep(0.05)
+        return "not in the copy"
+
+    with on_cores(2), stopped_by(lambda: time.monotonic() > begin + 0.2):
+        assert Background(work).result() == "not in the copy"
+    begin = time.monotonic()
+    with on_cores(2), stopped_by(lambda: time.monotonic() > begin + 0.2):
+        assert shared(work, range(3)) == 3 * ["not in the copy"]
+    assert time.monotonic() < begin + 30
+
+
+@TWO
+@pytest.mark.parametrize("call", ["fork", "pipe"])
+def test_without_more_processes_or_files_one_core_works(monkeypatch: pytest.MonkeyPatch, call: str) -> None:
+    def refused(**_: object) -> None:
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    if call == "fork":
+        monkeypatch.setattr(parallel.os, "fork", refused)
+    else:
+        monkeypatch.setattr(parallel, "Pipe", refused)
+    with on_cores(2):
+        assert shared(lambda k: k**2, range(4)) == [0, 1, 4, 9]
+        assert Background(lambda: 7).result() == 7
+        Background(lambda: 7).close()

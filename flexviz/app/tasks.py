@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -25,6 +27,7 @@ from flexviz.jobs import Result, Task
 from flexviz.limits import read_json
 from flexviz.measurements import MeasurementSet, read_set, require_unchanged
 from flexviz.model import FlexibleModel
+from flexviz.parallel import Background
 from flexviz.progress import Iteration, Progress, ProgressCallback, StopCallback, never
 from flexviz.resources import sessions_dir
 from flexviz.scene import robot_shape
@@ -150,13 +153,37 @@ class Diagnose(SetTask[DiagnosedSet]):
     apply: bool
 
     def run(self, progress: ProgressCallback, should_stop: StopCallback) -> DiagnosedSet:
+        cached_set(self.analysis.path)  # not once more in the background
+        told = list[Progress]()
+
+        def tell(news: Progress) -> None:
+            told.append(news)
+            progress(news)
+
+        work = Background(lambda: _identify(self.analysis, tell, should_stop), begin=self.known is None)
+
+        def identify_set() -> Identification:
+            result = work.result()
+            for iteration in () if told else result.iterations:  # the background has told nobody
+                progress(Progress(iteration=iteration))
+            return result
+
+        with closing(work):
+            return self._diagnosed(identify_set, progress, should_stop)
+
+    def _diagnosed(
+        self,
+        identify_set: Callable[[], Identification],
+        progress: ProgressCallback,
+        should_stop: StopCallback,
+    ) -> DiagnosedSet:
         analysis, identification = self.analysis, None
         known, bandwidth = self.known or (None, None)
 
         def identified() -> FlexibleModel | None:
             """Called by the diagnosis after its first look at the candidates."""
             nonlocal identification
-            identification = _identify(self.analysis, progress, should_stop)
+            identification = identify_set()
             if should_stop():
                 raise Cancelled
             return identification.model if identification.converged else None
@@ -172,7 +199,9 @@ class Diagnose(SetTask[DiagnosedSet]):
         if known is None and identification is None:
             if diagnosis.stopped and not diagnosis.findings:
                 raise Cancelled
-            identification = _identify(analysis, progress, never)
+            identification = identify_set()
+            if identification.stopped:
+                identification = _identify(analysis, progress, never)
         if identification is not None:
             bandwidth = bandwidth_of(identification)
         added: list[Identification] = []

@@ -156,11 +156,13 @@ def report(
     ),
 ) -> int:
     """Write a report on a set, after a full diagnosis, or on a saved session."""
+    from flexviz.parallel import on_cores, usable_cores
     from flexviz.workflows import report_kind, write_report
 
     report_kind(out)
     terminal.check_output_file(out)
-    with Reporter(f"reading {source}") as progress, interruptible() as should_stop:
+    cores = on_cores(usable_cores())
+    with Reporter(f"reading {source}") as progress, interruptible() as should_stop, cores:
         done = write_report(source, out, guard=guard, keep=keep, progress=progress, should_stop=should_stop)
     if done.changed:
         terminal.note(f"the data have changed since the session was saved: {', '.join(done.changed)}")

@@ -35,8 +35,8 @@ from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
-from flexviz.parallel import Background
-from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback
+from flexviz.parallel import Background, stopped_by
+from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
 
 Array = NDArray[np.float64]
@@ -71,7 +71,7 @@ def diagnose(
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
-    with threadpool_limits(1, "blas"):
+    with threadpool_limits(1, "blas"), stopped_by(should_stop or never):
         with contextlib.closing(_Pipeline(measurements, start, progress, should_stop)) as pipeline:
             result = pipeline.run(apply, guarded)
         if apply and free_curve and not why_no_curve(result):
@@ -107,8 +107,8 @@ class _Pipeline:
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
-        self.start = None if callable(start) else start
-        self.plain = Background(lambda: self.plain_model(start if callable(start) else None))
+        self.start = start
+        self.plain = Background(self.plain_model, begin=start is None)
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
@@ -186,15 +186,17 @@ class _Pipeline:
         """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        model = self.start if self.start is not None else self.plain.result()
-        x = self.layout.vector(model)
+        x = self.layout.vector(self.start_model())
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 
-    def plain_model(self, known: Callable[[], FlexibleModel | None] | None) -> FlexibleModel:
-        """The model that is `known`, or else the one of a plain identification."""
-        model = known() if known is not None else None
-        return model if model is not None else identify(self.measurements, should_stop=self.should_stop).model
+    def start_model(self) -> FlexibleModel:
+        """The start values: given, or else those of a plain identification."""
+        model = self.start() if callable(self.start) else self.start
+        return model if model is not None else self.plain.result()
+
+    def plain_model(self) -> FlexibleModel:
+        return identify(self.measurements, should_stop=self.should_stop).model
 
     def check_stop(self) -> None:
         self.say("")
