@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import re
+import resource
+import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.clients import CAMERA, Crowd, messages, packed
 from flexviz.app.application import Application
 from flexviz.app.recordings import local_address, model_label
 from flexviz.app.steps.data import DataStep
@@ -17,7 +24,7 @@ from flexviz.app.steps.files import Files
 from flexviz.app.workspace import output_dir
 from flexviz.errors import InputError
 from flexviz.recording import check_recording
-from tests.app_running import BROWSER, running, status, until, use, wait
+from tests.app_running import BROWSER, PATIENCE, finish, running, status, until, use, wait
 from tests.small_set import write_small_set
 
 
@@ -127,3 +134,36 @@ def test_models_have_names() -> None:
 
 def test_recordings_lie_in_the_folder_of_sessions(app: Application) -> None:
     assert all(file.parent == output_dir() for file in Path.cwd().rglob("*.rrd"))
+
+
+async def recorded(address: str, told: list[str]) -> None:
+    """Switch Record on, as a page does, and wait for what the page is told of it."""
+    async with Crowd(address.replace("http", "ws")).page() as page:
+        await page.send(packed(CAMERA))
+        async for data in page:
+            for message in messages(data) if isinstance(data, bytes) else ():
+                if message["type"] == "GuiCheckboxMessage" and message["props"]["label"] == "Record":
+                    switch = {"type": "GuiUpdateMessage", "uuid": message["uuid"], "updates": {"value": True}}
+                    await page.send(packed(switch))
+                if message["type"] == "NotificationShowMessage" and "rrd" in str(message):
+                    told.append(str(message))
+                    return
+
+
+def test_a_full_disk_is_told_and_a_terminated_server_ends(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flexviz", "serve", str(write_small_set(tmp_path / "small"))]
+    server = subprocess.Popen(
+        [*command, "--no-browser", "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=tmp_path, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)),
+    )  # fmt: skip
+    told: list[str] = []
+    try:
+        assert server.stdout is not None and server.stderr is not None
+        address = re.findall(r"http://\S+", server.stdout.readline())[0]
+        finish(asyncio.wait_for(recorded(address, told), PATIENCE))
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(60.0) == 130
+        assert "Traceback" not in server.stderr.read()
+    finally:
+        server.kill()
+    assert "the recording has stopped" in told[0] and "cannot be written (File too large)" in told[0]
