@@ -1,4 +1,4 @@
-"""Every command that a document shows: it exists with these options, and it runs.
+"""Every command that a document shows exists with these options and runs; so does its Python.
 
 They run in this process on a short record of the demonstration's robot. Of two long ones the work itself is
 left out: the search for what is missing is made once, and presets are simulated for a second or two. What a
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import runpy
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ import typer
 import flexviz.batch.study
 import flexviz.cli
 import flexviz.diagnosis
+import flexviz.simulation
 import flexviz.simulation.sets as sets
 from flexviz.diagnosis import diagnose
 from flexviz.effects import forget_effects
@@ -30,13 +32,14 @@ from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions
 LENGTH = 6.0  # [s] of a simulated motion that is identified afterwards
 GLIMPSE = 0.3  # [s] of one that is not
 SHOWN = {page: commands for page in PAGES if (commands := blocks(page))}
+WITH_PYTHON = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
 SETS = ("SET", "my_set", "my_recording", "demo", "sessions/planar-2r-demo")  # what stands for a set
 SESSIONS = ("SESSION",)
 OWN = "examples/user_effects.py"
 PLACES = {"FILE": "written.json", "DIR": "folder", "FILE.rrd": "written.rrd"}
 # where `diagnose` is replaced: the package last, for the others take it from there when they are imported
 DIAGNOSING = tuple(
-    f"flexviz.{name}" for name in ("workflows", "batch.analysis", "batch.study_runs", "diagnosis")
+    f"flexviz{name}" for name in (".workflows", ".batch.analysis", ".batch.study_runs", "", ".diagnosis")
 )
 make_plan = sets.make_plan
 
@@ -88,7 +91,8 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         lines = [",".join(head), *(",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))]
         (tmp_path / f"run{number}.csv").write_text("\n".join(lines) + "\n")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sets, "make_plan", short_plan)
+    for module in (sets, flexviz.simulation):
+        monkeypatch.setattr(module, "make_plan", short_plan)
     monkeypatch.setattr("flexviz.designing.search.GroupSearch.improve", lambda *arguments: None)
     (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
 
@@ -101,7 +105,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     runs = flexviz.batch.study.study_tasks
     monkeypatch.setattr(flexviz.batch.study, "study_tasks", lambda plan: list(runs(plan))[-1:])
     here = flexviz.batch.ClusterChoice(1, processes=False)
-    monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given: here)
+    monkeypatch.setattr(flexviz.batch, "ClusterChoice", lambda *given, **named: here)
     served: list[Path | None] = []
 
     def serve(source: Path | None, *, host: str, port: int | None, open_browser: bool) -> None:
@@ -131,6 +135,14 @@ def test_shown_commands_run(page: Path, workplace: Path, capfd: pytest.CaptureFi
             assert code == 0, f"{shown}: {capfd.readouterr().err}"
         else:
             look_at(program, words, shown)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_PYTHON, ids=lambda page: page.stem)
+def test_shown_python_runs(page: Path, workplace: Path) -> None:
+    shown = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    Path("page.py").write_text("\n".join(shown), encoding="utf-8")
+    runpy.run_path("page.py", run_name="__main__")
 
 
 def look_at(program: str, words: list[str], shown: Shown) -> None:
