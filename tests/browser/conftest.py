@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.page import CHROMIUM, FLAGS, PLAIN_LIGHT, SPARE_FRAMES, close_notices
+from tests.browser.page import CHROMIUM, FLAGS, PLAIN_LIGHT, SPARE_FRAMES, close_notices, tab
 
 PATIENCE = 300_000  # [ms] for anything on a page: a busy machine draws slowly
 
@@ -36,27 +36,26 @@ def workplace(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def servers() -> list[subprocess.Popen[str]]:
-    """The servers that run, the newest last."""
-    return []
+def servers() -> dict[str, subprocess.Popen[str]]:
+    """The servers that run, by address."""
+    return {}
 
 
 @pytest.fixture(scope="module")
-def serve(workplace: Path, servers: list[subprocess.Popen[str]]) -> Iterator[Callable[..., str]]:
+def serve(workplace: Path, servers: dict[str, subprocess.Popen[str]]) -> Iterator[Callable[..., str]]:
     """serve(SET) -> the page's address."""
-    running = servers
 
     def start(*arguments: str) -> str:
         command = [sys.executable, "-m", "flexviz", "serve", *arguments, "--no-browser", "--port", "0"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=workplace)
-        running.append(process)
         assert process.stdout is not None
         found = re.search(r"http://\S+", process.stdout.readline())
+        servers[found[0] if found else f"none, {len(servers)}"] = process
         assert found, "the server did not start"
         return found[0]
 
     yield start
-    for process in running:
+    for process in servers.values():
         process.terminate()
         try:
             process.wait(timeout=15)
@@ -84,6 +83,19 @@ def shown(page: Any) -> str:
         return str(error)
 
 
+def opened(chromium: Any, errors: list[str], address: str, width: int = 1280, height: int = 800) -> Any:
+    """A page whose plots are there; what goes wrong on it is added to `errors`."""
+    page = chromium.new_page(viewport={"width": width, "height": height})
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.set_default_timeout(PATIENCE)
+    page.add_init_script(PLAIN_LIGHT)
+    page.goto(address)
+    page.wait_for_selector(".uplot .u-over")
+    page.evaluate(SPARE_FRAMES)
+    close_notices(page)
+    return page
+
+
 @pytest.fixture
 def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callable[..., Any]]:
     """open_page(address, width, height) -> a page whose plots are there; errors of the page fail the test."""
@@ -91,22 +103,38 @@ def open_page(chromium: Any, request: pytest.FixtureRequest) -> Iterator[Callabl
     request.node.pages = pages
     errors: list[str] = []
 
-    def open_(address: str, width: int = 1280, height: int = 800) -> Any:
-        page = chromium.new_page(viewport={"width": width, "height": height})
-        pages.append(page)
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.set_default_timeout(PATIENCE)
-        page.add_init_script(PLAIN_LIGHT)
-        page.goto(address)
-        page.wait_for_selector(".uplot .u-over")
-        page.evaluate(SPARE_FRAMES)
-        close_notices(page)
-        return page
+    def open_(*arguments: Any) -> Any:
+        pages.append(opened(chromium, errors, *arguments))
+        return pages[-1]
 
     yield open_
     for page in pages:
         page.close()
     assert not errors
+
+
+@pytest.fixture(scope="module")
+def address(serve: Callable[..., str]) -> str:
+    """A server that the tests of a file share; they leave to each other what they do there."""
+    return serve()
+
+
+@pytest.fixture(scope="module")
+def _shared_page(chromium: Any, address: str) -> Iterator[tuple[Any, list[str]]]:
+    errors: list[str] = []
+    page = opened(chromium, errors, address, 1440, 900)
+    yield page, errors
+    page.close()
+
+
+@pytest.fixture
+def page(_shared_page: tuple[Any, list[str]], request: pytest.FixtureRequest) -> Iterator[Any]:
+    """The page on that server that the tests of a file share, 1440 × 900: opening one takes 10 s."""
+    page, errors = _shared_page
+    request.node.pages = [page]
+    tab(page, "Playback").click()
+    yield page
+    assert not errors, errors.clear()
 
 
 @pytest.fixture

@@ -167,11 +167,9 @@ SHOW = "() => { window.requestAnimationFrame = window.drawn; window.asked.forEac
 
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="processor time is read from /proc")
 def test_unwatched_it_costs_nothing(
-    serve: Callable[..., str], servers: list[subprocess.Popen[str]], open_page: Any
+    address: str, servers: dict[str, subprocess.Popen[str]], page: Any
 ) -> None:
-    address = serve()
-    until(lambda: cpu(servers[-1]) < 0.02, 60, "the end of loading")
-    page = open_page(address)
+    button(page, "Play").click()
 
     def at() -> Any:
         return node(page, "/measured/joint2")
@@ -179,20 +177,64 @@ def test_unwatched_it_costs_nothing(
     before = until(at, what="the robot")
     until(lambda: at() != before, 60, "motion")
     page.evaluate(HIDE)
-    until(lambda: cpu(servers[-1]) < 0.02, 60, "the pause of a hidden page")
+    until(lambda: cpu(servers[address]) < 0.02, 60, "the pause of a hidden page")
     page.evaluate(SHOW)
     before = at()
     until(lambda: at() != before, 60, "motion again")
+
+
+def test_the_camera_has_presets(page: Any, shot: Any) -> None:
+    button(page, "Pause").click()
+    choose(page, "Group", "t3p3")
+    label = "() => window.__viserSceneTree.getState()['/measured/payload0']?.message?.props?.text"
+    until(lambda: page.evaluate(label) == "payload 1.6 kg", what="the label of the payload")
+    until(lambda: node(page, "/measured/joint2/payload0"), what="the payload")
+    tab(page, "View").click()
+
+    def scene() -> np.ndarray:
+        return pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
+
+    def like(other: np.ndarray) -> bool:
+        return bool(np.mean(np.abs(scene() - other).max(axis=2) > 40) <= 0.01)
+
+    before = last = within(SOON, scene, like)  # nothing moves any more
+    shot(page, "labels")
+    for view in ("Oblique", "Above", "Front"):
+        button(page, view).click()
+        until(lambda last=last, view=view: not like(last) and like(before) == (view == "Front"), what=view)
+        last = within(SOON, scene, like)
+        shot(page, f"camera-{view.lower()}")
+
+
+def test_effects_are_ticked_on_all_joints_or_one(page: Any, shot: Any) -> None:
+    button(page, "Pause").click()
+    button(page, "Identify").click()
+    matrix = page.locator(".fv-matrix tr")
+
+    def model() -> dict[str, str]:
+        rows = [text.split("\t") for text in matrix.all_inner_texts()[1:]]
+        return {name: "".join(cells) for name, *cells in rows}
+
+    tick(page, "coulomb_friction")  # the name: on all joints
+    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the effect on both joints")
+    unfold(page, "Joint by joint", page.get_by_role("button", name="joint1", exact=True))
+    press(page, "joint1", lambda: model() == {"coulomb_friction": "·✓"})  # one joint less
+    assert not row(page, "coulomb_friction").get_by_role("checkbox").is_checked()
+    shot(page, "matrix")
+    page.get_by_role("button", name="joint1", exact=True).click()
+    until(lambda: row(page, "coulomb_friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
+    tick(page, "coulomb_friction", False)
+    until(lambda: model() == {}, 60, "the model without it")
+    button(page, "Undo").click()
+    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the undo")
+    well_laid_out(page)
 
 
 SPANS = """() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots).map(u =>
     [u.chart.root.querySelector('.u-title').textContent, [u.chart.scales.x.min, u.chart.scales.x.max]]))"""
 
 
-def test_plots_are_zoomed_clicked_read_and_saved(
-    serve: Callable[..., str], open_page: Any, shot: Any, tmp_path: Path
-) -> None:
-    page = open_page(serve(), 1440, 900)
+def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path: Path) -> None:
     button(page, "Pause").click()
     button(page, "Identify").click()
     button(page, "Run").click()
@@ -271,54 +313,3 @@ def test_plots_are_zoomed_clicked_read_and_saved(
         assert "1-torque-joint1.svg" in names and len(names) == 10
         head, *rows = packed.read("1-torque-joint1.csv").decode().splitlines()
     assert head == "time [s],measured [Nm],model [Nm]" and len(rows) > 100
-
-
-def test_effects_are_ticked_on_all_joints_or_one(
-    serve: Callable[..., str], open_page: Any, shot: Any
-) -> None:
-    page = open_page(serve(), 1440, 900)
-    button(page, "Pause").click()
-    button(page, "Identify").click()
-    matrix = page.locator(".fv-matrix tr")
-
-    def model() -> dict[str, str]:
-        rows = [text.split("\t") for text in matrix.all_inner_texts()[1:]]
-        return {name: "".join(cells) for name, *cells in rows}
-
-    tick(page, "coulomb_friction")  # the name: on all joints
-    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the effect on both joints")
-    unfold(page, "Joint by joint", page.get_by_role("button", name="joint1", exact=True))
-    press(page, "joint1", lambda: model() == {"coulomb_friction": "·✓"})  # one joint less
-    assert not row(page, "coulomb_friction").get_by_role("checkbox").is_checked()
-    shot(page, "matrix")
-    page.get_by_role("button", name="joint1", exact=True).click()
-    until(lambda: row(page, "coulomb_friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
-    tick(page, "coulomb_friction", False)
-    until(lambda: model() == {}, 60, "the model without it")
-    button(page, "Undo").click()
-    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the undo")
-    well_laid_out(page)
-
-
-def test_the_camera_has_presets(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
-    page = open_page(serve(), 1440, 900)
-    button(page, "Pause").click()
-    choose(page, "Group", "t3p3")
-    label = "() => window.__viserSceneTree.getState()['/measured/payload0']?.message?.props?.text"
-    until(lambda: page.evaluate(label) == "payload 1.6 kg", what="the label of the payload")
-    until(lambda: node(page, "/measured/joint2/payload0"), what="the payload")
-    tab(page, "View").click()
-
-    def scene() -> np.ndarray:
-        return pixels(page, {"x": 345, "y": 60, "width": 640, "height": 500})
-
-    def like(other: np.ndarray) -> bool:
-        return bool(np.mean(np.abs(scene() - other).max(axis=2) > 40) <= 0.01)
-
-    before = last = within(SOON, scene, like)  # nothing moves any more
-    shot(page, "labels")
-    for view in ("Oblique", "Above", "Front"):
-        button(page, view).click()
-        until(lambda last=last, view=view: not like(last) and like(before) == (view == "Front"), what=view)
-        last = within(SOON, scene, like)
-        shot(page, f"camera-{view.lower()}")

@@ -34,11 +34,6 @@ KUKA = Path(__file__).resolve().parents[3] / "shared" / "real" / "kuka_kr300"
 pytestmark = pytest.mark.browser
 
 
-@pytest.fixture(scope="module")
-def address(serve: Callable[..., str]) -> str:
-    return serve()
-
-
 def canvas_colours(picture: bytes, width: int) -> int:
     """How many colours the middle of a screenshot has, between the docks and above the playback panel."""
     image = pytest.importorskip("PIL.Image").open(io.BytesIO(picture)).convert("RGB")
@@ -58,8 +53,7 @@ def at_rest(page: Any) -> list[float] | None:
     return node(page, "/measured/joint2")
 
 
-def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> None:
-    page = open_page(address)
+def test_both_robots_move_and_stop(page: Any, shot: Any) -> None:
     assert "Step Data" in status(page) and "no model yet" in status(page)
     until(lambda: node(page, "/measured/joint1"), what="the measured robot")
     assert node(page, "/identified/joint1") is not None
@@ -69,15 +63,12 @@ def test_both_robots_move_and_stop(address: str, open_page: Any, shot: Any) -> N
     still = at_rest(page)
     page.wait_for_timeout(1000)
     assert node(page, "/measured/joint2") == still
-    assert canvas_colours(shot(page, "1-data"), 1280) > 50, "the canvas is blank"
+    assert canvas_colours(shot(page, "1-data"), 1440) > 50, "the canvas is blank"
     button(page, "Step ▶").click()
     until(lambda: node(page, "/measured/joint2") != still, what="one step")  # and it stays at rest
 
 
-def test_the_bandwidth_slider_redraws_the_states_and_is_swept(
-    address: str, open_page: Any, shot: Any
-) -> None:
-    page = open_page(address)
+def test_the_bandwidth_slider_redraws_the_states_and_is_swept(page: Any, shot: Any) -> None:
     button(page, "Observer").click()
     tab(page, "States").click()
     until(lambda: any(title.startswith("θ̈") for title in charts(page)), what="the states")
@@ -128,10 +119,7 @@ def more_effects_open_and_are_added(page: Any, shot: Any) -> None:
     until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
 
 
-def test_run_shows_convergence_table_residual_and_the_models_motion(
-    address: str, open_page: Any, shot: Any
-) -> None:
-    page = open_page(address)
+def test_run_shows_convergence_table_residual_and_the_models_motion(page: Any, shot: Any) -> None:
     more_effects_open_and_are_added(page, shot)
     tab(page, "Convergence").click()
     button(page, "Run").click()
@@ -178,8 +166,7 @@ def test_run_shows_convergence_table_residual_and_the_models_motion(
     choose(page, "Layout", "Side by side")
 
 
-def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> None:
-    page = open_page(address)
+def test_a_click_on_a_link_selects_its_joint(page: Any) -> None:
     button(page, "Pause").click()
     at_rest(page)
     places, joint = ghost(page), row(page, "Joint").get_by_role("combobox")
@@ -191,8 +178,8 @@ def test_a_click_on_a_link_selects_its_joint(address: str, open_page: Any) -> No
     raise AssertionError(f"only {before} could be chosen")
 
 
-def test_keys_and_two_pages_show_the_same(address: str, open_page: Any) -> None:
-    one, two = open_page(address), open_page(address)
+def test_keys_and_two_pages_show_the_same(address: str, page: Any, open_page: Any) -> None:
+    one, two = page, open_page(address)
     button(one, "Pause").click()
     one.mouse.click(760, 120)  # the empty sky: no control has the focus
     still = at_rest(one)
@@ -246,8 +233,8 @@ def every_agreed_name_is_on_one_control(page: Any, step: str) -> None:
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_nothing_overlaps_or_is_cut(address: str, open_page: Any, shot: Any, dark: bool) -> None:
-    page = open_page(address + ("/?darkMode" if dark else ""))
+def test_nothing_overlaps_or_is_cut(address: str, page: Any, open_page: Any, shot: Any, dark: bool) -> None:
+    page = open_page(f"{address}/?darkMode") if dark else page
     button(page, "Pause").click()
     steps = (
         ("Data", "Signals"),

@@ -23,19 +23,20 @@ def error(page: Any) -> str:
 def test_unsaved_work_outlives_a_killed_server(
     serve: Callable[..., str],
     workplace: Path,
-    servers: list[subprocess.Popen[str]],
+    servers: dict[str, subprocess.Popen[str]],
     open_page: Any,
     shot: Any,
 ) -> None:
-    page = open_page(serve())
+    address = serve()
+    page = open_page(address)
     button(page, "Identify").click()
     button(page, "Run").click()
     known = until(lambda: error(page), what="a result")
     until(lambda: not button(page, "Stop").is_enabled(), what="the end")
     # work is kept soon, not at once; session.json is written last
     until(lambda: list((workplace / "sessions" / ".unsaved").rglob("session.json")), 60, "the kept work")
-    servers[-1].kill()
-    servers[-1].wait()
+    servers[address].kill()
+    servers[address].wait()
 
     again = open_page(serve())
     assert not error(again)
