@@ -12,8 +12,8 @@ from flexviz.effects import EFFECTS, ChosenEffect, EffectTarget, choose_effects
 from flexviz.equation import Layout
 from flexviz.errors import InputError
 from flexviz.identification import identify
-from flexviz.measurements import read_set
-from flexviz.simulation import laws, make_plan, simulate_preset
+from flexviz.simulation import laws, make_plan
+from tests.planar_arm import planar_set
 from tests.test_effects import MOTION, VALUES, named
 
 ONLY_AMONG_MANY = {
@@ -66,8 +66,8 @@ def test_a_search_for_single_effects_leaves_them_out() -> None:
 )
 def test_identification_recovers_them(hidden: str, truth: dict[str, float], tmp_path: Path) -> None:
     values = ",".join(f"{name}={value}" for name, value in truth.items())
-    simulate_preset("planar-2r", tmp_path / "set", [f"{hidden}:{values}"], seed=3)
-    result = identify(read_set(tmp_path / "set"), effects=[hidden], refine=True)
+    measurements = planar_set(tmp_path / "set", [f"{hidden}:{values}"], seed=3)
+    result = identify(measurements, effects=[hidden], refine=True)
     name, _, joint = hidden.partition(":")
     for parameter, true in truth.items():
         (found,) = (p for p in result.parameters if (p.name, p.joint) == (f"{name}.{parameter}", joint))

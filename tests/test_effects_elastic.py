@@ -17,7 +17,7 @@ from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.simulation import make_plan, simulate_plan, write_plan
 from flexviz.simulation.elastic import ElasticJoint
-from flexviz.simulation.sets import simulate_preset
+from tests.planar_arm import of_groups, planar_set
 
 STIFFNESS, COUNT, STEP = 1500.0, 4000, 2e-3
 TIME = np.linspace(STEP / 2, (COUNT - 0.5) * STEP, COUNT)  # whole half-waves: even about both ends
@@ -79,7 +79,7 @@ def test_torque_goes_on_at_the_ends_of_what_the_equation_knows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Beyond them friction is taken off, too: a step there is one that a damped joint would answer to."""
-    plan = make_plan("planar-2r")
+    plan = of_groups(make_plan("planar-2r"))
     friction = EffectValue("coulomb_friction", "joint2", {"coulomb": 6.0})
     effects = (friction, EffectValue("joint_damping", "joint2", {"damping": 8.0}))
     plan = replace(plan, model=replace(plan.model, effects=effects))
@@ -134,11 +134,9 @@ def test_hardened_spring_in_closed_form(cubic: float) -> None:
 
 def test_both_are_identified_on_one_joint(tmp_path: Path) -> None:
     hidden = ["stiffness_hardening:joint1:cubic_stiffness=256000", "joint_damping:joint1:damping=8"]
-    simulate_preset("planar-2r", tmp_path / "set", hidden, seed=3, start="moving")
     wanted = ["stiffness_hardening:joint1", "joint_damping:joint1"]
-    measurements = read_set(tmp_path / "set")
-    two = [group.name for group in measurements.fit_groups[:2]]
-    result = identify(measurements, groups=two, effects=wanted, bandwidth=2 * np.pi * 5, refine=True)
+    measurements = planar_set(tmp_path / "set", hidden, seed=3, start="moving")
+    result = identify(measurements, effects=wanted, bandwidth=2 * np.pi * 5, refine=True)
     assert result["stiffness_hardening.cubic_stiffness", "joint1"].value == pytest.approx(256e3, rel=3e-3)
     assert result["joint_damping.damping", "joint1"].value == pytest.approx(8.0, rel=3e-3)
     assert result["stiffness", "joint1"].value == pytest.approx(1000.0, rel=1e-3)

@@ -12,9 +12,9 @@ from flexviz.effects import EFFECTS, JointMotion, JointState, LawEffect
 from flexviz.effects.presliding_hysteresis import dahl
 from flexviz.effects.startup_friction import worn_off
 from flexviz.identification import identify
-from flexviz.measurements import MeasurementSet, read_set
+from flexviz.measurements import MeasurementSet
 from flexviz.simulation.laws import BreakAway
-from flexviz.simulation.sets import simulate_preset
+from tests.planar_arm import planar_set
 
 TIME = np.linspace(0.0, 8.0, 4001)
 _RANDOM = np.random.default_rng(3)
@@ -144,8 +144,7 @@ def cut_at_reversals(measurements: MeasurementSet, after: float) -> MeasurementS
 
 def test_record_that_starts_with_wound_up_friction(tmp_path: Path) -> None:
     hidden = "presliding_hysteresis:joint1:presliding_stiffness=60,coulomb=6"
-    simulate_preset("planar-2r", tmp_path / "set", [hidden], seed=3)
-    measurements = cut_at_reversals(read_set(tmp_path / "set"), 3.0)
+    measurements = cut_at_reversals(planar_set(tmp_path / "set", [hidden], seed=3), 3.0)
     for refine in (False, True):
         result = identify(measurements, effects=["presliding_hysteresis:joint1"], refine=refine)
         exact = 1.0 if refine else 5.0

@@ -11,9 +11,10 @@ from flexviz.equation import layout_of
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import inject, make_plan, simulate_plan, write_plan
+from tests.planar_arm import of_groups
 
 HIDDEN = ("coulomb_friction:joint2", "stribeck_friction:joint2:stribeck=0.4,velocity=0.08")
-PLAN = inject(make_plan("planar-2r"), HIDDEN)
+PLAN = inject(of_groups(make_plan("planar-2r")), HIDDEN)
 
 
 @pytest.fixture(scope="module")

@@ -21,6 +21,7 @@ from flexviz.observers import FlatZeroPhase
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
 from flexviz.simulation import simulate_preset
+from tests.planar_arm import planar_set
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 CLEAN = SHARED / "practice" / "cases" / "2r-none-19"
@@ -344,8 +345,9 @@ def test_sweep_has_its_minimum_inside(demo):
 )
 def test_nonlinear_effects_are_searched_for(tmp_path, effect, text):
     joint = text.split(":")[1]
-    simulate_preset("planar-2r", tmp_path / "set", [text], seed=2)
-    result = identify(read_set(tmp_path / "set"), effects=[f"{effect}:{joint}"], refine=True)
+    result = identify(
+        planar_set(tmp_path / "set", [text], seed=2), effects=[f"{effect}:{joint}"], refine=True
+    )
     wanted = dict(pair.split("=") for pair in text.split(":")[2].split(","))
     for name, value in wanted.items():
         assert result[f"{effect}.{name}", joint].value == pytest.approx(float(value), rel=0.03), name
@@ -353,8 +355,7 @@ def test_nonlinear_effects_are_searched_for(tmp_path, effect, text):
 
 def test_contact_named_by_joint_and_group_is_searched_for(tmp_path):
     hidden = "external_contact:joint2:torque=6,start=3.13,end=4.87,group=t2p2"
-    simulate_preset("planar-2r", tmp_path / "set", [hidden], seed=3)
-    measurements = read_set(tmp_path / "set")
+    measurements = planar_set(tmp_path / "set", [hidden], seed=3)
     result = identify(measurements, effects=["external_contact:joint2@t2p2"], refine=True)
     found = {k: result[f"external_contact.{k}", "joint2"].value for k in ("torque", "start", "end")}
     assert found["torque"] == pytest.approx(6.0, rel=0.02)

@@ -25,6 +25,7 @@ from flexviz.measurements import read_set
 from flexviz.model import EffectValue
 from flexviz.observers import FlatZeroPhase
 from flexviz.simulation import make_plan, move, record, write_plan
+from tests.planar_arm import of_groups
 
 Array = NDArray[np.float64]
 JOINTS = ("a", "b")
@@ -127,7 +128,7 @@ def noise_deviation(point: Point) -> Array:
 @pytest.mark.parametrize("damping", [None, 6.0])
 def test_without_what_is_shared_the_score_is_zero_on_average(tmp_path: Path, damping: float | None) -> None:
     """A torque sensor that is so bad that the joint's deflection drowns in its noise."""
-    plan = make_plan("planar-2r")
+    plan = of_groups(make_plan("planar-2r"))
     effects = () if damping is None else (EffectValue("joint_damping", "joint2", {"damping": damping}),)
     noise = {None: 2.0, 6.0: 0.6}[damping]
     sensors = replace(plan.sensors, theta_noise=2e-7, torque_noise=noise)

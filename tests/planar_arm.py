@@ -1,0 +1,23 @@
+"""Simulated sets of the planar arm with as many of its groups as a test needs: each takes a second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
+
+TWO = ("t1p1", "t2p2")  # other motions and payloads
+
+
+def of_groups(plan: Plan, names: Sequence[str] = TWO) -> Plan:
+    """The plan with these groups only."""
+    return replace(plan, groups=tuple(group for group in plan.groups if group.name in names))
+
+
+def planar_set(folder: Path, effects: Sequence[str], seed: int, start: str = "rest") -> MeasurementSet:
+    """Two groups of the arm with these effects, written to `folder` and read."""
+    plan = of_groups(make_plan("planar-2r", effects, start))
+    return read_set(write_plan(plan, simulate_plan(plan, seed), folder, seed))
