@@ -10,6 +10,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
 
 TWO = ("t1p1", "t2p2")  # other motions and payloads
+HELD_OUT = (*TWO, "t4p2")  # and one for validation
 
 
 def of_groups(plan: Plan, names: Sequence[str] = TWO) -> Plan:
@@ -17,7 +18,9 @@ def of_groups(plan: Plan, names: Sequence[str] = TWO) -> Plan:
     return replace(plan, groups=tuple(group for group in plan.groups if group.name in names))
 
 
-def planar_set(folder: Path, effects: Sequence[str], seed: int, start: str = "rest") -> MeasurementSet:
-    """Two groups of the arm with these effects, written to `folder` and read."""
-    plan = of_groups(make_plan("planar-2r", effects, start))
+def planar_set(
+    folder: Path, effects: Sequence[str], seed: int, start: str = "rest", groups: Sequence[str] = TWO
+) -> MeasurementSet:
+    """Some groups of the arm with these effects, written to `folder` and read."""
+    plan = of_groups(make_plan("planar-2r", effects, start), groups)
     return read_set(write_plan(plan, simulate_plan(plan, seed), folder, seed))

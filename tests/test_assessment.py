@@ -10,14 +10,12 @@ from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.measurements.writing import GroupTable, write_set
 from flexviz.results import ResultDocument, assessment
-from flexviz.simulation import simulate_preset
+from tests.planar_arm import HELD_OUT, planar_set
 
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory) -> MeasurementSet:
-    folder = tmp_path_factory.mktemp("clean") / "arm"
-    simulate_preset("planar-2r", folder, ["none"], seed=3)
-    return read_set(folder)
+    return planar_set(tmp_path_factory.mktemp("clean") / "arm", ["none"], seed=3, groups=HELD_OUT)
 
 
 def test_a_complete_model_is_good_and_needs_nothing(clean):

@@ -5,7 +5,7 @@ import re
 from benchmarks import import_faults, real, speed
 from flexviz.measurements import read_set
 from flexviz.resources import sessions_dir
-from flexviz.simulation import simulate_preset
+from tests.planar_arm import HELD_OUT, planar_set
 
 
 def test_speed_prints_ratios(capsys):
@@ -27,7 +27,7 @@ def test_import_faults_prints_counts(capsys):
 
 
 def test_real_skips_what_is_absent_and_prints_a_line_per_set(tmp_path, capfd):
-    simulate_preset("planar-2r", tmp_path / "arm", ["coulomb_friction:joint1"], seed=1)
+    planar_set(tmp_path / "arm", ["coulomb_friction:joint1"], seed=1, groups=HELD_OUT)
     real.main([str(tmp_path / "absent"), str(tmp_path)])
     printed = capfd.readouterr().out
     assert f"{tmp_path / 'absent'}: skipped" in printed

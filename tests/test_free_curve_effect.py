@@ -45,6 +45,7 @@ from flexviz.measurements import MeasurementSet, read_set
 from flexviz.model import EffectValue, FlexibleModel
 from flexviz.results import ResultDocument, read_result
 from flexviz.simulation import Plan, make_plan, simulate_plan, write_plan
+from tests.planar_arm import HELD_OUT, of_groups
 
 TRIAL = TrialMotion(
     np.linspace(0.0, 6.0, 3001),
@@ -57,7 +58,7 @@ EFFECT = "free_curve_direction"
 
 def short(**changed: Any) -> Plan:
     """The planar arm, with short groups."""
-    plan = make_plan("planar-2r")
+    plan = of_groups(make_plan("planar-2r"), HELD_OUT)
     return replace(plan, groups=tuple(replace(group, duration=8.0) for group in plan.groups), **changed)
 
 

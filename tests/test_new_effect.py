@@ -25,11 +25,12 @@ from flexviz.exporting import FORMATS, LeftOut, coverage
 from flexviz.exporting.coverage import REGISTRIES
 from flexviz.identification import identify
 from flexviz.measurements import read_set
-from flexviz.simulation import simulate_preset, simulated_effects
+from flexviz.simulation import simulated_effects
 from flexviz.simulation.effect_laws import LAWS, motor
 from flexviz.simulation.laws import MotorLaw
 from flexviz.view import addable_effects, more_effects
 from tests import made_up_effect
+from tests.planar_arm import HELD_OUT, planar_set
 
 ROOT = Path(__file__).resolve().parent.parent
 NAME = "saturating_friction"
@@ -68,7 +69,7 @@ def registered() -> Iterator[None]:
 def injected(tmp_path_factory: pytest.TempPathFactory, registered: None) -> Path:
     """A simulated set with the effect on joint 2."""
     folder = tmp_path_factory.mktemp("new") / "set"
-    simulate_preset("planar-2r", folder, [f"{NAME}:joint2:plateau={PLATEAU},speed={SPEED}"], seed=3)
+    planar_set(folder, [f"{NAME}:joint2:plateau={PLATEAU},speed={SPEED}"], seed=3, groups=HELD_OUT)
     return folder
 
 

@@ -11,6 +11,7 @@ from flexviz.effects import JointState
 from flexviz.identification import identify
 from flexviz.measurements import read_set
 from flexviz.simulation import ExtraLaw, Pull, make_plan, simulate_plan, write_plan
+from tests.planar_arm import HELD_OUT, of_groups
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class PowerLaw(ExtraLaw):
 
 def test_a_power_law_of_no_library_is_described(tmp_path: Path) -> None:
     plan = replace(
-        make_plan("planar-2r", ["coulomb_friction:joint1:coulomb=2"]), laws=(("joint1", PowerLaw()),)
+        of_groups(make_plan("planar-2r", ["coulomb_friction:joint1:coulomb=2"]), HELD_OUT),
+        laws=(("joint1", PowerLaw()),),
     )
     write_plan(plan, simulate_plan(plan, 3), tmp_path / "set", 3)
     measurements, coulomb = read_set(tmp_path / "set"), "coulomb_friction:joint1"

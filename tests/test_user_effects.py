@@ -26,6 +26,7 @@ from flexviz.session import Session, open_session, save_session
 from flexviz.simulation import replay, simulate_preset, simulated_effects
 from flexviz.simulation.effect_laws import LAWS
 from flexviz.view.effects import addable_effects, more_effects
+from tests.planar_arm import HELD_OUT, planar_set
 
 ROOT = Path(__file__).resolve().parent.parent
 EXAMPLE = ROOT / "examples" / "user_effects.py"
@@ -66,7 +67,7 @@ def hidden(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A set with the example's first effect hidden on joint 2."""
     folder = tmp_path_factory.mktemp("own") / "set"
     load_effects(EXAMPLE)
-    simulate_preset("planar-2r", folder, ["worm_gear_friction:joint2:forward=5"], seed=2)
+    planar_set(folder, ["worm_gear_friction:joint2:forward=5"], seed=2, groups=HELD_OUT)
     forget_effects()
     return folder
 
