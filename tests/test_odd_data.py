@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from flexviz.cli.terminal import write_json
+from flexviz.diagnosis import check_bandwidth, diagnose
+from flexviz.equation import layout_of
 from flexviz.errors import InputError
 from flexviz.files import whole_folder
 from flexviz.identification import identify
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.recording import record_set
 from flexviz.session import Session, save_session
-from tests.small_set import write_small_set
+from tests.small_set import URDF, columns, write_small_set, write_table
 from tests.test_bad_robots import chain
 
 JOINTS = 30
@@ -45,6 +48,29 @@ def test_saturated_torque(small: MeasurementSet) -> None:
     """Torque cut off at half its range: a worse fit than that of the whole one, and no failure."""
     fit = [identify(with_torque(small, share), max_iterations=3).residual.rms for share in (1.0, 0.5)]
     assert np.isfinite(fit).all() and (np.array(fit[1]) > np.array(fit[0])).all()
+
+
+def test_white_noise_names_no_effect(tmp_path: Path) -> None:
+    rng, names, groups = np.random.default_rng(1), ["joint1", "joint2"], []
+    for number, name in enumerate("abc"):
+        theta, tau = rng.normal(size=(800, 2)), 10.0 * rng.normal(size=(800, 2))
+        time = 0.002 * np.arange(800)
+        groups.append(GroupTable(name, name, "none", time, theta, tau, validation=number == 2))
+    made: dict[str, Any] = {"robot": "robot.urdf", "joints": names, "payloads": {"none": []}}
+    found = diagnose(
+        read_set(write_set(tmp_path / "noise", groups=groups, files={"robot.urdf": URDF}, **made))
+    )
+    assert found.verdict != "missing" and not any(finding.confidence > 0.5 for finding in found.findings)
+
+
+def test_records_too_short_for_narrow_bands_are_checked_in_the_others(tmp_path: Path) -> None:
+    folder = write_small_set(tmp_path / "short")
+    for seed, name in enumerate(("a.csv", "b.parquet", "sub/c.csv")):
+        write_table(folder / name, columns(seed, rows=800))
+    measurements = read_set(folder)
+    layout = layout_of(measurements)
+    check = check_bandwidth(measurements, layout, layout.vector(identify(measurements).model))
+    assert 1 < len(check.bandwidths) < 5 and np.isfinite(check.rms).all()
 
 
 def with_torque(measurements: MeasurementSet, share: float) -> MeasurementSet:

@@ -89,11 +89,19 @@ class BandwidthFit:
 def refined_bands(
     measurements: MeasurementSet, groups: list[Group], layout: Layout, factors: list[float]
 ) -> list[BandwidthData]:
-    """Data of the diagnosis at several bandwidths; in coarse records some factors give the same band."""
+    """Data of the diagnosis at several bandwidths.
+
+    In coarse records some factors give the same band; short ones leave no samples in the narrowest bands.
+    """
     found: dict[float, BandwidthData] = {}
     for factor in factors:
         weighing = replace(SEARCH_WEIGHTING, hertz=SEARCH_WEIGHTING.hertz * factor, ridge=0.0)
-        two_band = TwoBandData(measurements, groups, layout, weighing)
+        try:
+            two_band = TwoBandData(measurements, groups, layout, weighing)
+        except InputError:
+            if factor >= 1.0:
+                raise
+            continue
         signals = two_band.wide.signals
         bandwidth = float(np.max(signals.observer.bandwidth))
         found.setdefault(bandwidth, BandwidthData(bandwidth, signals, two_band.narrow, two_band))
