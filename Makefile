@@ -33,7 +33,11 @@ $(BIN)/.installed: $(BIN)/.locked pyproject.toml
 serve: install
 	$(BIN)/flexviz serve $(ARGS) || test $$? -eq 130  # Ctrl+C ends it
 
-test: lint types pytest
+# types take a minute and a half of one core: beside the tests, told after them
+test: lint browser
+	@mkdir -p build; nice $(BIN)/pyright --pythonpath $(BIN)/python >build/types.txt 2>&1 & types=$$!; \
+	  trap 'kill $$types 2>/dev/null' INT TERM; $(MAKE) --no-print-directory pytest; tests=$$?; wait $$types; types=$$?; \
+	  echo "$(BIN)/pyright"; cat build/types.txt; exit $$((tests ? tests : types))
 
 lint: install
 	$(BIN)/ruff check .

@@ -23,13 +23,14 @@ import flexviz.cli
 import flexviz.diagnosis
 import flexviz.simulation
 import flexviz.simulation.sets as sets
+from flexviz.batch import study_runs
 from flexviz.diagnosis import diagnose
 from flexviz.effects import forget_effects
 from flexviz.measurements import read_set
 from flexviz.session import Session, save_session
 from tests.shown_commands import PAGES, ROOT, Shown, blocks, mentions
 
-LENGTH = 6.0  # [s] of a simulated motion that is identified afterwards
+LENGTH = 4.0  # [s] of a simulated motion that is identified afterwards
 GLIMPSE = 0.3  # [s] of one that is not
 SHOWN = {page: commands for page in PAGES if (commands := blocks(page))}
 WITH_PYTHON = [page for page in PAGES if "```python" in page.read_text(encoding="utf-8")]
@@ -91,7 +92,7 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
         lines = [",".join(head), *(",".join(f"{x:.9g}" for x in row) for row in zip(*columns, strict=True))]
         (tmp_path / f"run{number}.csv").write_text("\n".join(lines) + "\n")
     monkeypatch.chdir(tmp_path)
-    for module in (sets, flexviz.simulation):
+    for module in (sets, flexviz.simulation, study_runs):
         monkeypatch.setattr(module, "make_plan", short_plan)
     monkeypatch.setattr("flexviz.designing.search.GroupSearch.improve", lambda *arguments: None)
     (tmp_path / "FILE.toml").write_text("groups = 1\nduration = 5.0\n")
@@ -115,7 +116,9 @@ def workplace(tiny: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any
     monkeypatch.setattr("flexviz.app.serve", serve)
     monkeypatch.setattr("flexviz.cli.viewing.show", lambda files, *options: [file.stat() for file in files])
     monkeypatch.setattr("flexviz.recording.writing.RecordingFile.simulate", lambda *arguments: None)
+    study_runs._motion.cache_clear()
     yield tmp_path
+    study_runs._motion.cache_clear()
     forget_effects()
 
 
