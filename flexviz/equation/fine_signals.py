@@ -117,7 +117,7 @@ def torque_band(
         inertia, stiffness, scale: shape (n,): B, K and the rms torque.
         limit: no wider than this [Hz].
     """
-    f = np.geomspace(2.0, max(limit, 2.01), 60)[:, None]
+    f = np.geomspace(2.0, limit, 60)[:, None]
     w = 2 * np.pi * f
     # one-sided densities 2d²; s = τ − Bθ̈ and ṡ/K = (τ̇ − Bθ⃛)/K, integrated up to f
     torque = np.sqrt(2 * f * (tau**2 + inertia**2 * theta**2 * w**4 / 5))
@@ -141,9 +141,9 @@ def _sign_band(block: Block, noise_theta: Array) -> Array:
 def _filtered(block: Block, wide_hertz: Array, narrow_hertz: Array, delay: float) -> FineSignals:
     segment, stride = block.segment, fine_stride(block)
     wide = ButterworthZeroPhase(2 * np.pi * wide_hertz)
-    position = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
+    position, velocity = wide.derivatives(segment.theta, segment.step, 2, position=True, stride=stride)
     narrow = ButterworthZeroPhase(2 * np.pi * narrow_hertz)
     theta = narrow.derivatives(segment.theta, segment.step, 4, position=True, stride=stride)
     tau = narrow.derivatives(segment.tau, segment.step, 2, delay=delay, stride=stride)
     time, step = segment.time[::stride], segment.step * stride
-    return FineSignals(time, step, position[0], position[1], theta, tau, narrow_hertz)
+    return FineSignals(time, step, position, velocity, theta, tau, narrow_hertz)

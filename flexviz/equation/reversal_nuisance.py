@@ -81,7 +81,7 @@ def _of_stretch(
     """The pulses of one effect in each part of a stretch that has some."""
     block = point.signals.blocks[index]
     time = point.signals.time[block.rows]
-    step, fine = time[1] - time[0], motion.time[1] - motion.time[0]
+    step, fine = time[1] - time[0], motion.step
     times, sizes = (np.zeros(0), np.zeros(0)) if law.smooth else undecided(law, motion, values)
     begun = law.unknown(motion, values)
     for rows in parts_of(time):
@@ -116,7 +116,7 @@ def undecided(law: LawEffect, motion: JointMotion, values: Array) -> tuple[Array
     region, size = law.undecided(motion, values) or _jumps(law, motion, values)
     if not region.any():
         return np.zeros(0), np.zeros(0)
-    step = motion.time[1] - motion.time[0]
+    step = motion.step
     edges = np.flatnonzero(np.diff(np.r_[0, region.astype(int), 0]))
     times, sizes = [], []
     for a, b in zip(edges[::2], edges[1::2], strict=True):
