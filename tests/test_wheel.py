@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import sysconfig
@@ -79,7 +80,9 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(installed: Path, folder: Path, *command: str) -> str:
-    done = subprocess.run([installed / command[0], *command[1:]], cwd=folder, capture_output=True, text=True)
+    elsewhere = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    program = [installed / command[0], *command[1:]]
+    done = subprocess.run(program, cwd=folder, capture_output=True, text=True, env=elsewhere)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
