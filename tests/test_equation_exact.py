@@ -75,7 +75,7 @@ def test_parts_of_a_record_have_the_pulses_that_reach_them(monkeypatch: pytest.M
     equation, x = at_the_truth(hidden | {("payload_error", None): (0.1,)}, 8.0, 0.8)
     point, chain = equation.at(x), total(equation, x)
     start = equation.signals.time[0]
-    times, sizes = start + np.arange(0.0, 3.2, 0.05), 1.0 + np.arange(64) % 5
+    times, sizes = start + np.arange(0.0, 3.2, 0.01), 1.0 + np.arange(320) % 5
     monkeypatch.setattr(reversal_nuisance, "undecided", lambda *_: (times, sizes))
     whole = {one.block: one for one in pulses(point, x, chain)}
     monkeypatch.setattr(reversal_nuisance, "LONGEST", 3.0)
@@ -87,7 +87,7 @@ def test_parts_of_a_record_have_the_pulses_that_reach_them(monkeypatch: pytest.M
         step, columns = time[1] - time[0], whole[index].columns
         motion = point.context.motions(0)[index]
         at = np.searchsorted(motion.time, times)
-        for joint, own in enumerate((columns[:, :, :64], columns[:, :, 64:])):
+        for joint, own in enumerate((columns[:, :, :320], columns[:, :, 320:])):
             u = point.context.pulses_block(index, at, joint, 3) * (sizes / motion.step)[:, None, None]
             direct = chain.rows(block.rows).column("torque", (joint,), u[5][:, :, None])
             np.testing.assert_allclose(own[:, :, 5], direct, rtol=1e-9)
@@ -230,7 +230,7 @@ def test_place_of_an_effect_beside_others() -> None:
     )
 
 
-def test_what_is_offered_to_effects_that_ask_for_nothing_identified() -> None:
+def test_what_is_offered_to_effects_that_ask_for_nothing() -> None:
     """q = θ − (τ − Bθ̈ − f_mv θ̇)/K with two derivatives; motions of an earlier point if they are the same."""
     equation, x = at_the_truth({("torque_offset", 1): (2.0,)}, 8.0, 1.2)
     lay, signals = equation.layout, equation.signals

@@ -186,6 +186,7 @@ def test_an_unknown_initial_state_is_projected_out() -> None:
         np.testing.assert_allclose(
             state.columns.T @ again[state.rows].ravel(), 0.0, atol=1e-3 * np.abs(again).max()
         )
+    np.testing.assert_allclose(alone.residual(x), again, atol=1e-9 * np.abs(again).max())  # without J
     assert len(alone._initial or []) == 3 and RIDGE == 0.01
     pulsed = pulses(point, x, chain)
     for one in pulsed:
@@ -223,7 +224,7 @@ def test_the_operating_point_follows_what_matters_to_the_effects() -> None:
 
 def test_jacobian_that_lets_the_load_move() -> None:
     """Friction that follows the load: ∂r/∂x with the operating point renewed, against differences."""
-    plain, x = at_the_truth({OFFSET: (2.0,), ("quadratic_friction", 1): (0.7,)}, 5.0, 1.6)
+    plain, x = at_the_truth({OFFSET: (2.0,), ("torque_ripple", 1): (1.8, 2.0, 0.4)}, 5.0, 1.6)
     curve = ChosenEffect("free_curve_load", 1)
     layout = Layout(plain.layout.joints, (*plain.layout.effects, curve))
     equation = Equation(plain.robot, plain.signals, layout)
@@ -231,7 +232,7 @@ def test_jacobian_that_lets_the_load_move() -> None:
     x[layout.effect_slice(curve).start + np.arange(2)] = -40.0, 60.0
     x[layout.link_viscous] = 40.0  # and the rate of s is felt, too
     moving_, still = (equation.at(x).evaluate(x, moving=m).jacobian for m in (True, False))
-    columns = [layout.motor_inertia.start + 1, layout.motor_viscous.start + 1, 28, 29]  # offset and quadratic
+    columns = [layout.motor_inertia.start + 1, layout.motor_viscous.start + 1, 28, 29, 30, 31]
     for k in columns:
         h = 0.03 * x[k]  # s is iterated to 1e-5 of its largest value
         ends = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -32,8 +31,7 @@ def width(page: Any) -> float:
     return float(found[1]) if found else float("nan")
 
 
-def test_the_trade_is_seen_while_dragging(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
-    page = open_page(serve(), 1440, 900)
+def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
     button(page, "Pause").click()
     button(page, "Observer").click()
     until(lambda: "After Run (step 3, Identify)" in page.inner_text("body"), 60, "the hint")
@@ -62,8 +60,8 @@ def test_the_trade_is_seen_while_dragging(serve: Callable[..., str], open_page: 
     until(lambda: cards(page) == first and width(page) == before, 60, "the bandwidth before the drag")
 
 
-def test_gains_are_set_by_hand(serve: Callable[..., str], open_page: Any, shot: Any) -> None:
-    page = open_page(serve() + "/?darkMode", 1280, 800)
+def test_gains_are_set_by_hand(address: str, open_page: Any, shot: Any) -> None:
+    page = open_page(address + "/?darkMode", 1280, 800)
     button(page, "Pause").click()
     button(page, "Observer").click()
     choose(page, "Observer type", "eso")
