@@ -8,7 +8,8 @@ busy machine the wall time is that of a queue, so the CPU time of the same work 
 - page: from starting the command to the first complete page.
 - bandwidth: from a bandwidth event to the new data being queued for the browsers, 20 s × 1 kHz × 7 joints.
 - tuning: the same with the residual of the identified model on all joints, and frames a second meanwhile.
-- playback: frames a second alone, and while an identification with refinement runs.
+- playback: frames a second alone, while an identification with refinement runs, and while a diagnosis does,
+  which shares the cores.
 - memory: resident memory of the server while it plays to a connected page, and a straight line through it
   after the first fifth, continued to an hour with its own standard error.
 """
@@ -34,8 +35,9 @@ import numpy as np
 from flexviz.app import DEMO
 from flexviz.app.application import Application
 from flexviz.app.server import start_server
-from flexviz.app.tasks import Identify, open_set
+from flexviz.app.tasks import Diagnose, Identify, open_set
 from flexviz.identification import identify
+from flexviz.jobs import Task
 from flexviz.measurements import GroupTable, write_set
 from flexviz.resources import sessions_dir
 from flexviz.robot import Robot
@@ -50,7 +52,7 @@ TUNED = ("butterworth-zero-phase", "eso")
 def line(name: str, figure: str, target: str, ratio: float) -> None:
     """One figure."""
     print(
-        f"{name:22s} {figure:46s} {target:>12s}  ratio {ratio:5.2f}  load {os.getloadavg()[0]:.1f}",
+        f"{name:27s} {figure:46s} {target:>12s}  ratio {ratio:5.2f}  load {os.getloadavg()[0]:.1f}",
         flush=True,
     )
 
@@ -208,15 +210,15 @@ def playback() -> None:
         )
         store = app.store
         store.change("refine", replace(store.analysis, refine=True))
-        task = Identify(store.analysis.without_result())
-        store.await_task(task, lambda result: None, begin="running", stopped="stopped")
-        rate, seconds = frame_rate(app, lambda: not store.running)
-        line(
-            "playback beside a fit",
-            f"{rate:.1f} frames/s over {seconds:.1f} s",
-            f">= {FRAMES:g} /s",
-            rate / FRAMES,
-        )
+        analysis = store.analysis.without_result()
+        tasks: dict[str, Task[Any]] = {
+            "a fit": Identify(analysis), "a diagnosis": Diagnose(analysis, None, apply=True),
+        }  # fmt: skip
+        for name, task in tasks.items():
+            store.await_task(task, lambda result: None, begin="running", stopped="stopped")
+            rate, seconds = frame_rate(app, lambda: not store.running)
+            figure = f"{rate:.1f} frames/s over {seconds:.1f} s"
+            line(f"playback beside {name}", figure, f">= {FRAMES:g} /s", rate / FRAMES)
 
 
 def listen(address: str, stop: threading.Event) -> int:
