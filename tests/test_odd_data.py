@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from flexviz.identification import identify
 from flexviz.measurements import GroupTable, MeasurementSet, read_set, write_set
 from flexviz.recording import record_set
 from flexviz.session import Session, save_session
-from tests.small_set import URDF, columns, write_small_set, write_table
+from tests.small_set import columns, write_small_set, write_table
 from tests.test_bad_robots import chain
 
 JOINTS = 30
@@ -51,15 +50,13 @@ def test_saturated_torque(small: MeasurementSet) -> None:
 
 
 def test_white_noise_names_no_effect(tmp_path: Path) -> None:
-    rng, names, groups = np.random.default_rng(1), ["joint1", "joint2"], []
-    for number, name in enumerate("abc"):
-        theta, tau = rng.normal(size=(800, 2)), 10.0 * rng.normal(size=(800, 2))
-        time = 0.002 * np.arange(800)
-        groups.append(GroupTable(name, name, "none", time, theta, tau, validation=number == 2))
-    made: dict[str, Any] = {"robot": "robot.urdf", "joints": names, "payloads": {"none": []}}
-    found = diagnose(
-        read_set(write_set(tmp_path / "noise", groups=groups, files={"robot.urdf": URDF}, **made))
-    )
+    rng, folder = np.random.default_rng(1), write_small_set(tmp_path / "noise")
+    for name in ("a.csv", "b.parquet", "sub/c.csv"):
+        table = {"time": 0.002 * np.arange(800)}
+        for joint in ("joint1", "joint2"):
+            table |= {f"theta_{joint}": rng.normal(size=800), f"tau_{joint}": 10.0 * rng.normal(size=800)}
+        write_table(folder / name, table)
+    found = diagnose(read_set(folder), guarded=False)
     assert found.verdict != "missing" and not any(finding.confidence > 0.5 for finding in found.findings)
 
 
