@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.effect_pages.pictures import PLACE
 from flexviz.effects import CURVES, EFFECTS, JointState, LoadedEffect, Terms, free_curve
-from flexviz.effects.free_curve import BEND, GRID, NODES, SIZE
+from flexviz.effects.free_curve import BEND, GRID, NODES, SEARCHED, SIZE
 from flexviz.effects.trial import TrialSignal
 from tests.test_effects import LAW_EFFECTS, MOTION, VALUES
 
@@ -40,10 +40,10 @@ def test_slope_with_the_load_feeds_back(effect: LoadedEffect) -> None:
     assert np.abs(found).max() > 0.01
 
 
-@pytest.mark.parametrize("curve", CURVES, ids=lambda c: c.name)
+@pytest.mark.parametrize("curve", (*CURVES, *SEARCHED), ids=lambda c: c.name)
 def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None:
     rng = np.random.default_rng(4)
-    torque, drawn = 30.0, rng.standard_normal((curve.sides, NODES))
+    torque, drawn = 30.0, rng.standard_normal((len(curve.branches), NODES))
     x = np.r_[9.0, 9.0, drawn.ravel()]
     bend = drawn[:, 2:] - 2 * drawn[:, 1:-1] + drawn[:, :-2]
     energy = np.sum(drawn**2) / (SIZE * torque) ** 2 + np.sum(bend**2) / (BEND * torque) ** 2
@@ -69,15 +69,17 @@ def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None
     np.testing.assert_allclose(u, both, atol=2e-3 * np.abs(u).max())
     assert (seen < low).any() and (seen > high).any()
     assert [len(side) for side in curve.node_parameters] == [NODES] * curve.sides
+    assert [x[list(branch)].tolist() for branch in curve.branches] == drawn.tolist()
     assert curve.node_parameters[-1][-1].name.endswith(f"_{NODES}")
     ways = curve.name.endswith(("_direction", "_velocity"))  # one curve per direction of motion
-    assert curve.each_way == ways and curve.sides == 1 + ways
+    against = curve.name.endswith("_friction")  # the same curve in both, against the motion
+    assert (curve.each_way, curve.opposes, curve.sides) == (ways, against, 1 + (ways or against))
     assert free_curve(curve.name) is curve and EFFECTS[curve.name] is curve
     assert curve.linear and curve.smooth == (curve.sides == 1)
     assert curve.state == (curve.where == "link" or curve.variable == "load")
 
 
-@pytest.mark.parametrize("curve", [c for c in CURVES if c.sides == 2], ids=lambda c: c.name)
+@pytest.mark.parametrize("curve", [c for c in (*CURVES, *SEARCHED) if c.sides == 2], ids=lambda c: c.name)
 def test_simulated_curve_follows_the_direction_of_its_own_side(curve) -> None:
     """A wound-up joint whose motor and link move in opposite directions."""
     values, x = curve.sizes(), 0.3

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_curve import is_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import sandwich
 
@@ -87,8 +88,11 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
     while True:
+        firm_curves = _given_curves(fit, covariance)
         found = {
-            effect: _necessity(fit, effect, where, x, covariance, walls, judged, jacobian, stretches)
+            effect: _necessity(
+                fit, effect, where, x, covariance, firm_curves, walls, judged, jacobian, stretches
+            )
             for effect, where in left.items()
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
@@ -189,12 +193,29 @@ def _without(x: Array, covariance: Array, rows: list[int], walls: Walls) -> tupl
     return move, covariance - gain @ covariance[free]
 
 
+def _given_curves(fit: MotionFit, covariance: Array) -> Array:
+    """The covariance (P, P) with free curves held: without an effect they would stand in for it."""
+    held = [
+        row
+        for e, where in fit.layout.effect_slices()
+        if is_curve(e)
+        for row in range(where.start, where.stop)
+    ]
+    held = [row for row in held if covariance[row, row] > 0]
+    if not held:
+        return covariance
+    return covariance - covariance[:, held] @ np.linalg.solve(
+        covariance[np.ix_(held, held)], covariance[held]
+    )
+
+
 def _necessity(
     fit: MotionFit,
     effect: ChosenEffect,
     where: slice,
     x: Array,
     covariance: Array,
+    firm_curves: Array,
     walls: Walls,
     judged: Array,
     jacobian: Array,
@@ -205,7 +226,7 @@ def _necessity(
     if np.any(np.diag(inside) <= 0) or not np.any(values):
         return Necessity(0.0, 0.0, 0.0, 0.0, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
-    move, _ = _without(x, covariance, rows, walls)
+    move, _ = _without(x, covariance if is_curve(effect) else firm_curves, rows, walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
     joint = effect.joint
     joints = slice(None)
@@ -225,7 +246,8 @@ def _necessity(
     # an effect without a joint acts on all of them, not only on one that lacks something else
     share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
     near = fit.rms < LIMITS.far_off * fit.context.noise_floor
-    near[[one.curve.joint for one in fit.eliminated]] = False  # the curve takes what the effect shows
+    for curve in filter(is_curve, fit.layout.effects):
+        near[curve.place.own_joint] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
     believed = credible(fit, effect, raw_step(fit), x[where])
     return Necessity(deviations, mean, error, share, believed, quiet)

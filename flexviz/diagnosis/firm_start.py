@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, free_curve
 from flexviz.equation import Layout, Signals
 from flexviz.estimation import Bounds, Start, other_effects
 from flexviz.measurements import MeasurementSet
+
+Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
 
@@ -48,5 +52,26 @@ def firm_start(given: MeasurementSet, signals: Signals, base: Start, layout: Lay
             spread[k] = law.expected.get(spec.name, spread[k])
             if spec.name == law.offset_parameter and effect.joint in offsets:
                 lower[k] = upper[k] = float(np.mean(signals.theta[0, :, effect.joint]))
-    firm = replace(prior, weight=weight, log_spread=logs, spread=spread)
+    of_curves = tuple(_curve_priors(layout, np.std(signals.tau[0], axis=0)))
+    firm = replace(prior, weight=weight, log_spread=logs, spread=spread, coupled=of_curves)
     return replace(start, prior=firm, bounds=Bounds(lower, upper))
+
+
+def _curve_priors(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
+    """Parameters of free curves and their inverse covariance; `torque` is the spread of each joint's, (n,).
+
+    Their mean and slope are left to the effects that a constant torque, a spring or friction is: a curve
+    stands for what has no law.
+    """
+    for effect, where in layout.effect_slices():
+        curve = free_curve(effect.effect)
+        if curve is None:
+            continue
+        size = LIMITS.curve_size * float(torque[effect.place.own_joint])
+        precision = curve.precision(size)
+        for branch in curve.branches:
+            nodes = np.arange(len(branch)) - 0.5 * (len(branch) - 1)
+            for form in (np.ones(len(branch)), nodes / np.abs(nodes).max()):
+                along = form / (form @ form)
+                precision[np.ix_(branch, branch)] += np.outer(along, along) / (LIMITS.curve_trend * size) ** 2
+        yield where, precision

@@ -11,7 +11,7 @@ from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
-from flexviz.diagnosis.model_family import RichModel
+from flexviz.diagnosis.model_family import RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
@@ -21,6 +21,7 @@ from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -66,12 +67,17 @@ class ManyEffects:
 
     def useful(self, rich: RichModel) -> RichModel | None:
         """The model, if the set hides many effects."""
-        if rich.curves and not rich.added(self.layout):
-            little = np.maximum(
-                LIMITS.near_noise * self.context.noise_floor, LIMITS.little * self.context.spread
-            )
-            return rich if np.all(rich.fit.rms < little) else None
-        return rich if len(rich.added(self.layout)) >= LIMITS.many else None
+        added = rich.added(self.layout)
+        if len(added) >= LIMITS.many:
+            return rich
+        unknown = {curve.joint for curve in rich.curves}
+        if not unknown or not all(effect.joint in unknown for effect in added):
+            return None
+        # what little else is on those joints mends the form of their curves
+        alone = self.search.with_curves_only(rich) if added else rich
+        noise, spread = self.context.noise_floor, self.context.spread
+        little = np.maximum(LIMITS.little * spread, LIMITS.little_left * self.search.bare.rms)
+        return alone if np.all(alone.fit.rms < np.maximum(LIMITS.near_noise * noise, little)) else None
 
     def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model.
@@ -94,41 +100,45 @@ class ManyEffects:
         if not apply:
             stairs = stairs[:1]
         taken = steps(stairs, found if apply else [], last)
-        final = rich.fit if apply else self.context.fit(stairs[0].layout, stairs[0].x, iterations=0)
-        context = FitContext(self.measurements, final.layout)
-        at_noise = context.fit(final.layout, final.x, iterations=0)
+        if apply:
+            final, curves = rich.fit, rich.curves
+        else:
+            final, curves = self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), ()
+        model = without_curves(final, curves)
+        context = FitContext(self.measurements, model.layout)
+        at_noise = context.fit(model.layout, model.x, iterations=0)
         tell(stages.LOCATION)
         where, maps, parts = locate_residual(context, at_noise)
         curve = fit_free_curve(context, at_noise, where[0], parts) if last == "unknown" else None
         bandwidths = None
         if guarded:
             tell(stages.BANDWIDTH)
-            bandwidths = check_bandwidth(self.measurements, final.layout, final.x)
+            bandwidths = check_bandwidth(self.measurements, model.layout, model.x)
         unexplained = final.sigma**2 if last == "unknown" else None
-        prior, covariance = self.context.start(final.layout).prior, final.covariance
+        prior, covariance = self.context.start(model.layout).prior, model.covariance(final)
         return Diagnosis(
             set_name=self.measurements.name,
             verdict=taken[0].verdict,
             findings=tuple(found[:LISTED_CANDIDATES]),
             where=where,
             steps=tuple(taken),
-            effects=effect_values(final, covariance.standard_errors),
+            effects=effect_values(model, covariance.standard_errors),
             parameters=parameter_estimates(
-                final.layout, final.x, prior.centre, covariance, final.at_bound, prior
+                model.layout, model.x, prior.centre, covariance, final.at_bound[model.kept], prior
             ),
             seconds=0.0,
             notes=(
-                *self.remarks(final),
+                *self.remarks(final, curves),
                 *notes(at_noise, last, stairs[-1].errors, unexplained, curve, bandwidths),
             ),
-            model=final.layout.model(final.x),
+            model=model.layout.model(model.x),
             maps=maps,
             free_curve=curve,
             guard=bandwidths,
             torque_spread=self.measurements.torque_spread,
         )
 
-    def remarks(self, final: MotionFit) -> list[Note]:
+    def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect]) -> list[Note]:
         """What the final model explains, and what was judged apart."""
         joints = self.layout.joints
         share = 1 - (final.held_out_rms() / self.context.spread) ** 2
@@ -143,14 +153,15 @@ class ManyEffects:
             )
             out.append(Note("standstill", text))
         ratio = final.rms / self.context.noise_floor
-        if not final.eliminated and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
+        if not curves and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
             text = (
                 f"what is left on {joints[int(ratio.argmax())]} is {ratio.max():.2g} times its noise: no "
                 "candidate explains it, but small effects may be left"
             )
             out.append(Note("other", text))
-        for curve in final.eliminated:
-            joint, variable = joints[curve.curve.joint], curve.curve.variable
+        for curve in curves:
+            joint, law = joints[curve.place.own_joint], free_curve(curve.effect)
+            variable = law.variable if law else ""
             text = (
                 f"{joint} follows a law of no library, here a curve of {variable}: "
                 "the other effects were judged beside it"

@@ -12,10 +12,10 @@ from flexviz.diagnosis.acceptance import credible
 from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, raw_step
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import UnknownCurve
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate
+from flexviz.estimation import Covariance, ScoredCandidate
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
@@ -30,16 +30,49 @@ class RichModel:
     Attributes:
         fit: its fit.
         needed: how much it needs each of its effects.
-        curves: unknown laws that were eliminated.
+        curves: free curves in place of unknown laws, which the fit has beside the model.
     """
 
     fit: MotionFit
     needed: dict[ChosenEffect, Necessity]
-    curves: tuple[UnknownCurve, ...] = ()
+    curves: tuple[ChosenEffect, ...] = ()
 
     def added(self, own: Layout) -> list[ChosenEffect]:
         """Effects beyond the set's own model."""
-        return [e for e in self.needed if e not in own.effects]
+        return [e for e in self.needed if e not in own.effects and e not in self.curves]
+
+    @property
+    def model(self) -> PlainModel:
+        """The model without its curves."""
+        return without_curves(self.fit, self.curves)
+
+
+@dataclass(frozen=True, eq=False)
+class PlainModel:
+    """A fitted model without the free curves beside which it was estimated.
+
+    Attributes:
+        layout, x: the model and its parameters, shape (P,).
+        kept: rows of the fit's parameters that are those of the model, shape (P,).
+    """
+
+    layout: Layout
+    x: Array
+    kept: NDArray[np.intp]
+
+    def covariance(self, fit: MotionFit) -> Covariance:
+        """Of its parameters."""
+        whole = fit.covariance
+        return Covariance(whole.matrix[np.ix_(self.kept, self.kept)], whole.prior_share[self.kept])
+
+
+def without_curves(fit: MotionFit, curves: Collection[ChosenEffect]) -> PlainModel:
+    """A fitted model without free curves."""
+    kept = np.ones(fit.layout.size, bool)
+    for curve in curves:
+        kept[fit.layout.effect_slice(curve)] = False
+    layout = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in curves))
+    return PlainModel(layout, fit.x[kept], np.flatnonzero(kept))
 
 
 class ModelFamily:
@@ -51,23 +84,21 @@ class ModelFamily:
         say: called with a progress message; may raise to stop.
 
     Attributes:
-        curves: unknown laws that are eliminated from every fit.
+        curves: free curves that stand for unknown laws in every fit.
     """
 
     def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
         self.context, self.own, self.say = context, own, say
-        self.curves: tuple[UnknownCurve, ...] = ()
+        self.curves: tuple[ChosenEffect, ...] = ()
 
-    def fit(
-        self,
-        layout: Layout,
-        x: Array,
-        iterations: int = MAX_ITERATIONS,
-        curves: tuple[UnknownCurve, ...] | None = None,
-    ) -> MotionFit:
-        """A model fitted from x, shape (P,); `curves`: eliminated instead of those of the family."""
-        curves = self.curves if curves is None else curves
-        return self.context.fit(layout, x, curves=curves, iterations=iterations, check=lambda: self.say(""))
+    def fit(self, layout: Layout, x: Array, iterations: int = MAX_ITERATIONS) -> MotionFit:
+        """A model fitted from x, shape (P,)."""
+        return self.context.fit(layout, x, iterations=iterations, check=lambda: self.say(""))
+
+    @property
+    def firm(self) -> frozenset[ChosenEffect]:
+        """Effects that stay in every model: the set's own ones and the free curves."""
+        return frozenset((*self.own.effects, *self.curves))
 
     def weigh(self, fit: MotionFit) -> Callable[[Array, int], Array]:
         """Function that weights the columns of a stretch like the residual of a fit."""
@@ -125,7 +156,7 @@ class ModelFamily:
     def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without the effects that it does not need, fitted again until all are needed."""
         for _ in range(LIMITS.eliminations):
-            result = eliminate(fit, frozenset(self.own.effects) | self.offsets_of_springs(fit.layout))
+            result = eliminate(fit, self.firm | self.offsets_of_springs(fit.layout))
             if not result.dropped:
                 return fit, result.kept
             smaller = Layout(fit.layout.joints, tuple(result.kept))
@@ -136,7 +167,7 @@ class ModelFamily:
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without effects of size zero, which the last fit has brought to their bound."""
-        absent = {e for e, need in needed.items() if need.deviations == 0} - set(self.own.effects)
+        absent = {e for e, need in needed.items() if need.deviations == 0} - self.firm
         if not absent:
             return fit, needed
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in absent))
@@ -184,6 +215,8 @@ class ModelFamily:
         ratio = fit.rms / self.context.noise_floor
         for name, law in EFFECTS.items():
             loud = ratio > (LIMITS.far_off if law.hidden_state else LIMITS.quiet)
+            for curve in self.curves:  # what is left is the curve's own error
+                loud[curve.place.own_joint] &= ratio[curve.place.own_joint] > LIMITS.far_off
             swaps = {
                 e: ChosenEffect(name, e.joint)
                 for e in fit.layout.effects
@@ -253,7 +286,13 @@ class ModelFamily:
         """
         afresh = self.context.start(layout).x.copy()
         afresh[layout.effect_start :] = x[layout.effect_start :]
-        return min(self.fit(layout, x), self.fit(layout, afresh), key=lambda fit: fit.objective)
+
+        def end(start: Array) -> tuple[float, Array]:
+            fit = self.fit(layout, start)
+            return fit.objective, fit.x
+
+        _, best = min(shared(end, (x, afresh)), key=lambda each: each[0])
+        return self.fit(layout, best, iterations=0)
 
     def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
         """The model with candidates at their scored values, fitted."""

@@ -7,7 +7,7 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_deviation, robust_weights
+from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import Eliminated, UnknownCurve, Variable, curve_over, eliminated
 from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
     Bounds,
@@ -58,8 +57,6 @@ class MotionFit:
         weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
         sigma: shape (n,), σ of each joint [Nm].
         at_bound: shape (P,), parameters held at a bound.
-        residual, jacobian: shape (N, n), (N, n, P): of the fit groups, without unknown curves.
-        eliminated: the unknown curves.
         objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
         converged: the last step was negligible.
     """
@@ -72,9 +69,6 @@ class MotionFit:
     weights: Array
     sigma: Array
     at_bound: NDArray[np.bool_]
-    residual: Array
-    jacobian: Array
-    eliminated: tuple[Eliminated, ...]
     objective: float
     converged: bool
     _whitened: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "weighted", 2), init=False)
@@ -88,8 +82,13 @@ class MotionFit:
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
         return self._whitened.get(
-            lambda: (self.residual * self.weights, self.jacobian * self.weights[:, :, None])
+            lambda: (self.residual * self.weights, self.evaluation.jacobian * self.weights[:, :, None])
         )
+
+    @property
+    def residual(self) -> Array:
+        """Of the fit groups, shape (N, n) [Nm]."""
+        return self.evaluation.residual
 
     @property
     def torque(self) -> Array:
@@ -136,15 +135,8 @@ class MotionFit:
         Zero at standstill where that is judged apart.
         """
         equation, used = self.context.held_out_equation(self.layout), self.context.judged_used
-        if equation is None:
-            return self.residual * used, self.jacobian * used[:, :, None]
-        point = equation.at(self.x)
-        found = point.evaluate(self.x, moving=True)
-        residual, jacobian = found.residual, found.jacobian
-        for curve in self.eliminated:
-            residual = curve.remove_elsewhere(residual, self.evaluation.residual, point)
-            jacobian = curve.remove_elsewhere(jacobian, self.evaluation.jacobian, point)
-        return residual * used, jacobian * used[:, :, None]
+        found = self.evaluation if equation is None else equation.at(self.x).evaluate(self.x, moving=True)
+        return found.residual * used, found.jacobian * used[:, :, None]
 
     @property
     def held_out(self) -> bool:
@@ -260,7 +252,6 @@ class MotionContext:
         layout: Layout,
         x: Array,
         *,
-        curves: Sequence[UnknownCurve] = (),
         iterations: int = MAX_ITERATIONS,
         check: Callable[[], None] = lambda: None,
     ) -> MotionFit:
@@ -269,7 +260,6 @@ class MotionContext:
         Args:
             layout: the model.
             x: start, shape (P,).
-            curves: unknown laws, eliminated.
             iterations: maximum number of steps.
             check: called before each step; may raise to stop.
         """
@@ -280,7 +270,7 @@ class MotionContext:
         for iteration in range(iterations + 1):
             check()
             point = equation.at(x, point)
-            fit = self._weighted(x, point, prior, curves)
+            fit = self._weighted(x, point, prior)
             settled = abs(before - fit.objective) < LIMITS.settled_objective
             before = fit.objective
             residual, jacobian = fit.whitened
@@ -292,7 +282,7 @@ class MotionContext:
             fit = replace(fit, at_bound=at_bound, converged=length < LIMITS.negligible_step or settled)
             if fit.converged or iteration == iterations:
                 break
-            after = self._along(fit, step, prior, bounds, curves)
+            after = self._along(fit, step, prior, bounds)
             if after is None:
                 fit = replace(fit, converged=length < 1.0)
                 break
@@ -300,51 +290,24 @@ class MotionContext:
         assert fit is not None
         return fit
 
-    def _along(
-        self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds, curves: Sequence[UnknownCurve]
-    ) -> Array | None:
+    def _along(self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds) -> Array | None:
         """The first of x + step, x + step/2, … that lowers the objective; None if none does."""
         length, compliance = 1.0, fit.layout.compliance
         for _ in range(MAX_HALVINGS):
             trial = bounds.clip(fit.x + length * step)
             trial[compliance] = np.clip(trial[compliance], 0.2 * fit.x[compliance], 5 * fit.x[compliance])
             if prior.feasible(trial):
-                residual = fit.point.residual(trial)
-                for gone in self._eliminated(residual, fit.point, curves):
-                    residual = gone.remove(residual)
-                misfit = robust_weights(residual, self.noise_floor, self.used)[2]
+                misfit = robust_weights(fit.point.residual(trial), self.noise_floor, self.used)[2]
                 if misfit + 2 * prior.value(trial) < fit.objective:
                     return trial
             length *= 0.5
         return None
 
-    def _weighted(
-        self, x: Array, point: OperatingPoint, prior: Prior, curves: Sequence[UnknownCurve]
-    ) -> MotionFit:
+    def _weighted(self, x: Array, point: OperatingPoint, prior: Prior) -> MotionFit:
         """A model with its weights and objective at x, shape (P,)."""
         evaluation = point.evaluate(x, moving=True)
-        residual, jacobian = evaluation.residual, evaluation.jacobian
-        eliminated = self._eliminated(residual, point, curves)
-        for gone in eliminated:
-            residual, jacobian = gone.remove(residual), gone.remove(jacobian)
-        weights, sigma, misfit = robust_weights(residual, self.noise_floor, self.used)
+        weights, sigma, misfit = robust_weights(evaluation.residual, self.noise_floor, self.used)
         return MotionFit(
             self, point.layout, x, point, evaluation, weights, sigma, np.zeros(len(x), bool),
-            residual, jacobian, eliminated, misfit + 2 * prior.value(x), False,
+            misfit + 2 * prior.value(x), False,
         )  # fmt: skip
-
-    def _eliminated(
-        self, residual: Array, point: OperatingPoint, curves: Sequence[UnknownCurve]
-    ) -> tuple[Eliminated, ...]:
-        """The curves, each fitted to what a residual (N, n) leaves after those before it."""
-        out: list[Eliminated] = []
-        for curve in curves:
-            sigma = robust_deviation(residual, self.noise_floor, self.used)
-            out.append(eliminated(curve, point, self.used[:, curve.joint] / sigma[curve.joint]))
-            residual = out[-1].remove(residual)
-        return tuple(out)
-
-    def unknown_curve(self, joint: int, variable: Variable) -> UnknownCurve:
-        """A free curve over the range of all groups."""
-        parts = [s for s in (self.signals, self._held) if s]
-        return curve_over(parts, joint, variable, float(self.spread[joint]))

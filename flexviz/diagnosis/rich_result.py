@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.elimination import Necessity, by_weight
 from flexviz.diagnosis.evidence import absorbed, explained_residual, made_step
-from flexviz.diagnosis.model_family import RichModel
+from flexviz.diagnosis.model_family import RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand, PredictionErrors
 from flexviz.diagnosis.result import EffectParameter, Finding, Step, Tie
@@ -48,10 +48,17 @@ class Stair:
     errors: PredictionErrors
 
     @staticmethod
-    def of(added: ChosenEffect | None, fit: MotionFit, band: PredictionErrorBand) -> Stair:
-        """The stair of a fit, without its large arrays."""
-        std = fit.covariance.standard_errors
-        return Stair(added, fit.layout, fit.x, fit.objective, std, band.errors(fit, fit.context.apart))
+    def of(
+        added: ChosenEffect | None,
+        fit: MotionFit,
+        band: PredictionErrorBand,
+        curves: Collection[ChosenEffect] = (),
+    ) -> Stair:
+        """The stair of a fit, without its large arrays and free curves."""
+        model = without_curves(fit, curves)
+        std = model.covariance(fit).standard_errors
+        errors = band.errors(model, fit.context.apart)
+        return Stair(added, model.layout, model.x, fit.objective, std, errors)
 
 
 def staircase(
@@ -73,7 +80,7 @@ def staircase(
         fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
         return Stair.of(added[count], fit, band)
 
-    return [*shared(stair, range(len(ordered))), Stair.of(added[-1], rich.fit, band)]
+    return [*shared(stair, range(len(ordered))), Stair.of(added[-1], rich.fit, band, rich.curves)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import NearNoise, candidates
-from flexviz.diagnosis.elimination import Necessity
+from flexviz.diagnosis.elimination import Necessity, necessities
 from flexviz.diagnosis.model_family import ModelFamily, RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import VARIABLES, UnknownCurve, explained_gain
+from flexviz.diagnosis.unknown_curve import best_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate, best_intervals, score
@@ -140,7 +140,7 @@ class RichSearch(ModelFamily):
     def keep(self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]) -> None:
         """Keep the model so far, for a search that is stopped."""
         self.best = RichModel(fit, needed, self.curves)
-        self.standing.fitted(fit, self.context.apart)
+        self.standing.fitted(self.best.model, self.context.apart)
 
     def with_all_found(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
@@ -149,14 +149,15 @@ class RichSearch(ModelFamily):
         idle = 0
         for _ in range(LIMITS.rounds):
             self.keep(fit, needed)
-            self.say(f"scoring what is left beside {plural(len(needed), 'effect')}")
+            self.say(f"scoring what is left beside {plural(len(needed.keys() - set(self.curves)), 'effect')}")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
-                self.say(f"eliminating an unknown law on {self.own.joints[unknown.joint]}")
+                joint = unknown.place.own_joint
+                self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
                 if (beside := self.beside_curve(fit, unknown)) is not None:
                     (fit, needed), self._refused = beside, set()
                     continue
-                self._lawful.add(unknown.joint)
+                self._lawful.add(joint)
             if not chosen or idle > LIMITS.idle_rounds:
                 break
             names = ", ".join(sorted({EFFECTS[s.effect.effect].title for s in chosen}))
@@ -188,28 +189,30 @@ class RichSearch(ModelFamily):
         return (larger, kept) if better else (fit, needed)
 
     def beside_curve(
-        self, fit: MotionFit, curve: UnknownCurve
+        self, fit: MotionFit, curve: ChosenEffect
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
         """The usual effects beside an unknown law, if that lowers the held-out residual clearly.
 
         What was found on its joint before may have imitated the law: it is left out where the law does not
         help beside it. What is real is found again.
         """
-        needed = LIMITS.curve_gain * fit.held_out_rms()[curve.joint]
+        joint = curve.place.own_joint
+        needed = LIMITS.curve_gain * fit.held_out_rms()[joint]
         before = self.curves
         self.curves += (curve,)
-        for layout in dict.fromkeys((fit.layout, self.without_found(fit.layout, curve.joint))):
-            start = self.fit(layout, layout.vector(fit.layout.model(fit.x)))
-            if start.held_out_rms()[curve.joint] < LIMITS.curve_promise * needed:
+        for layout in dict.fromkeys((self.without_found(fit.layout, joint), fit.layout)):
+            larger = Layout(layout.joints, (*layout.effects, curve))
+            start = self.fit(larger, larger.vector(fit.layout.model(fit.x)))
+            if start.held_out_rms()[joint] < LIMITS.curve_promise * needed:
                 beside, kept = self.thinned(self.usual_fit(beside=start))
-                if beside.held_out_rms()[curve.joint] < needed:
+                if beside.held_out_rms()[joint] < needed:
                     return beside, kept
         self.curves = before
         return None
 
     def without_found(self, layout: Layout, joint: int) -> Layout:
         """A layout without the effects that the search has added on a joint to the usual ones."""
-        usual = (e for e in layout.effects if e.joint != joint or EFFECTS[e.effect].usual)
+        usual = (e for e in layout.effects if e.joint != joint or EFFECTS[e.effect].usual or e in self.curves)
         return Layout(layout.joints, tuple(dict.fromkeys((*self.own.effects, *usual))))
 
     def enlarged(
@@ -258,12 +261,18 @@ class RichSearch(ModelFamily):
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without curves that the effects found later made superfluous."""
         for curve in self.curves:
-            others = tuple(c for c in self.curves if c != curve)
-            without = self.fit(fit.layout, fit.x, curves=others)
+            others = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e != curve))
+            without = self.fit(others, others.vector(fit.layout.model(fit.x)))
             if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
-                self.curves = others
+                self.curves = tuple(c for c in self.curves if c != curve)
                 fit, needed = self.thinned(without)
         return fit, needed
+
+    def with_curves_only(self, rich: RichModel) -> RichModel:
+        """The set's own model with the free curves of a larger one."""
+        layout = Layout(self.own.joints, (*self.own.effects, *rich.curves))
+        fit = self.fit(layout, layout.vector(rich.fit.layout.model(rich.fit.x)))
+        return RichModel(fit, necessities(fit), rich.curves)
 
     # -- what is left
 
@@ -286,33 +295,24 @@ class RichSearch(ModelFamily):
         found = shared(of_joint, [*range(fit.layout.n), None])
         return sorted((s for part in found for s in part), key=lambda s: -s.gain)
 
-    def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> UnknownCurve | None:
+    def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
         """The free curve that explains much more than any candidate on its joint; the largest one."""
         best = {s.effect.joint: s.gain for s in reversed(chosen)}
-        taken = {curve.joint for curve in self.curves} | self._lawful
+        taken = {curve.place.own_joint for curve in self.curves} | self._lawful
         ratio = fit.rms / self.context.noise_floor
         joint = int(np.argmax(np.where([j in taken for j in range(fit.layout.n)], 0.0, ratio)))
         if joint in taken or ratio[joint] < LIMITS.far_off:
             return None
-        curves = [self.context.unknown_curve(joint, variable) for variable in VARIABLES]
-        gains = [self.curve_gain(fit, curve) for curve in curves]
-        simplest = max(gains[:-1])  # the last has twice as many pieces
-        k = int(np.argmax(gains if gains[-1] > LIMITS.curve_lead * simplest else gains[:-1]))
+        curve, gain = best_curve(fit, joint)
         least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
-        return curves[k] if gains[k] > least else None
-
-    def curve_gain(self, fit: MotionFit, curve: UnknownCurve) -> float:
-        """Decrease of the weighted sum of squares by a curve beside the model's own parameters."""
-        own = curve.columns(fit.point)
-        columns = np.zeros((*fit.weights.shape, own.shape[1]))
-        columns[:, curve.joint] = own
-        columns *= fit.weights[:, :, None]
-        return explained_gain(curve, *fit.projection.normal(columns.reshape(-1, own.shape[1])))
+        return curve if gain > least else None
 
     def best_of_each_joint(self, fit: MotionFit, leading: list[ScoredCandidate]) -> list[ScoredCandidate]:
         """The best candidate of each joint, and of those without one, that explains a clear share."""
         chosen: dict[int | None, ScoredCandidate] = {}
         quiet = fit.rms < LIMITS.quiet * self.context.noise_floor
+        near = fit.rms < LIMITS.far_off * self.context.noise_floor
+        curved = {curve.joint for curve in self.curves}
 
         def weighed(s: ScoredCandidate) -> float:
             return s.gain * (LIMITS.flexible_weight if EFFECTS[s.effect.effect].flexible else 1.0)
@@ -322,6 +322,8 @@ class RichSearch(ModelFamily):
             least = LIMITS.least_share_episode if law.scope == "episode" else LIMITS.least_share
             if s.gain < least * len(fit.weights):
                 continue
+            if joint is not None and law.hidden_state and joint in curved and near[joint]:
+                continue  # it would mend the form of the curve
             if joint not in chosen and not (joint is not None and quiet[joint]):
                 chosen[joint] = s
         return list(chosen.values())

@@ -130,6 +130,10 @@ class MotionThresholds:
     unexplained: float = 13.0
     small_left: float = 2.0  # times the noise, from which a note says that small effects may be left
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
+    curve_size: float = (
+        1.0  # factor on a curve's prior standard deviations, of the spread of the joint's torque
+    )
+    curve_trend: float = 0.005  # likewise of its mean and slope, of that
     curve_lead: float = 1.5  # ... and relative to the best candidate's
     curve_gain: float = 0.7  # factor by which a free curve has to lower its joint's held-out residual
     curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
@@ -145,9 +149,10 @@ class MotionThresholds:
     # times the noise: a joint of a model that lacks one effect, or a hidden state of it, in this band; single
     # effects end below 10, the best of an effect among many above 17
     near_noise: float = 12.0
-    little: float = 0.02  # of a joint's torque spread: may be left beside a law of no library alone
+    little: float = 0.03  # of a joint's torque spread: may be left beside a law of no library alone ...
+    little_left: float = 0.2  # ... or this share of what the set's own model leaves
     quiet_model: float = 3.0  # times the noise: the set's own model is near it without any effect
-    stair_iterations: int = 15  # of the models of the staircase
+    stair_iterations: int = 10  # of the models of the staircase
     idle_rounds: int = 1  # of scoring without a find
 
 

@@ -1,119 +1,61 @@
-"""An unknown law of one joint, eliminated from a fit as a free curve.
+"""An unknown law of one joint: a free curve that is estimated beside all other effects during the search.
 
 A friction patch or a cogging torque that no effect describes pulls the parameters of all others. A curve of
-the joint's position, of its position times the direction of motion, or of its velocity takes its place:
-piecewise linear, its coefficients eliminated in closed form under a weak prior, so that everything else is
-estimated beside it.
+the joint's position, of position and direction, or of velocity takes its place. It is left out of the result:
+its law is not known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import JointMotion, smooth_sign
-from flexviz.equation import OperatingPoint, Signals
+from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import EFFECTS, ChosenEffect, free_curve
+from flexviz.equation import Layout
 
 Array = NDArray[np.float64]
-Variable = Literal["position", "position × direction", "position, each direction", "velocity"]
 
-VARIABLES: tuple[Variable, ...] = (
-    "position × direction",
-    "position",
-    "velocity",
-    "position, each direction",
-)
-PIECES = 24
-SPREAD = 0.1  # prior standard deviation of the curve, relative to the spread of the joint's torque
+LIMITS = THRESHOLDS.motion
+ONE_WAY = ("free_curve_friction", "free_curve_position")
+EACH_WAY = ("free_curve_direction", "free_curve_velocity")  # with twice as many nodes
 
 
-@dataclass(frozen=True)
-class UnknownCurve:
-    """A free curve of one joint.
+def is_curve(effect: ChosenEffect) -> bool:
+    """Whether an effect is a free curve."""
+    return free_curve(effect.effect) is not None
 
-    Attributes:
-        joint: index in the set's joint order.
-        variable: what it depends on.
-        low, high: range of the variable; the curve is constant beyond.
-        size: prior standard deviation [Nm].
+
+def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
+    """The free curve of a joint, on motor or link, that explains most beside a model, and its gain.
+
+    One of a single branch, unless one for each direction of motion explains clearly more.
     """
 
-    joint: int
-    variable: Variable
-    low: float
-    high: float
-    size: float
+    def best(names: Sequence[str]) -> tuple[ChosenEffect, float]:
+        both = (*names, *(name.replace("curve", "link_curve") for name in names))
+        gains = {ChosenEffect(name, joint): curve_gain(fit, ChosenEffect(name, joint)) for name in both}
+        curve = max(gains, key=lambda curve: gains[curve])
+        return curve, gains[curve]
 
-    def columns(self, point: OperatingPoint) -> Array:
-        """Response of the joint's residual to every piece, shape (N, pieces)."""
-        context = point.context
-
-        def make() -> Array:
-            parts = [self._pieces(motion) for motion in context.motions(self.joint)]
-            return -context.filtered(parts, self.joint, 1)[:, 0].T
-
-        return context.once(("unknown curve", self), make)
-
-    def _pieces(self, motion: JointMotion) -> Array:
-        """Hat functions along a motion, shape (pieces, N_fine)."""
-        value = motion.velocity if self.variable == "velocity" else motion.position
-        place = (value - self.low) / max(self.high - self.low, 1e-9) * (PIECES - 1)
-        hats = np.maximum(1 - np.abs(np.clip(place, 0, PIECES - 1)[None] - np.arange(PIECES)[:, None]), 0.0)
-        sign = smooth_sign(motion.velocity)
-        if self.variable == "position, each direction":
-            return np.concatenate((hats * 0.5 * (1 + sign), hats * 0.5 * (1 - sign)))
-        return hats * sign if self.variable == "position × direction" else hats
+    simple, rich = best(ONE_WAY), best(EACH_WAY)
+    return rich if rich[1] > LIMITS.curve_lead * simple[1] else simple
 
 
-@dataclass(frozen=True, eq=False)
-class Eliminated:
-    """Map from a joint's residual or Jacobian y to the coefficients of its curve, solve @ y.
-
-    Attributes:
-        curve: the curve.
-        columns: shape (N, pieces), response of the residual.
-        solve: shape (pieces, N).
-    """
-
-    curve: UnknownCurve
-    columns: Array
-    solve: Array
-
-    def remove(self, values: Array) -> Array:
-        """Residual (N, n) or Jacobian (N, n, P) without what the curve explains."""
-        out = values.copy()
-        out[:, self.curve.joint] -= self.columns @ (self.solve @ values[:, self.curve.joint])
-        return out
-
-    def remove_elsewhere(self, values: Array, fitted: Array, point: OperatingPoint) -> Array:
-        """The same for other groups, with the coefficients of the fit groups' values."""
-        out = values.copy()
-        out[:, self.curve.joint] -= self.curve.columns(point) @ (self.solve @ fitted[:, self.curve.joint])
-        return out
-
-
-def curve_over(
-    parts: Sequence[Signals], joint: int, variable: Variable, torque_spread: float
-) -> UnknownCurve:
-    """A free curve over the range of some signals; `torque_spread` is that of the joint's torque [Nm]."""
-    row = 1 if variable == "velocity" else 0
-    values = np.concatenate([signals.theta[row, :, joint] for signals in parts])
-    return UnknownCurve(joint, variable, float(values.min()), float(values.max()), SPREAD * torque_spread)
-
-
-def eliminated(curve: UnknownCurve, point: OperatingPoint, weights: Array) -> Eliminated:
-    """The curve fitted under its prior to a residual with weights (N,) [1/Nm]."""
-    columns = curve.columns(point)
-    weighted = columns * weights[:, None]
-    precision = weighted.T @ weighted + np.eye(columns.shape[1]) / curve.size**2
-    solve = np.linalg.solve(precision, weighted.T * weights).astype(np.float64)
-    return Eliminated(curve, columns, solve)
-
-
-def explained_gain(curve: UnknownCurve, gram: Array, along: Array) -> float:
-    """Decrease of the weighted sum of squares by the curve under its prior."""
-    return float(along @ np.linalg.solve(gram + np.eye(len(along)) / curve.size**2, along))
+def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:
+    """Decrease of the weighted sum of squares by a curve under its prior, beside the model's parameters."""
+    layout = Layout(fit.layout.joints, (*fit.layout.effects, curve))
+    where = layout.effect_slice(curve)
+    start = fit.context.start(layout)
+    terms = EFFECTS[curve.effect].terms(fit.point.context, curve.place, start.x[where])
+    free = start.bounds.lower[where] < start.bounds.upper[where]
+    columns = np.stack(
+        [fit.chain.column(terms.entry, terms.joints, one) for one in terms.slopes[free]], axis=2
+    )
+    columns *= fit.weights[:, :, None]
+    gram, along = fit.projection.normal(columns.reshape(-1, columns.shape[2]))
+    prior = start.prior.gradient_and_hessian(start.x)[1][where, where][np.ix_(free, free)]
+    return float(along @ np.linalg.solve(gram + prior, along))

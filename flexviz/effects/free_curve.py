@@ -41,6 +41,7 @@ class FreeCurveEffect(LawEffect):
         variable: "position", "velocity", "load" or "time".
         unit: of the variable.
         each_way: one curve per direction of motion.
+        opposes: the curve changes its sign with the direction of motion.
     """
 
     where = "motor"
@@ -54,10 +55,11 @@ class FreeCurveEffect(LawEffect):
     variable: ClassVar[str]
     unit: ClassVar[str]
     each_way: ClassVar[bool] = False
+    opposes: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         sides = [f"{way}_" for way in DIRECTIONS] if cls.each_way else ["value_"]
-        cls.smooth = not cls.each_way
+        cls.smooth = not (cls.each_way or cls.opposes)
         cls.size_at = tuple(range(CONSTANTS, CONSTANTS + NODES * len(sides)))
         cls.parameters = (
             ParameterSpec("low", cls.unit, explanation="lower end of the range", given=True),
@@ -75,8 +77,8 @@ class FreeCurveEffect(LawEffect):
 
     @property
     def sides(self) -> int:
-        """Number of curves."""
-        return 2 if self.each_way else 1
+        """Number of curves: 1, or one per direction of motion."""
+        return 2 if self.each_way or self.opposes else 1
 
     # -- the law
 
@@ -98,6 +100,8 @@ class FreeCurveEffect(LawEffect):
         one = _cardinal(order)(place)
         if order:
             one = one * ((place > 0) & (place < NODES - 1))[:, None]
+        if self.opposes:
+            return one * smooth_sign(velocity)[:, None]
         if self.sides == 1:
             return one
         forward = 0.5 * (1 + smooth_sign(velocity))[:, None]
@@ -134,13 +138,23 @@ class FreeCurveEffect(LawEffect):
 
     def node_values(self, values: Array) -> Array:
         """The torque at the nodes, shape (sides, NODES) [Nm]."""
+        if self.opposes:
+            return np.stack((values[CONSTANTS:], -np.asarray(values[CONSTANTS:])))
         return np.reshape(values[CONSTANTS:], (self.sides, NODES))
 
     @property
     def node_parameters(self) -> tuple[tuple[ParameterSpec, ...], ...]:
         """The parameters of the nodes, one tuple per side."""
         own = self.parameters[CONSTANTS:]
+        if self.opposes:
+            return own, own
         return tuple(own[k : k + NODES] for k in range(0, len(own), NODES))
+
+    @property
+    def branches(self) -> tuple[tuple[int, ...], ...]:
+        """Places of each branch's nodes among the parameters."""
+        own = range(CONSTANTS, len(self.parameters))
+        return tuple(tuple(own[k : k + NODES]) for k in range(0, len(own), NODES))
 
     def fine(self, values: Array, per_node: int = 20) -> tuple[Array, Array]:
         """The variable, shape (M,), and the torque there, shape (sides, M) [Nm], for tables and plots."""
@@ -160,7 +174,7 @@ class FreeCurveEffect(LawEffect):
         bend: Array = np.diff(np.eye(NODES), 2, axis=0) / (BEND * torque)
         own = np.eye(NODES) / (SIZE * torque) ** 2 + bend.T @ bend
         out = np.zeros((len(self.parameters), len(self.parameters)))
-        out[CONSTANTS:, CONSTANTS:] = np.kron(np.eye(self.sides), own)
+        out[CONSTANTS:, CONSTANTS:] = np.kron(np.eye(2 if self.each_way else 1), own)
         return out
 
 
@@ -182,6 +196,16 @@ class FreeDirectionCurve(FreeCurveEffect):
     explanation = "A torque that depends on position and direction, of any form: a stopgap, not physics."
     equation = "u = c₊(θ) for θ̇ > 0, c₋(θ) for θ̇ < 0, smooth curves"
     variable, unit, each_way = "position", "rad", True
+
+
+class FreeFrictionCurve(FreeCurveEffect):
+    """A friction of the joint's position: the same in both directions of motion."""
+
+    name = "free_curve_friction"
+    title = "Free curve of friction by position (not physics)"
+    explanation = "A torque against the motion that depends on the position, of any form: not physics."
+    equation = "u = c(θ) sign(θ̇), c a smooth curve"
+    variable, unit, opposes = "position", "rad", True
 
 
 class FreeVelocityCurve(FreeCurveEffect):
@@ -241,7 +265,9 @@ def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
 
 KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)
 CURVES: tuple[FreeCurveEffect, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
-_BY_NAME = {curve.name: curve for curve in CURVES}
+# only a search for many effects tries them
+SEARCHED = (FreeFrictionCurve(), _on_link(FreeFrictionCurve))
+_BY_NAME = {curve.name: curve for curve in (*CURVES, *SEARCHED)}
 
 
 def free_curve(effect: str) -> FreeCurveEffect | None:

@@ -43,7 +43,7 @@ def curve_files(identified: IdentifiedRobot) -> dict[str, bytes]:
         if curve is None:
             continue
         at, torque = curve.fine(np.array([effect.parameters[p.name] for p in curve.parameters]))
-        names = [f"{way}_torque" for way in FREE_CURVE_DIRECTIONS] if curve.each_way else ["torque"]
+        names = [f"{way}_torque" for way in FREE_CURVE_DIRECTIONS] if curve.sides == 2 else ["torque"]
         first = "speed" if curve.variable == "velocity" else curve.variable
         lines = [",".join((first, *names))]
         lines += [",".join(f"{v:.9g}" for v in row) for row in zip(at, *torque, strict=True)]

@@ -116,7 +116,7 @@ def curve_tables(parameters: Iterable[EstimateLike]) -> list[CurveTableEntry]:
             joint=joint,
             variable=curve.variable,
             unit=curve.unit,
-            directions=list(FREE_CURVE_DIRECTIONS if curve.each_way else ("",)),
+            directions=list(FREE_CURVE_DIRECTIONS if curve.sides == 2 else ("",)),
             at=curve.node_places(values).tolist(),
             value=curve.node_values(values).tolist(),
             std=std,
