@@ -46,7 +46,7 @@ def test_bounded_minimum_against_scipy():
 @pytest.fixture(scope="module")
 def context() -> MotionContext:
     measurements = read_set(DEMO)
-    return MotionContext(measurements, measurements.joints)
+    return MotionContext(measurements, measurements.joints, stand_ins=True)
 
 
 def test_firm_prior_against_finite_differences(context):

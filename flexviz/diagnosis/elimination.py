@@ -8,7 +8,7 @@ move. One covariance and one Jacobian therefore judge every smaller model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -82,26 +82,22 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         firm: effects that are not dropped, such as those of the set's own model.
     """
     x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
-    walls = Walls.of(fit)
-    judged, jacobian = fit.judged
-    stretches = _stretches(fit)
+    data = _Judged.of(fit)
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
     while True:
         firm_curves = _given_curves(fit, covariance)
         found = {
-            effect: _necessity(
-                fit, effect, where, x, covariance, firm_curves, walls, judged, jacobian, stretches
-            )
+            effect: _necessity(data, effect, where, x, covariance, firm_curves)
             for effect, where in left.items()
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
         if not weak:
             return Elimination(found, tuple(dropped), x)
         worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
-        move, covariance = _without(x, covariance, sizes(worst, left[worst]), walls)
+        move, covariance = _without(x, covariance, sizes(worst, left[worst]), data.walls)
         x = x + move
-        judged = judged + jacobian @ move
+        data = replace(data, residual=data.residual + data.jacobian @ move)
         x[left.pop(worst)] = 0.0
         dropped.append(worst)
 
@@ -195,51 +191,58 @@ def _without(x: Array, covariance: Array, rows: list[int], walls: Walls) -> tupl
 
 def _given_curves(fit: MotionFit, covariance: Array) -> Array:
     """The covariance (P, P) with free curves held: without an effect they would stand in for it."""
-    held = [
-        row
-        for e, where in fit.layout.effect_slices()
-        if is_curve(e)
-        for row in range(where.start, where.stop)
-    ]
-    held = [row for row in held if covariance[row, row] > 0]
+    curves = [where for effect, where in fit.layout.effect_slices() if is_curve(effect)]
+    held = [row for where in curves for row in range(where.start, where.stop) if covariance[row, row] > 0]
     if not held:
         return covariance
-    return covariance - covariance[:, held] @ np.linalg.solve(
-        covariance[np.ix_(held, held)], covariance[held]
-    )
+    gain = np.linalg.solve(covariance[np.ix_(held, held)], covariance[held])
+    return covariance - covariance[:, held] @ gain
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """A fit, and the samples by which its effects are judged.
+
+    Attributes:
+        residual, jacobian: shape (N, n), (N, n, P).
+        stretches: of the samples.
+    """
+
+    fit: MotionFit
+    walls: Walls
+    residual: Array
+    jacobian: Array
+    stretches: list[slice]
+
+    @staticmethod
+    def of(fit: MotionFit) -> _Judged:
+        return _Judged(fit, Walls.of(fit), *fit.judged, _stretches(fit))
 
 
 def _necessity(
-    fit: MotionFit,
-    effect: ChosenEffect,
-    where: slice,
-    x: Array,
-    covariance: Array,
-    firm_curves: Array,
-    walls: Walls,
-    judged: Array,
-    jacobian: Array,
-    stretches: list[slice],
+    data: _Judged, effect: ChosenEffect, where: slice, x: Array, covariance: Array, firm_curves: Array
 ) -> Necessity:
+    fit = data.fit
     rows = sizes(effect, where)
     values, inside = x[rows], covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0) or not np.any(values):
         return Necessity(0.0, 0.0, 0.0, 0.0, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
-    move, _ = _without(x, covariance if is_curve(effect) else firm_curves, rows, walls)
+    move, _ = _without(x, covariance if is_curve(effect) else firm_curves, rows, data.walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
     joint = effect.joint
     joints = slice(None)
     if joint is not None and EFFECTS[effect.effect].where != "link":
         joints = slice(joint, joint + 1)
-    change = jacobian[:, joints] @ move
+    change = data.jacobian[:, joints] @ move
     sigma = fit.sigma[joints]
-    old, new = judged[:, joints] / sigma, (judged[:, joints] + change) / sigma
+    here = data.residual[:, joints]
+    old, new = here / sigma, (here + change) / sigma
     limit = LIMITS.outlier * max(1.0, float(np.sqrt(np.mean(old**2))))
     squares = np.minimum(new**2, 9 * limit**2) - np.minimum(old**2, limit**2)
     rise = squares.sum(axis=1)
     level = float(np.minimum(old**2, limit**2).sum(axis=1).mean()) + 1e-300
-    each = np.array([rise[part].mean() for part in stretches]) / level
+    each = np.array([rise[part].mean() for part in data.stretches]) / level
     error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else 0.0
     mean = float(each.mean())
     shares = squares.mean(axis=0) * (sigma / fit.context.spread[joints]) ** 2

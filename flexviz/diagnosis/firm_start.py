@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 
 
-def firm_start(given: MeasurementSet, signals: Signals, base: Start, layout: Layout) -> Start:
+def firm_start(
+    given: MeasurementSet, signals: Signals, base: Start, layout: Layout, stand_ins: bool = False
+) -> Start:
     """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains.
 
     Args:
@@ -27,6 +29,7 @@ def firm_start(given: MeasurementSet, signals: Signals, base: Start, layout: Lay
         signals: of its fit groups.
         base: start values of the model without effects.
         layout: the model.
+        stand_ins: free curves only stand for what has no law.
     """
     start = other_effects(base, layout, signals)
     prior, logs = start.prior, np.full(layout.size, np.inf)
@@ -52,16 +55,16 @@ def firm_start(given: MeasurementSet, signals: Signals, base: Start, layout: Lay
             spread[k] = law.expected.get(spec.name, spread[k])
             if spec.name == law.offset_parameter and effect.joint in offsets:
                 lower[k] = upper[k] = float(np.mean(signals.theta[0, :, effect.joint]))
-    of_curves = tuple(_curve_priors(layout, np.std(signals.tau[0], axis=0)))
-    firm = replace(prior, weight=weight, log_spread=logs, spread=spread, coupled=of_curves)
+    firm = replace(prior, weight=weight, log_spread=logs, spread=spread)
+    if stand_ins:
+        firm = replace(firm, coupled=tuple(_stand_ins(layout, np.std(signals.tau[0], axis=0))))
     return replace(start, prior=firm, bounds=Bounds(lower, upper))
 
 
-def _curve_priors(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
+def _stand_ins(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
     """Parameters of free curves and their inverse covariance; `torque` is the spread of each joint's, (n,).
 
-    Their mean and slope are left to the effects that a constant torque, a spring or friction is: a curve
-    stands for what has no law.
+    Their mean and slope are left to the effects that a constant torque, a spring or friction is.
     """
     for effect, where in layout.effect_slices():
         curve = free_curve(effect.effect)

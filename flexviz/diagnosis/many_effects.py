@@ -51,7 +51,7 @@ class ManyEffects:
         standing: Standing,
     ) -> None:
         self.measurements, self.layout, self.band, self.say = measurements, layout, band, say
-        self.context = MotionContext(measurements, layout.joints)
+        self.context = MotionContext(measurements, layout.joints, stand_ins=True)
         self.search = RichSearch(self.context, layout, say, standing)
 
     def find(self) -> RichModel | None:

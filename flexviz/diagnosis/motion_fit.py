@@ -170,10 +170,13 @@ class MotionContext:
         measurements: the set.
         signals: of the fit groups.
         apart: shape (n,), joints whose standstill is judged apart (`set_standstill_apart`).
+        stand_ins: free curves only stand for what has no law (`firm_start`).
     """
 
-    def __init__(self, measurements: MeasurementSet, joints: tuple[str, ...]) -> None:
-        self.measurements = measurements
+    def __init__(
+        self, measurements: MeasurementSet, joints: tuple[str, ...], stand_ins: bool = False
+    ) -> None:
+        self.measurements, self.stand_ins = measurements, stand_ins
         held = measurements.validation_groups
         self.signals = self._signals(measurements.fit_groups)
         self._held = self._signals(held) if held else None
@@ -245,7 +248,7 @@ class MotionContext:
 
     def start(self, layout: Layout) -> Start:
         """Start values with firm priors: CAD inertias, rough stiffness and motor inertia, drive gains."""
-        return firm_start(self.measurements, self.signals, self._start, layout)
+        return firm_start(self.measurements, self.signals, self._start, layout, self.stand_ins)
 
     def fit(
         self,
