@@ -265,7 +265,7 @@ def test_a_stopped_search_backwards_gives_the_best_model_so_far(
     demo: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     effects = [ChosenEffect(name, 1) for name in ("coulomb_friction", "torque_offset", "joint_damping")]
-    kept = dict.fromkeys(effects, Necessity(10.0, 1.0, 0.1, 0.1, True, False))
+    kept = dict.fromkeys(effects, Necessity(10.0, 1.0, 0.1, 0.1, 0.1, True, False))
 
     def find(many: ManyEffects) -> None:
         layout = Layout(demo.joints, tuple(effects))

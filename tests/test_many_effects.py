@@ -73,6 +73,10 @@ def test_elimination_keeps_what_is_hidden_and_drops_what_is_not(context):
     assert absent in result.dropped and result.x[layout.effect_slice(absent)] == 0
     smaller = Layout(joints, (hidden,))
     again = context.fit(smaller, smaller.vector(layout.model(result.x)))
+    # the whole torque of the effect counts, however small what is left may be
+    sign = np.tanh(fit.context.judged_signals.theta[1, :, 1] / 0.005)
+    expected = result.x[layout.effect_slice(hidden)][0] * np.std(sign) / context.spread[1]
+    assert 0.3 * expected < result.kept[hidden].torque < 1.5 * expected
     # the closed form lands where a fit does
     coulomb = result.x[layout.effect_slice(hidden)][0]
     assert again.x[smaller.effect_slice(hidden)][0] == pytest.approx(coulomb, rel=2e-3)

@@ -35,7 +35,9 @@ class Necessity:
         held_out_rise: rise of the judged mean square of the effect's joint without it, relative to that with
             it; of all joints for effects at the link or without a joint.
         rise_error: standard error of the rise, from its scatter between short stretches.
-        share: root of the absolute rise, relative to the spread of the joint's torque.
+        share: root of the absolute rise, relative to the spread of the joint's torque; limited where the
+            residual is small, because large residuals count less.
+        torque: rms change of the judged residual without the effect, relative to the same; not limited.
         credible: its parameters could be real.
         quiet: the model errs little on its joint, so that even small effects stand out.
     """
@@ -44,6 +46,7 @@ class Necessity:
     held_out_rise: float
     rise_error: float
     share: float
+    torque: float
     credible: bool
     quiet: bool
 
@@ -55,7 +58,7 @@ class Necessity:
             self.credible
             and self.deviations > (LIMITS.plain if harmless or self.quiet else LIMITS.significant)
             and self.held_out_rise > 0
-            and self.share > LIMITS.least_torque_share
+            and max(self.share, self.torque) > LIMITS.least_torque_share
         )
 
 
@@ -226,7 +229,7 @@ def _necessity(
     rows = sizes(effect, where)
     values, inside = x[rows], covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0) or not np.any(values):
-        return Necessity(0.0, 0.0, 0.0, 0.0, False, False)
+        return Necessity(0.0, 0.0, 0.0, 0.0, 0.0, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
     move, _ = _without(x, covariance if is_curve(effect) else firm_curves, rows, data.walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
@@ -248,12 +251,14 @@ def _necessity(
     shares = squares.mean(axis=0) * (sigma / fit.context.spread[joints]) ** 2
     # an effect without a joint acts on all of them, not only on one that lacks something else
     share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
+    moved = np.mean(change**2, axis=0) / fit.context.spread[joints] ** 2
+    torque = float(np.sqrt(np.median(moved) if effect.joint is None else moved.sum()))
     near = fit.rms < LIMITS.far_off * fit.context.noise_floor
     for curve in filter(is_curve, fit.layout.effects):
         near[curve.place.own_joint] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
     believed = credible(fit, effect, raw_step(fit), x[where])
-    return Necessity(deviations, mean, error, share, believed, quiet)
+    return Necessity(deviations, mean, error, share, torque, believed, quiet)
 
 
 def raw_step(fit: MotionFit) -> float:
