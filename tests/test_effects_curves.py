@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.effect_pages.pictures import PLACE
 from flexviz.effects import CURVES, EFFECTS, JointState, LoadedEffect, Terms, free_curve
-from flexviz.effects.free_curve import BEND, GRID, NODES, SEARCHED, SIZE
+from flexviz.effects.free_curve import BEND, GRID, NODES, SIZE, STAND_INS
 from flexviz.effects.trial import TrialSignal
 from tests.test_effects import LAW_EFFECTS, MOTION, VALUES
 
@@ -40,7 +40,7 @@ def test_slope_with_the_load_feeds_back(effect: LoadedEffect) -> None:
     assert np.abs(found).max() > 0.01
 
 
-@pytest.mark.parametrize("curve", (*CURVES, *SEARCHED), ids=lambda c: c.name)
+@pytest.mark.parametrize("curve", (*CURVES, *STAND_INS), ids=lambda c: c.name)
 def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None:
     rng = np.random.default_rng(4)
     torque, drawn = 30.0, rng.standard_normal((len(curve.branches), NODES))
@@ -79,7 +79,7 @@ def test_free_curve_is_smooth_small_and_constant_beyond_its_range(curve) -> None
     assert curve.state == (curve.where == "link" or curve.variable == "load")
 
 
-@pytest.mark.parametrize("curve", [c for c in (*CURVES, *SEARCHED) if c.sides == 2], ids=lambda c: c.name)
+@pytest.mark.parametrize("curve", [c for c in (*CURVES, *STAND_INS) if c.sides == 2], ids=lambda c: c.name)
 def test_simulated_curve_follows_the_direction_of_its_own_side(curve) -> None:
     """A wound-up joint whose motor and link move in opposite directions."""
     values, x = curve.sizes(), 0.3

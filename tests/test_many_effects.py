@@ -129,7 +129,7 @@ def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
     ((_, precision),) = context.start(layout).prior.coupled
     branch = np.array(CURVE.branches[0])
     level = np.zeros(len(precision))
-    level[branch] = size = LIMITS.curve_size * context.spread[1]
+    level[branch] = context.spread[1]
     expected = LIMITS.curve_trend**-2 + len(branch) / SIZE**2
     assert level @ precision @ level == pytest.approx(expected, rel=1e-9)
 

@@ -89,9 +89,9 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
     while True:
-        firm_curves = _given_curves(fit, covariance)
+        curves_held = _with_curves_held(fit, covariance)
         found = {
-            effect: _necessity(data, effect, where, x, covariance, firm_curves)
+            effect: _necessity(data, effect, where, x, covariance, curves_held)
             for effect, where in left.items()
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
@@ -192,7 +192,7 @@ def _without(x: Array, covariance: Array, rows: list[int], walls: Walls) -> tupl
     return move, covariance - gain @ covariance[free]
 
 
-def _given_curves(fit: MotionFit, covariance: Array) -> Array:
+def _with_curves_held(fit: MotionFit, covariance: Array) -> Array:
     """The covariance (P, P) with free curves held: without an effect they would stand in for it."""
     curves = [where for effect, where in fit.layout.effect_slices() if is_curve(effect)]
     held = [row for where in curves for row in range(where.start, where.stop) if covariance[row, row] > 0]
@@ -223,7 +223,7 @@ class _Judged:
 
 
 def _necessity(
-    data: _Judged, effect: ChosenEffect, where: slice, x: Array, covariance: Array, firm_curves: Array
+    data: _Judged, effect: ChosenEffect, where: slice, x: Array, covariance: Array, curves_held: Array
 ) -> Necessity:
     fit = data.fit
     rows = sizes(effect, where)
@@ -231,7 +231,7 @@ def _necessity(
     if np.any(np.diag(inside) <= 0) or not np.any(values):
         return Necessity(0.0, 0.0, 0.0, 0.0, 0.0, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
-    move, _ = _without(x, covariance if is_curve(effect) else firm_curves, rows, data.walls)
+    move, _ = _without(x, covariance if is_curve(effect) else curves_held, rows, data.walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
     joint = effect.joint
     joints = slice(None)

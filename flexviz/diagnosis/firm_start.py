@@ -70,7 +70,7 @@ def _stand_ins(layout: Layout, torque: Array) -> Iterator[tuple[slice, Array]]:
         curve = free_curve(effect.effect)
         if curve is None:
             continue
-        size = LIMITS.curve_size * float(torque[effect.place.own_joint])
+        size = float(torque[effect.place.own_joint])
         precision = curve.precision(size)
         for branch in curve.branches:
             nodes = np.arange(len(branch)) - 0.5 * (len(branch) - 1)

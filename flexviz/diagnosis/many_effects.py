@@ -160,10 +160,11 @@ class ManyEffects:
             )
             out.append(Note("other", text))
         for curve in curves:
-            joint, law = joints[curve.place.own_joint], free_curve(curve.effect)
-            variable = law.variable if law else ""
+            law = free_curve(curve.effect)
+            assert law is not None
+            joint = joints[curve.place.own_joint]
             text = (
-                f"{joint} follows a law of no library, here a curve of {variable}: "
+                f"{joint} follows a law of no library, here a curve of {law.variable}: "
                 "the other effects were judged beside it"
             )
             out.append(Note("other", text))

@@ -287,6 +287,7 @@ class ModelFamily:
         afresh = self.context.start(layout).x.copy()
         afresh[layout.effect_start :] = x[layout.effect_start :]
 
+        # copies send parameters: a fit with all its arrays is larger than what it takes to evaluate again
         def end(start: Array) -> tuple[float, Array]:
             fit = self.fit(layout, start)
             return fit.objective, fit.x

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import NearNoise, candidates
+from flexviz.diagnosis.candidates import NearNoise, candidates, without_effect
 from flexviz.diagnosis.elimination import Necessity, necessities
 from flexviz.diagnosis.model_family import ModelFamily, RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
@@ -193,8 +193,8 @@ class RichSearch(ModelFamily):
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]] | None:
         """The usual effects beside an unknown law, if that lowers the held-out residual clearly.
 
-        What was found on its joint before may have imitated the law: it is left out where the law does not
-        help beside it. What is real is found again.
+        What was found on its joint before may have imitated the law: it is left out, unless the law helps
+        only beside it. What is real is found again.
         """
         joint = curve.place.own_joint
         needed = LIMITS.curve_gain * fit.held_out_rms()[joint]
@@ -261,8 +261,8 @@ class RichSearch(ModelFamily):
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without curves that the effects found later made superfluous."""
         for curve in self.curves:
-            others = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e != curve))
-            without = self.fit(others, others.vector(fit.layout.model(fit.x)))
+            start = without_effect(fit.layout, fit.x, curve)
+            without = self.fit(start.layout, start.x)
             if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
                 self.curves = tuple(c for c in self.curves if c != curve)
                 fit, needed = self.thinned(without)

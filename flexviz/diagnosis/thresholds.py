@@ -130,11 +130,10 @@ class MotionThresholds:
     unexplained: float = 13.0
     small_left: float = 2.0  # times the noise, from which a note says that small effects may be left
     least_curve_share: float = 0.3  # of a joint's mean square that a free curve has to explain ...
-    curve_size: float = (
-        1.0  # factor on a curve's prior standard deviations, of the spread of the joint's torque
-    )
-    curve_trend: float = 0.005  # likewise of its mean and slope, of that
     curve_lead: float = 1.5  # ... and relative to the best candidate's
+    # prior standard deviation of a curve's mean and slope, relative to the spread of its joint's torque: an
+    # offset or a spring of 2 % of the torque is four standard errors beside it
+    curve_trend: float = 0.005
     curve_gain: float = 0.7  # factor by which a free curve has to lower its joint's held-out residual
     curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added

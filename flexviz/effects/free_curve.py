@@ -138,21 +138,18 @@ class FreeCurveEffect(LawEffect):
 
     def node_values(self, values: Array) -> Array:
         """The torque at the nodes, shape (sides, NODES) [Nm]."""
-        if self.opposes:
-            return np.stack((values[CONSTANTS:], -np.asarray(values[CONSTANTS:])))
-        return np.reshape(values[CONSTANTS:], (self.sides, NODES))
+        own = np.reshape(values[CONSTANTS:], (len(self.branches), NODES))
+        return np.concatenate((own, -own)) if self.opposes else own
 
     @property
     def node_parameters(self) -> tuple[tuple[ParameterSpec, ...], ...]:
         """The parameters of the nodes, one tuple per side."""
-        own = self.parameters[CONSTANTS:]
-        if self.opposes:
-            return own, own
-        return tuple(own[k : k + NODES] for k in range(0, len(own), NODES))
+        own = tuple(tuple(self.parameters[k] for k in branch) for branch in self.branches)
+        return own * (self.sides // len(own))
 
     @property
     def branches(self) -> tuple[tuple[int, ...], ...]:
-        """Places of each branch's nodes among the parameters."""
+        """Places of the nodes among the parameters, one tuple per curve that is estimated."""
         own = range(CONSTANTS, len(self.parameters))
         return tuple(tuple(own[k : k + NODES]) for k in range(0, len(own), NODES))
 
@@ -174,7 +171,7 @@ class FreeCurveEffect(LawEffect):
         bend: Array = np.diff(np.eye(NODES), 2, axis=0) / (BEND * torque)
         own = np.eye(NODES) / (SIZE * torque) ** 2 + bend.T @ bend
         out = np.zeros((len(self.parameters), len(self.parameters)))
-        out[CONSTANTS:, CONSTANTS:] = np.kron(np.eye(2 if self.each_way else 1), own)
+        out[CONSTANTS:, CONSTANTS:] = np.kron(np.eye(len(self.branches)), own)
         return out
 
 
@@ -265,9 +262,9 @@ def _on_link(curve: type[FreeCurveEffect]) -> FreeCurveEffect:
 
 KINDS = (FreePositionCurve, FreeDirectionCurve, FreeVelocityCurve, FreeLoadCurve, FreeTimeCurve)
 CURVES: tuple[FreeCurveEffect, ...] = (*(kind() for kind in KINDS), *map(_on_link, KINDS))
-# only a search for many effects tries them
-SEARCHED = (FreeFrictionCurve(), _on_link(FreeFrictionCurve))
-_BY_NAME = {curve.name: curve for curve in (*CURVES, *SEARCHED)}
+# only a search for many effects tries them, in place of an unknown law
+STAND_INS = (FreeFrictionCurve(), _on_link(FreeFrictionCurve))
+_BY_NAME = {curve.name: curve for curve in (*CURVES, *STAND_INS)}
 
 
 def free_curve(effect: str) -> FreeCurveEffect | None:
