@@ -8,8 +8,8 @@ import pytest
 
 from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
 from flexviz.equation import Equation, Layout, OperatingPoint, build_signals
-from flexviz.equation.context import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
 from flexviz.equation.fine_signals import LINK_VELOCITY_NOISE, TORQUE_NOISE, torque_band
+from flexviz.equation.motions import LEAST_VISCOUS, LEAST_VISCOUS_SHARE, viscous_scale
 from flexviz.equation.signals import FINE_STEP, equation_stride, fine_samples
 from flexviz.errors import InputError
 from flexviz.estimation.noise_propagation import noise_paths, signal_sensitivity

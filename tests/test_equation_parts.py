@@ -12,7 +12,6 @@ import pytest
 from flexviz.effects import EFFECTS, ChosenEffect, JointMotion, LawEffect, LinearEffect
 from flexviz.equation import Equation, Layout, build_signals, layout_of, pulses, reversal_nuisance
 from flexviz.equation.chain import Chain
-from flexviz.equation.context import _ends
 from flexviz.equation.fine_signals import (
     LINK_VELOCITY_NOISE,
     TORQUE_NOISE,
@@ -22,6 +21,7 @@ from flexviz.equation.fine_signals import (
     torque_band,
 )
 from flexviz.equation.initial_state import RIDGE, initial_states
+from flexviz.equation.motions import _ends
 from flexviz.equation.reversal_nuisance import parts_of, undecided
 from flexviz.errors import InputError
 from flexviz.measurements import MeasurementSet

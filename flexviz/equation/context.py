@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
-from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects import JointMotion
 from flexviz.equation.fine_signals import FineBands, FineSignals, fine_bands, fine_signals, fine_stride
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics
-from flexviz.equation.signals import Block, Signals
-from flexviz.observers import ButterworthZeroPhase, largest_divisor
+from flexviz.equation.motions import WideMotions
+from flexviz.equation.signals import Signals
+from flexviz.observers import largest_divisor
 
 Array = NDArray[np.float64]
-
-LEAST_VISCOUS_SHARE = 0.2  # minimum share of a joint's viscous friction on the motor side
-LEAST_VISCOUS = 1e-6  # [Nm s/rad] absolute minimum
-OVERLAP = 0.2  # [s] at both ends of the equation's samples, over which the wide-band torque is aligned
 
 
 class EffectContext:
@@ -54,6 +49,7 @@ class EffectContext:
         self._x, self._q, self._s = x.copy(), q, s
         self._bands = bands
         self._motions: dict[int, list[JointMotion]] = {}
+        self._at: WideMotions | None = None
         self._used: list[FineSignals] | None = None  # what determines the motions, where s does not
         self._cache: dict[object, Array] = {}
 
@@ -64,11 +60,14 @@ class EffectContext:
 
     def forget(self) -> None:
         """Discard what can be computed again."""
-        self._motions, self._cache = {}, {}
+        self._motions, self._cache, self._at = {}, {}, None
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals with other parameters."""
-        return EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, self._bands)
+        other = EffectContext(self._link, self._signals, self._layout, self._shared, x, q, s, self._bands)
+        if np.array_equal(x, self._x):
+            other._at = self._at
+        return other
 
     def take_motions(self, earlier: EffectContext) -> None:
         """Use the motions of an earlier context with the same parameters, where they are the same."""
@@ -224,110 +223,12 @@ class EffectContext:
     def motions(self, joint: int) -> Sequence[JointMotion]:
         if joint not in self._motions:
             self._used = None if self._s is not None else self.fine()
-            self._motions[joint] = self._make_motions(joint)
+            self._motions[joint] = self._source().of(joint, self._s)
         return self._motions[joint]
 
-    def _make_motions(self, joint: int) -> list[JointMotion]:
-        lay, x = self._layout, self._x
-        compliance, inertia = x[lay.compliance][joint], x[lay.motor_inertia][joint]
-        viscous = x[lay.motor_viscous][joint]
-        present = {
-            effect.effect: tuple(x[where].tolist())
-            for effect, where in lay.effect_slices()
-            if effect.joint == joint
-        }
-        motions, rates = [], []
-        for fine, block in zip(self.fine(), self._signals.blocks, strict=True):
-            degrees = self._signals.groups[block.group].temperature
-            theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
-            torque = tau[0] - inertia * theta[2] - viscous * theta[1]
-            rate = tau[1] - inertia * theta[3] - viscous * theta[2]
-            position, velocity = fine.position[:, joint], fine.velocity[:, joint]
-            motion = JointMotion(
-                time=fine.time,
-                position=position,
-                velocity=velocity,
-                torque=torque,
-                link_position=position - compliance * torque,
-                link_velocity=velocity - compliance * rate,
-                stiffness=1 / compliance,
-                motor_viscous=viscous_scale(lay, x, joint)[0],
-                torque_scale=1.0,
-                temperature=np.nan if degrees is None else float(degrees[joint]),
-                present=present,
-            )
-            motions.append(motion)
-            rates.append(rate)
-        motions = _scaled(motions)
-        if self._s is None:
-            return motions
-        bands = [float(fine.torque_hertz[joint]) for fine in self.fine()]
-        parts = zip(motions, rates, self._signals.blocks, bands, strict=True)
-        return _scaled([self._without_friction(joint, self._s, *part) for part in parts])
-
-    def _without_friction(
-        self, joint: int, s: Array, motion: JointMotion, rate: Array, block: Block, hertz: float
-    ) -> JointMotion:
-        """The same motion with the transmission torque s of the equation, without friction.
-
-        s is known between the first and last sample of the equation in the stretch; beyond, the wide-band
-        torque, also without friction, is continued from there: a damped joint would respond to a step of
-        friction that is subtracted on one side only. Only laws of the joint's own motion are subtracted: with
-        a torque gain, a delay or coupling beside damping, the residual still errs at both ends of a stretch.
-        """
-        torque, rate = motion.torque.copy(), rate.copy()
-        laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
-        own = [(law, at) for law, at in laws if isinstance(law, LawEffect) and law.entry == "torque"]
-        time = self._signals.time[block.rows]
-        known = sp.interpolate.CubicSpline(time, s[block.rows, joint])
-        inside = (motion.time >= time[0]) & (motion.time <= time[-1])
-        first, last = np.flatnonzero(inside)[[0, -1]]
-        near = max(1, round(OVERLAP / motion.step))
-        if own:
-            friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
-            band = ButterworthZeroPhase(2 * np.pi * hertz)
-            reach = round(band.memory() / motion.step)
-            for used, taken in _ends(first + near, last + 1 - near, len(torque), reach):
-                slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
-                torque[taken][used] -= slow[0]
-                rate[taken][used] -= slow[1]
-        found = known(motion.time[inside])
-        torque[:first] += np.median((found - torque[inside])[:near])
-        torque[last + 1 :] += np.median((found - torque[inside])[-near:])
-        torque[inside], rate[inside] = found, known(motion.time[inside], 1)
-        compliance = self._x[self._layout.compliance][joint]
-        return replace(
-            motion,
-            torque=torque,
-            link_position=motion.position - compliance * torque,
-            link_velocity=motion.velocity - compliance * rate,
-        )
-
-
-def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, slice]]:
-    """Samples before `head` and from `tail` on, each within a stretch that is longer by `reach`.
-
-    Returns:
-        where the samples are in the stretch, and the stretch; all samples in one if the two would overlap.
-    """
-    if head + reach >= tail - reach:
-        return [(slice(0, count), slice(0, count))]
-    start = tail - reach
-    return [(slice(0, head), slice(0, head + reach)), (slice(reach, count - start), slice(start, count))]
-
-
-def _scaled(motions: list[JointMotion]) -> list[JointMotion]:
-    """The same motions, scaled by the rms torque over all stretches."""
-    scale = float(np.sqrt(np.mean(np.concatenate([m.torque for m in motions]) ** 2))) + 1e-12
-    return [replace(motion, torque_scale=scale) for motion in motions]
-
-
-def viscous_scale(layout: Layout, x: Array, joint: int) -> tuple[float, float, float]:
-    """Motor-side viscous friction that scales effects, bounded from below; derivatives by f_mv and f_lv."""
-    motor, link = float(x[layout.motor_viscous][joint]), float(x[layout.link_viscous][joint])
-    share = LEAST_VISCOUS_SHARE
-    if motor >= max(share * (motor + link), LEAST_VISCOUS):
-        return motor, 1.0, 0.0
-    if share * (motor + link) >= LEAST_VISCOUS:
-        return share * (motor + link), share, share
-    return LEAST_VISCOUS, 0.0, 0.0
+    def _source(self) -> WideMotions:
+        """The motions at these parameters."""
+        fine = self.fine()
+        if self._at is None or self._at.fine is not fine:
+            self._at = WideMotions(self._signals, self._layout, self._x, fine)
+        return self._at

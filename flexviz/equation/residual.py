@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from flexviz.effects import EFFECTS, ChosenEffect, LoadedEffect, Terms
 from flexviz.equation.chain import Chain
-from flexviz.equation.context import EffectContext, viscous_scale
+from flexviz.equation.context import EffectContext
 from flexviz.equation.initial_state import InitialStates, initial_states
 from flexviz.equation.layout import Layout
 from flexviz.equation.link import LinkDynamics, LinkTerms
+from flexviz.equation.motions import viscous_scale
 from flexviz.equation.signals import Signals
 from flexviz.errors import InputError
 from flexviz.robot import Robot
@@ -141,6 +142,7 @@ class OperatingPoint:
         self.signals, self.layout = equation.signals, equation.layout
         self.x = x.copy()
         self._linear = linear  # of laws that are linear in their parameters: the same at every x
+        self._last: dict[ChosenEffect, tuple[Array, Terms]] = {}
         self._initial: list[InitialStates] | None = None
 
     def left_behind(self, x: Array, noticeable: float = STATE_CHANGE) -> bool:
@@ -152,15 +154,19 @@ class OperatingPoint:
     def seeing(self, x: Array, q: Array, s: Array | None) -> OperatingPoint:
         """The operating point with x, q (3, N, n) and s (N, n) offered to the effects."""
         kept = {e: t for e, t in self._linear.items() if not EFFECTS[e.effect].state}
-        return OperatingPoint(self.equation, x, self.context.seeing(x, q, s), kept)
+        point = OperatingPoint(self.equation, x, self.context.seeing(x, q, s), kept)
+        point._last = self._last
+        return point
 
-    def terms(self, x: Array) -> PlacedTerms:
-        """Every effect's terms at x."""
+    def terms(self, x: Array, *, with_residual: bool = True) -> PlacedTerms:
+        """Every effect's terms at x; without those that enter the residual alone, s and q are the same."""
         out = []
         for effect, where in self.layout.effect_slices():
             law = EFFECTS[effect.effect]
+            if law.entry == "residual" and not with_residual:
+                continue
             if not law.linear:
-                term = law.terms(self.context, effect.place, x[where])
+                term = self._nonlinear(effect, x[where])
                 out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:
@@ -169,6 +175,16 @@ class OperatingPoint:
             value = np.tensordot(x[where], unit.slopes, axes=1)
             out.append((where, Terms(unit.entry, unit.joints, value, unit.slopes)))
         return out
+
+    def _nonlinear(self, effect: ChosenEffect, values: Array) -> Terms:
+        """Terms of an effect at values (P,); those without a state depend on nothing else and are kept."""
+        law = EFFECTS[effect.effect]
+        if law.state:
+            return law.terms(self.context, effect.place, values)
+        kept = self._last.get(effect)
+        if kept is None or not np.array_equal(kept[0], values):
+            self._last[effect] = kept = values.copy(), law.terms(self.context, effect.place, values)
+        return kept[1]
 
     def _rescaled(self, term: Terms, x: Array) -> Terms:
         """Terms of an effect that is relative to viscous friction, rescaled to the friction of x."""
@@ -180,7 +196,7 @@ class OperatingPoint:
     def motor_side(self, x: Array, terms: PlacedTerms | None = None) -> tuple[Array, Array]:
         """s and q with two derivatives each, two arrays of shape (3, N, n)."""
         lay, sig = self.layout, self.signals
-        terms = self.terms(x) if terms is None else terms
+        terms = self.terms(x, with_residual=False) if terms is None else terms
         s = sig.tau - x[lay.motor_inertia] * sig.theta[2:]
         s -= x[lay.motor_viscous] * sig.theta[1:4]
         for _, term in terms:

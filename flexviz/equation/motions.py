@@ -1,0 +1,199 @@
+"""Wide-band motions of the joints, as effects see them.
+
+Few laws follow the transmission torque or the link side, and these cost most: they are computed when a law
+first asks for them, and what depends on the parameters alone is kept for every torque of the equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz._scipy import sp
+from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.equation.fine_signals import FineSignals
+from flexviz.equation.layout import Layout
+from flexviz.equation.signals import Block, Signals
+from flexviz.observers import ButterworthZeroPhase
+
+Array = NDArray[np.float64]
+Level = tuple[Array, Array]  # transmission torque and its rate in one stretch, shape (N_fine,) each
+
+LEAST_VISCOUS_SHARE = 0.2  # minimum share of a joint's viscous friction on the motor side
+LEAST_VISCOUS = 1e-6  # [Nm s/rad] absolute minimum
+OVERLAP = 0.2  # [s] at both ends of the equation's samples, over which the wide-band torque is aligned
+LATE = frozenset({"torque", "link_position", "link_velocity", "torque_scale"})
+
+
+class MotionOnDemand(JointMotion):
+    """A motion whose torque and link side are computed when a law first asks for them."""
+
+    @staticmethod
+    def of(known: Mapping[str, Any], late: Callable[[], Mapping[str, Any]]) -> MotionOnDemand:
+        """A motion with the attributes `known`; `late` gives those in `LATE`."""
+        motion = object.__new__(MotionOnDemand)
+        motion.__dict__.update(known, notes={}, _late=late)
+        return motion
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in LATE:
+            raise AttributeError(name)
+        self.__dict__.update(self.__dict__["_late"]())
+        return self.__dict__[name]
+
+
+class WideMotions:
+    """The motions at given parameters.
+
+    Args:
+        signals: signals of the equation.
+        layout: layout of x.
+        x: shape (P,).
+        fine: wide-band signals of every stretch.
+    """
+
+    def __init__(self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals]) -> None:
+        self.fine = fine
+        self._signals, self._layout, self._x = signals, layout, x
+        self._wide: dict[int, list[Level]] = {}
+        self._smooth: dict[int, list[Level]] = {}
+
+    def of(self, joint: int, s: Array | None) -> list[JointMotion]:
+        """WideMotions of a joint in every stretch.
+
+        Args:
+            joint: index.
+            s: shape (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band
+                torque, with all of it.
+        """
+        levels: list[Level] = []
+
+        def late(index: int) -> dict[str, Any]:
+            if not levels:
+                levels.extend(self._wide_levels(joint) if s is None else self._levels(joint, s))
+            return self._link_side(joint, levels, index)
+
+        return [self._motion(joint, k, partial(late, k)) for k in range(len(self.fine))]
+
+    def _motion(self, joint: int, index: int, late: Callable[[], Mapping[str, Any]]) -> JointMotion:
+        lay, x, fine = self._layout, self._x, self.fine[index]
+        degrees = self._signals.groups[self._signals.blocks[index].group].temperature
+        known = dict(
+            time=fine.time,
+            position=fine.position[:, joint],
+            velocity=fine.velocity[:, joint],
+            stiffness=1 / x[lay.compliance][joint],
+            motor_viscous=viscous_scale(lay, x, joint)[0],
+            temperature=np.nan if degrees is None else float(degrees[joint]),
+            present={
+                effect.effect: tuple(x[where].tolist())
+                for effect, where in lay.effect_slices()
+                if effect.joint == joint
+            },
+        )
+        return MotionOnDemand.of(known, late)
+
+    def _link_side(self, joint: int, levels: list[Level], index: int) -> dict[str, Any]:
+        """What is late in the motion of one stretch; the scale is the rms torque over all of them."""
+        fine, (torque, rate) = self.fine[index], levels[index]
+        compliance = self._x[self._layout.compliance][joint]
+        return dict(
+            torque=torque,
+            link_position=fine.position[:, joint] - compliance * torque,
+            link_velocity=fine.velocity[:, joint] - compliance * rate,
+            torque_scale=float(np.sqrt(np.mean(np.concatenate([t for t, _ in levels]) ** 2))) + 1e-12,
+        )
+
+    # -- the transmission torque
+
+    def _wide_levels(self, joint: int) -> list[Level]:
+        """The wide-band torque."""
+        if joint not in self._wide:
+            lay, x = self._layout, self._x
+            inertia, viscous = x[lay.motor_inertia][joint], x[lay.motor_viscous][joint]
+            self._wide[joint] = levels = []
+            for fine in self.fine:
+                theta, tau = fine.theta[:, :, joint], fine.tau[:, :, joint]
+                torque = tau[0] - inertia * theta[2] - viscous * theta[1]
+                levels.append((torque, tau[1] - inertia * theta[3] - viscous * theta[2]))
+        return self._wide[joint]
+
+    def _levels(self, joint: int, s: Array) -> list[Level]:
+        """The transmission torque s of the equation, continued by the wide-band torque without friction.
+
+        s is known between the first and last sample of the equation in the stretch; beyond, the wide-band
+        torque, also without friction, is continued from there: a damped joint would respond to a step of
+        friction that is subtracted on one side only.
+        """
+        if joint not in self._smooth:
+            self._smooth[joint] = self._without_friction(joint)
+        out = []
+        for fine, block, smooth in zip(self.fine, self._signals.blocks, self._smooth[joint], strict=True):
+            torque, rate = (level.copy() for level in smooth)
+            time, inside, near = self._known(fine, block)
+            known = sp.interpolate.CubicSpline(time, s[block.rows, joint])
+            found = known(fine.time[inside])
+            torque[: inside.start] += np.median((found - torque[inside])[:near])
+            torque[inside.stop :] += np.median((found - torque[inside])[-near:])
+            torque[inside], rate[inside] = found, known(fine.time[inside], 1)
+            out.append((torque, rate))
+        return out
+
+    def _without_friction(self, joint: int) -> list[Level]:
+        """The wide-band torque, without friction before and after the samples of the equation.
+
+        Only laws of the joint's own motion are subtracted: with a torque gain, a delay or coupling beside
+        damping, the residual still errs at both ends of a stretch.
+        """
+        laws = [(EFFECTS[e.effect], at) for e, at in self._layout.effect_slices() if e.joint == joint]
+        own = [(law, at) for law, at in laws if isinstance(law, LawEffect) and law.entry == "torque"]
+        if not own:
+            return self._wide_levels(joint)
+        out = []
+        parts = zip(self.fine, self._signals.blocks, self.of(joint, None), strict=True)
+        for (fine, block, motion), wide in zip(parts, self._wide_levels(joint), strict=True):
+            torque, rate = (level.copy() for level in wide)
+            _, inside, near = self._known(fine, block)
+            friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
+            band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[joint]))
+            reach = round(band.memory() / motion.step)
+            for used, taken in _ends(inside.start + near, inside.stop - near, len(torque), reach):
+                slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
+                torque[taken][used] -= slow[0]
+                rate[taken][used] -= slow[1]
+            out.append((torque, rate))
+        return out
+
+    def _known(self, fine: FineSignals, block: Block) -> tuple[Array, slice, int]:
+        """Times of the equation's samples, fine samples between them, and how many of them align s."""
+        time = self._signals.time[block.rows]
+        first = int(np.searchsorted(fine.time, time[0]))
+        last = int(np.searchsorted(fine.time, time[-1], side="right"))
+        return time, slice(first, last), max(1, round(OVERLAP / float(fine.time[1] - fine.time[0])))
+
+
+def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, slice]]:
+    """Samples before `head` and from `tail` on, each within a stretch that is longer by `reach`.
+
+    Returns:
+        where the samples are in the stretch, and the stretch; all samples in one if the two would overlap.
+    """
+    if head + reach >= tail - reach:
+        return [(slice(0, count), slice(0, count))]
+    start = tail - reach
+    return [(slice(0, head), slice(0, head + reach)), (slice(reach, count - start), slice(start, count))]
+
+
+def viscous_scale(layout: Layout, x: Array, joint: int) -> tuple[float, float, float]:
+    """Motor-side viscous friction that scales effects, bounded from below; derivatives by f_mv and f_lv."""
+    motor, link = float(x[layout.motor_viscous][joint]), float(x[layout.link_viscous][joint])
+    share = LEAST_VISCOUS_SHARE
+    if motor >= max(share * (motor + link), LEAST_VISCOUS):
+        return motor, 1.0, 0.0
+    if share * (motor + link) >= LEAST_VISCOUS:
+        return share * (motor + link), share, share
+    return LEAST_VISCOUS, 0.0, 0.0
