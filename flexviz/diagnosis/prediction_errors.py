@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
 from flexviz.diagnosis.motion_samples import in_motion
-from flexviz.equation import Equation, Layout, build_signals, layout_of
+from flexviz.equation import Equation, Layout, OperatingPoint, build_signals, layout_of
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
 from flexviz.model import FlexibleModel
@@ -69,8 +69,7 @@ class PredictionErrorBand:
 
     def errors(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> PredictionErrors:
         """Residuals of a model; `apart`, shape (n,): joints whose standstill does not count."""
-        equation = Equation(self.measurements.robot, self.signals, fit.layout, self._shared)
-        point = equation.at(fit.x)
+        point = self._point(fit)
         residual = point.residual(fit.x)
         used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
         held_out = {g.name: g.validation for g in self.signals.groups}
@@ -79,16 +78,30 @@ class PredictionErrorBand:
             for name, rows in self.rows.items()
             if len(rows)
         )
-        fitted = np.concatenate([self.rows[n] for n, _, validation in groups if not validation])
-        held = [self.rows[n] for n, _, validation in groups if validation]
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
-        return PredictionErrors(
-            _rms(residual[fitted], used[fitted]),
-            _rms(residual[np.concatenate(held)], used[np.concatenate(held)]) if held else None,
-            groups,
-            tuple(map(float, floor)),
-            residual,
-        )
+        return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
+
+    def rms(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> tuple[str, tuple[float, ...]]:
+        """Which error of a model is stated, and its rms per joint [Nm]: a part of `errors`, for less."""
+        residual = self._point(fit).residual(fit.x)
+        used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
+        fitted, held_out = self._rms(residual, used)
+        return ("fit", fitted) if held_out is None else ("validation", held_out)
+
+    def _point(self, fit: Fitted) -> OperatingPoint:
+        return Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
+
+    def _rms(
+        self, residual: Array, used: NDArray[np.bool_]
+    ) -> tuple[tuple[float, ...], tuple[float, ...] | None]:
+        """Per joint, over the fit and over the validation groups."""
+        parts = [
+            [self.rows[g.name] for g in self.signals.groups if g.validation == held_out]
+            for held_out in (False, True)
+        ]
+        fitted, held_out = (np.concatenate((np.arange(0), *rows)) for rows in parts)
+        errors = _rms(residual[fitted], used[fitted])
+        return errors, _rms(residual[held_out], used[held_out]) if len(held_out) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,14 +32,19 @@ class Standing:
         self.own, self.band, self._tell = own, band, tell
         self.spread = band.measurements.torque_spread
         self._own_fit: Fitted | None = None
+        self._own_errors: dict[bytes, Sequence[float]] = {}  # by the joints whose standstill is apart
         self._best = np.inf  # its share of the torque
 
     def own_model(self, fit: Fitted) -> None:
         """The set's own model is fitted."""
         if self._tell is None:
             return
-        self._own_fit = fit
-        which, rms, floor = self._errors(fit)
+        self._own_fit, self._own_errors = fit, {}
+        errors = self.band.errors(fit)
+        rms, floor = errors.rms_validation, errors.noise_floor
+        which = "validation"
+        if rms is None:
+            which, rms = "fit", errors.rms
         j = by_share(rms, self.spread)[0]
         only = slice(j, j + 1)
         worst = left_text(self.own.joints[only], rms[only], self.spread[only], floor[only])
@@ -56,11 +61,11 @@ class Standing:
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._tell is None or self._own_fit is None or not added:
             return
-        which, rms, _ = self._errors(fit, apart)
+        which, rms = self.band.rms(fit, apart)
         share = mean_nrms(rms, self.spread)
         if share < self._best:
             self._best = share
-            before = mean_nrms(self._errors(self._own_fit, apart)[1], self.spread)
+            before = mean_nrms(self._own_rms(apart), self.spread)
             error = f"{which} error {percent(before)} → {percent(share)} of the torque"
             self._tell(BestSoFar(self._names(added), error))
 
@@ -69,11 +74,10 @@ class Standing:
         more = len(names) - NAMED
         return listed([*names[:NAMED], f"{more} more"] if more > 1 else names)
 
-    def _errors(
-        self, fit: Fitted, apart: NDArray[np.bool_] | None = None
-    ) -> tuple[str, Sequence[float], Sequence[float]]:
-        """Which error is stated, and per joint it and its floor [Nm]."""
-        errors = self.band.errors(fit, apart)
-        if errors.rms_validation is None:
-            return "fit", errors.rms, errors.noise_floor
-        return "validation", errors.rms_validation, errors.noise_floor
+    def _own_rms(self, apart: NDArray[np.bool_] | None) -> Sequence[float]:
+        """Error of the set's own model per joint [Nm]."""
+        assert self._own_fit is not None
+        key = b"" if apart is None else apart.tobytes()
+        if key not in self._own_errors:
+            self._own_errors[key] = self.band.rms(self._own_fit, apart)[1]
+        return self._own_errors[key]

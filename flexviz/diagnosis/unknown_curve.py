@@ -16,6 +16,7 @@ from flexviz.diagnosis.motion_fit import MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, free_curve
 from flexviz.equation import Layout
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
@@ -35,11 +36,16 @@ def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
     One of a single branch, unless one for each direction of motion explains clearly more.
     """
 
+    both = [name.replace("curve", side) for name in (*ONE_WAY, *EACH_WAY) for side in ("curve", "link_curve")]
+    curves = [ChosenEffect(name, joint) for name in both]
+    _ = fit.projection  # for all cores
+    gains = dict(zip(curves, shared(lambda curve: curve_gain(fit, curve), curves), strict=True))
+
     def best(names: Sequence[str]) -> tuple[ChosenEffect, float]:
-        both = (*names, *(name.replace("curve", "link_curve") for name in names))
-        gains = {ChosenEffect(name, joint): curve_gain(fit, ChosenEffect(name, joint)) for name in both}
-        curve = max(gains, key=lambda curve: gains[curve])
-        return curve, gains[curve]
+        return max(
+            ((c, gain) for c, gain in gains.items() if c.effect.replace("link_", "") in names),
+            key=lambda each: each[1],
+        )
 
     simple, rich = best(ONE_WAY), best(EACH_WAY)
     return rich if rich[1] > LIMITS.curve_lead * simple[1] else simple

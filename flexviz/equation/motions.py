@@ -63,7 +63,7 @@ class WideMotions:
         self._smooth: dict[int, list[Level]] = {}
 
     def of(self, joint: int, s: Array | None) -> list[JointMotion]:
-        """WideMotions of a joint in every stretch.
+        """Motions of a joint in every stretch.
 
         Args:
             joint: index.
