@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.candidates import ModelStart
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import Background
@@ -29,10 +31,11 @@ MAX_ITERATIONS = 8
 
 @dataclass(frozen=True, eq=False)
 class FinalRefit:
-    """Refitted parameters, shape (P,), and their covariance."""
+    """Refitted parameters, shape (P,), their covariance, and the largest χ of the joints."""
 
     x: Array
     covariance: Covariance
+    chi: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,18 +54,35 @@ def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None
     Returns:
         None for more joints than `FINAL_WEIGHTING` lists, or if the refit explains the data less well.
     """
-    if fit.layout.n not in FINAL_WEIGHTING.orders:
+    closer = _refit(measurements, ModelStart(fit.layout, fit.x), check)
+    return closer if closer is not None and _as_well(closer, fit) else None
+
+
+def _refit(measurements: MeasurementSet, start: ModelStart, check: Callable[[], None]) -> FinalRefit | None:
+    """None for too many joints, or if it does not converge."""
+    if start.layout.n not in FINAL_WEIGHTING.orders:
         return None
-    context = FitContext(measurements, fit.layout, FINAL_WEIGHTING)
-    closer = context.fit(fit.layout, fit.x, iterations=MAX_ITERATIONS, check=check)
-    worst = THRESHOLDS.evidence.final_refit_chi * max(float(fit.chi.max()), 1.0)
-    if not closer.converged or closer.chi.max() > worst:
+    context = FitContext(measurements, start.layout, FINAL_WEIGHTING)
+    closer = context.fit(start.layout, start.x, iterations=MAX_ITERATIONS, check=check)
+    if not closer.converged:
         return None
-    return FinalRefit(closer.x, context.covariance(closer))
+    return FinalRefit(closer.x, context.covariance(closer), float(closer.chi.max()))
+
+
+def _as_well(closer: FinalRefit, fit: Fit) -> bool:
+    return closer.chi <= THRESHOLDS.evidence.final_refit_chi * max(float(fit.chi.max()), 1.0)
+
+
+def _agree(closer: FinalRefit, fit: Fit) -> bool:
+    """Whether two fits of a model are in the same minimum."""
+    std = closer.covariance.standard_errors
+    known = std > 0
+    apart = np.abs(closer.x - fit.x)[known] / std[known]
+    return bool(np.all(apart < THRESHOLDS.evidence.other_minimum))
 
 
 class EarlyRefit:
-    """The final refit of a model that is probably the last, begun while the search looks for more.
+    """The final refit of a model that is probably the last, begun before the search has come to it.
 
     Args:
         measurements: the set.
@@ -71,20 +91,23 @@ class EarlyRefit:
 
     def __init__(self, measurements: MeasurementSet, check: Callable[[], None]) -> None:
         self.measurements, self.check = measurements, check
-        self._fit: Fit | None = None
+        self._layout: Layout | None = None
         self._work: Background[FinalRefit | None] | None = None
 
-    def begin(self, fit: Fit) -> None:
-        """Begin with this model instead of an earlier one."""
-        self.close()
-        if fit.layout.n in FINAL_WEIGHTING.orders:
-            self._fit, self._work = fit, Background(lambda: final_refit(self.measurements, fit, self.check))
+    def begin(self, start: ModelStart) -> None:
+        """Begin with this model, instead of an earlier one."""
+        if start.layout != self._layout and start.layout.n in FINAL_WEIGHTING.orders:
+            self.close()
+            self._layout = start.layout
+            self._work = Background(lambda: _refit(self.measurements, start, self.check))
 
     def of(self, fit: Fit) -> FinalRefit | None:
-        """The refit of a model."""
-        if self._work is None or self._fit is not fit:
-            self.begin(fit)
-        return self._work.result() if self._work is not None else None
+        """The refit of a model; None as for `final_refit`."""
+        if self._work is not None and self._layout == fit.layout:
+            closer, self._work = self._work.result(), None
+            if closer is not None and _as_well(closer, fit) and _agree(closer, fit):
+                return closer
+        return final_refit(self.measurements, fit, self.check)
 
     def close(self) -> None:
         """End what was begun."""

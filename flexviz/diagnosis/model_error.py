@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible, held_to_be_zero
-from flexviz.diagnosis.candidates import with_effect
+from flexviz.diagnosis.candidates import ModelStart, with_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep, by_objective
 from flexviz.diagnosis.evidence import uncertain
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.free_curve_test import FreeCurveTest
+from flexviz.diagnosis.restart import common_values
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS
@@ -59,7 +60,8 @@ class ModelErrorSearch:
             if chosen is None:
                 break
             # a fit in a distant local minimum is improved by any effect that happens to lead out of it
-            again = search.led_by(fit, chosen.fit, LIMITS.iterations)
+            without = ModelStart(fit.layout, common_values(chosen.fit, fit))
+            again = search.fit_from(without, LIMITS.iterations, near=chosen.fit)
             if again.objective < min(fit.objective, chosen.fit.objective + LIMITS.least_score):
                 fit = self.adapted(again.layout, again.x)
                 continue

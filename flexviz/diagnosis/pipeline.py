@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis import evidence, stages
 from flexviz.diagnosis.acceptance import excess, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
-from flexviz.diagnosis.candidates import NearNoise
+from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.final_refit import Conclusion, EarlyRefit
@@ -72,7 +72,8 @@ def diagnose(
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never):
-        with contextlib.closing(_Pipeline(measurements, start, progress, should_stop)) as pipeline:
+        pipeline = _Pipeline(measurements, start, progress, should_stop)
+        with pipeline.beside:
             result = pipeline.run(apply, guarded)
         if apply and free_curve and not why_no_curve(result):
             result = pipeline.with_curve(result)
@@ -91,6 +92,7 @@ class _Pipeline:
         reference: the same parameters without any effects.
         steps: effects added so far.
         tried: candidates refitted for the base model.
+        beside: ends what was begun beside the search.
         model_error_variance: shape (n,) [Nm²], allowed in the later steps; None if there is none.
     """
 
@@ -110,6 +112,9 @@ class _Pipeline:
         self.start = start
         self.plain = Background(self.plain_model, begin=start is None)
         self.refit = EarlyRefit(measurements, self.check_stop)
+        self.beside = contextlib.ExitStack()
+        self.beside.callback(self.plain.close)
+        self.beside.callback(self.refit.close)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
@@ -144,6 +149,7 @@ class _Pipeline:
             near = many.search.near_noise()
             if near is not None:
                 many.search.forget()
+                self.refit.begin(near)
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
                 self.add_effects(apply, near)
             if near is None or verdict(self.final, self.reference) == "unknown":
@@ -167,11 +173,6 @@ class _Pipeline:
             pass  # the result contains the findings so far
         return self.result(apply, guarded)
 
-    def close(self) -> None:
-        """End what was begun beside the search."""
-        self.plain.close()
-        self.refit.close()
-
     def with_curve(self, result: Diagnosis) -> Diagnosis:
         """The result with a free curve; without if the user stops it."""
         try:
@@ -180,12 +181,11 @@ class _Pipeline:
             return replace(result, stopped=True)
         return replace(longer, seconds=time.perf_counter() - self.began)
 
-    # -- one after the other
-
     def prepare(self, iterations: int = LIMITS.first_iterations) -> None:
         """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
+        self.beside.callback(self.search.restart.close)
         x = self.layout.vector(self.start_model())
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
@@ -201,7 +201,7 @@ class _Pipeline:
     def check_stop(self) -> None:
         self.say("")
 
-    # -- the search -------------------------------------------------------------------------------------
+    # -- the search
 
     def add_effects(self, apply: bool, near: NearNoise | None = None) -> None:
         """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
@@ -209,7 +209,7 @@ class _Pipeline:
             fit = self.final
             self.say("scoring candidate effects")
             if (apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
-                self.refit.begin(fit)
+                self.refit.begin(ModelStart(fit.layout, fit.x))
             gained = self.reference.objective - fit.objective
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
             if number == 0:

@@ -21,6 +21,7 @@ from flexviz.diagnosis.acceptance import (
 from flexviz.diagnosis.candidates import ModelStart, NearNoise, candidates, with_effect, without_effect
 from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, by_objective
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
@@ -40,6 +41,7 @@ class Search:
 
     def __init__(self, context: FitContext, say: Callable[[str], None]) -> None:
         self.context, self.say = context, say
+        self.restart = Restart(context, self.check)
         self.raw_step = max(s.step for g in context.fit_groups for s in g.segments)
 
     def check(self) -> None:
@@ -110,7 +112,7 @@ class Search:
         """
         if near is not None and near.rivals:
             scores = self.scores(fit, near.rivals)
-            if (confirmed := self.confirmed(fit, scores, near)) is not None:
+            if (confirmed := self.confirmed(fit, scores, near, gained)) is not None:
                 return scores, confirmed
         scores = self.scores(fit)
         return scores, self.refits(fit, scores, gained)
@@ -132,7 +134,9 @@ class Search:
             refitted += [r for r in more if removed_share(fit, r.fit) > LIMITS.hidden_removed]
         return Comparison(by_objective(refitted))
 
-    def confirmed(self, fit: Fit, scores: CandidateScores, guess: ModelStart) -> Comparison | None:
+    def confirmed(
+        self, fit: Fit, scores: CandidateScores, guess: ModelStart, gained: float
+    ) -> Comparison | None:
         """A guessed model with one more effect and its rivals; None if it leaves something."""
         scored = [s for s in scores.ranked if (*fit.layout.effects, s.effect) == guess.layout.effects]
         if not scored:
@@ -142,6 +146,8 @@ class Search:
         if not self.explains_everything(fit, first.fit):
             return None
         first = self.converged(first)
+        if excess(fit) >= LIMITS.far_off:
+            self.restart.begin(fit, first, gained)
         others = [s for s in self.leading(scores) if s.effect != first.effect]
         return self.rivals(fit, first, others)
 
@@ -229,7 +235,7 @@ class Search:
         gain = max(fit.objective - leader.fit.objective, ACCEPTANCE.least_gain)
         tied = leader.fit.point.objective + max(EVIDENCE.tied_gain, EVIDENCE.tied_share * gain)
         close = [s for s in others if s.gain >= LIMITS.close_score * leader.scored.gain]
-        common = _common_values(leader.fit, fit)
+        common = common_values(leader.fit, fit)
         there = self.fit_from(ModelStart(fit.layout, common), 0, near=leader.fit)
         again = self.scores(there, {leader.effect, *(s.effect for s in close)})
         gains = {s.effect: s.gain for s in reversed(again.ranked)}  # of an episode in its best stretch
@@ -302,20 +308,11 @@ class Search:
         return best
 
     def restarted(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
-        """The present model refitted from the best candidate's values, if it fits as well without the effect.
-
-        A fit in a distant local minimum is improved by any effect that happens to lead out of it.
-        """
+        """The present model from the best candidate's values, if it fits as well without the effect."""
         if excess(fit) < LIMITS.far_off:
             return None
         self.say(stages.NEED)
-        needed = needed_gain(best.effect, gained)
-        again = self.led_by(fit, best.fit, LIMITS.full_refit, best.fit.point.objective + needed)
-        return again if again.objective < best.fit.objective + needed else None
-
-    def led_by(self, fit: Fit, leader: Fit, iterations: int, beat: float = np.inf) -> Fit:
-        """The present model refitted from the values of a larger one."""
-        return self.fit_from(ModelStart(fit.layout, _common_values(leader, fit)), iterations, leader, beat)
+        return self.restart.of(fit, best, gained)
 
     def converged(self, refitted: RefittedCandidate) -> RefittedCandidate:
         """The candidate with a converged fit: the residual of an unfinished fit looks like another effect."""
@@ -339,12 +336,3 @@ class Search:
 def optimistic_gain(scored: ScoredCandidate) -> float:
     """Upper estimate of the gain of a refit."""
     return EFFECTS[scored.effect.effect].optimism * scored.gain
-
-
-def _common_values(leader: Fit, before: Fit) -> Array:
-    """Parameters of `before` with the leader's values; effects that the leader lacks keep their own."""
-    x = before.layout.vector(leader.layout.model(leader.x))
-    for effect, where in before.layout.effect_slices():
-        if effect not in leader.layout.effects:
-            x[where] = before.x[where]
-    return x

@@ -171,6 +171,7 @@ class EvidenceThresholds:
     # (`python -m benchmarks.diagnosis_study calibrate`)
     max_confidence: float = 0.99
     final_refit_chi: float = 1.5  # increase of χ² that rejects the final refit
+    other_minimum: float = 10.0  # standard errors between two fits of one model that are not the same
 
 
 @dataclass(frozen=True)

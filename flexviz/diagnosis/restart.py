@@ -1,0 +1,69 @@
+"""The present model from the values of a larger one: does it fit as well without the effect?
+
+A fit in a distant local minimum is improved by any effect that happens to lead out of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.acceptance import needed_gain
+from flexviz.diagnosis.comparison import RefittedCandidate
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.parallel import Background
+
+Array = NDArray[np.float64]
+
+
+class Restart:
+    """Refits of the present model from a candidate's values, begun while the candidate meets its rivals.
+
+    Args:
+        context: the data.
+        check: called before each step of a refit; may raise to stop.
+    """
+
+    def __init__(self, context: FitContext, check: Callable[[], None]) -> None:
+        self.context, self.check = context, check
+        self._begun: tuple[RefittedCandidate, Background[bool]] | None = None
+
+    def begin(self, fit: Fit, best: RefittedCandidate, gained: float) -> None:
+        """Begin with this candidate; earlier effects gained `gained`."""
+        self.close()
+        self._begun = best, Background(lambda: self._refit(fit, best, gained) is None)
+
+    def of(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+        """The present model if it fits as well; else None."""
+        begun, self._begun = self._begun, None
+        if begun is not None and begun[0] is best:
+            return None if begun[1].result() else self._refit(fit, best, gained)
+        if begun is not None:
+            begun[1].close()
+        return self._refit(fit, best, gained)
+
+    def close(self) -> None:
+        """End what was begun."""
+        if self._begun is not None:
+            self._begun[1].close()
+            self._begun = None
+
+    def _refit(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
+        needed = needed_gain(best.effect, gained)
+        again = self.context.fit(
+            fit.layout, common_values(best.fit, fit), iterations=THRESHOLDS.search.full_refit,
+            check=self.check, near=best.fit, beat=best.fit.point.objective + needed,
+        )  # fmt: skip
+        return again if again.objective < best.fit.objective + needed else None
+
+
+def common_values(leader: Fit, before: Fit) -> Array:
+    """Parameters of `before` with the leader's values; effects that the leader lacks keep their own."""
+    x = before.layout.vector(leader.layout.model(leader.x))
+    for effect, where in before.layout.effect_slices():
+        if effect not in leader.layout.effects:
+            x[where] = before.x[where]
+    return x
