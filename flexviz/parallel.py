@@ -35,6 +35,11 @@ def usable_cores() -> int:
     return min(len(os.sched_getaffinity(0)), MOST_CORES) if sys.platform == "linux" else 1
 
 
+def allowed_cores() -> int:
+    """Cores that work in this context may use."""
+    return _allowed.get()
+
+
 @contextlib.contextmanager
 def on_cores(count: int) -> Iterator[None]:
     """Let `diagnose`, and what contains it, use up to `count` cores in this context; results do not change.

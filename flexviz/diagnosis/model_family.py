@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,10 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance, ScoredCandidate
-from flexviz.parallel import shared
+from flexviz.parallel import allowed_cores, shared
 
 Array = NDArray[np.float64]
+Item = TypeVar("Item")
 
 LIMITS = THRESHOLDS.motion
 (OFFSET,) = (name for name, law in EFFECTS.items() if law.constant)
@@ -199,6 +201,12 @@ class ModelFamily:
         fit = self.fit(smaller, x)
         return fit, necessities(fit)
 
+    def with_curves_only(self, rich: RichModel) -> RichModel:
+        """The set's own model with the free curves of a larger one."""
+        layout = Layout(self.own.joints, (*self.own.effects, *rich.curves))
+        fit = self.fit(layout, layout.vector(rich.fit.layout.model(rich.fit.x)))
+        return RichModel(fit, necessities(fit), rich.curves)
+
     # -- alternatives to effects that it has
 
     def refined(
@@ -287,13 +295,22 @@ class ModelFamily:
         afresh = self.context.start(layout).x.copy()
         afresh[layout.effect_start :] = x[layout.effect_start :]
 
-        # copies send parameters: a fit with all its arrays is larger than what it takes to evaluate again
-        def end(start: Array) -> tuple[float, Array]:
-            fit = self.fit(layout, start)
-            return fit.objective, fit.x
+        fits = self.on_all_cores(lambda start: self.fit(layout, start), (x, afresh))
+        return min(fits, key=lambda fit: fit.objective)
 
-        _, best = min(shared(end, (x, afresh)), key=lambda each: each[0])
-        return self.fit(layout, best, iterations=0)
+    def on_all_cores(self, fit: Callable[[Item], MotionFit], items: Sequence[Item]) -> Iterator[MotionFit]:
+        """Independent fits, one for each item; on one core only as far as they are asked for."""
+        if len(items) < 2 or allowed_cores() < 2:
+            yield from map(fit, items)
+            return
+
+        # copies send parameters: a fit with all its arrays is larger than what it takes to evaluate again
+        def end(item: Item) -> tuple[Layout, Array]:
+            found = fit(item)
+            return found.layout, found.x
+
+        for layout, x in shared(end, items):
+            yield self.fit(layout, x, iterations=0)
 
     def with_candidates(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
         """The model with candidates at their scored values, fitted."""

@@ -8,14 +8,14 @@ added, and the model is thinned out again, until nothing is found.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import NearNoise, candidates, without_effect
-from flexviz.diagnosis.elimination import Necessity, necessities
+from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.model_family import ModelFamily, RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
@@ -62,11 +62,18 @@ class RichSearch(ModelFamily):
         """Scores of all effects beside the set's own model, the best first."""
         return self.scores(self.bare)
 
-    def single(self, scored: ScoredCandidate) -> MotionFit:
-        """Fit of the set's own model with one effect."""
-        if scored.effect not in self._singles:
-            self._singles[scored.effect] = self.with_candidates(self.bare, [scored])
-        return self._singles[scored.effect]
+    def singles(self, wanted: Sequence[ScoredCandidate]) -> Iterator[MotionFit]:
+        """Fits of the set's own model with one effect each: the first, then the others on all cores."""
+        for part in (wanted[:1], wanted[1:]):
+            fits = self.on_all_cores(self.alone_with, [s for s in part if s.effect not in self._singles])
+            for s in part:
+                if s.effect not in self._singles:
+                    self._singles[s.effect] = next(fits)
+                yield self._singles[s.effect]
+
+    def alone_with(self, scored: ScoredCandidate) -> MotionFit:
+        """The set's own model with one effect, fitted."""
+        return self.with_candidates(self.bare, [scored])
 
     def forget(self) -> None:
         """Release the fits and scores of single effects, which take as much memory as what follows."""
@@ -86,15 +93,16 @@ class RichSearch(ModelFamily):
         if self.alone:
             self.standing.promising(self.alone[0].effect)
         excess = np.maximum(1 - (floor / self.bare.sigma) ** 2, 0.0).sum() * len(self.bare.weights)
-        for scored in self.alone[: LIMITS.singles]:
-            if scored.gain < LIMITS.single_share * excess:
-                break
-            self.say(f"testing candidate: {EFFECTS[scored.effect.effect].title}")
-            found = self.single(scored)
+        worth = [s for s in self.alone[: LIMITS.singles] if s.gain >= LIMITS.single_share * excess]
+        if worth:
+            self.say(f"testing candidate: {EFFECTS[worth[0].effect.effect].title}")
+        for number, found in enumerate(self.singles(worth), 1):
             self.standing.fitted(found)
             if np.all(found.rms < LIMITS.near_noise * floor):
                 rivals = (s.effect for s in self.alone[: THRESHOLDS.search.kept_signatures])
                 return NearNoise(found.layout, found.x, frozenset(rivals))
+            if number == 1 < len(worth):
+                self.say(f"testing {plural(len(worth) - 1, 'other candidate')}")
         return None
 
     def survey(self) -> RichModel:
@@ -115,7 +123,7 @@ class RichSearch(ModelFamily):
         floor = self.context.noise_floor
         enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
         leading = [s for s in self.alone if EFFECTS[s.effect.effect].scope != "episode"]
-        return not any(np.all(self.single(s).rms < enough) for s in leading[: LIMITS.singles])
+        return not any(np.all(fit.rms < enough) for fit in self.singles(leading[: LIMITS.singles]))
 
     def run(self, survey: RichModel) -> RichModel:
         """The smallest model that is as good as the rich one with all that is found in what it leaves."""
@@ -267,12 +275,6 @@ class RichSearch(ModelFamily):
                 self.curves = tuple(c for c in self.curves if c != curve)
                 fit, needed = self.thinned(without)
         return fit, needed
-
-    def with_curves_only(self, rich: RichModel) -> RichModel:
-        """The set's own model with the free curves of a larger one."""
-        layout = Layout(self.own.joints, (*self.own.effects, *rich.curves))
-        fit = self.fit(layout, layout.vector(rich.fit.layout.model(rich.fit.x)))
-        return RichModel(fit, necessities(fit), rich.curves)
 
     # -- what is left
 
