@@ -25,9 +25,11 @@ from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
+from flexviz.parallel import shared
 
 Array = NDArray[np.float64]
 
+MOST_SENT = 3e7  # numbers
 ACCEPTANCE, EVIDENCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.evidence, THRESHOLDS.search
 
 
@@ -47,7 +49,7 @@ class Search:
     def check(self) -> None:
         self.say("")
 
-    # -- scores -----------------------------------------------------------------------------------------
+    # -- scores
 
     def scores(
         self, fit: Fit, only: Collection[ChosenEffect] | None = None, episodes: bool = True
@@ -64,14 +66,22 @@ class Search:
         if only is not None:
             wanted = [e for e in wanted if e in only]
             episodes = any(EFFECTS[e.effect].scope == "episode" for e in only)
-        scored = score(narrow, self.context.chain(fit), wanted, weigh, projection)
-        if episodes:
-            have = set(layout.effects)
-            for joint in range(layout.n):
-                self.check()
-                found = best_intervals(narrow, joint, weigh, projection, longest=LIMITS.longest_episode)
-                scored += [s for s in found if s.effect not in have]
-        return CandidateScores(sorted(scored, key=lambda s: -s.gain), projection)
+        chain, have = self.context.chain(fit), set(layout.effects)
+
+        def of_joint(joint: int | None) -> list[ScoredCandidate]:
+            self.check()
+            here = [e for e in wanted if e.joint == joint]
+            found = score(narrow, chain, here, weigh, projection)
+            if episodes and joint is not None:
+                intervals = best_intervals(narrow, joint, weigh, projection, longest=LIMITS.longest_episode)
+                found += [s for s in intervals if s.effect not in have]
+            return found
+
+        # copies send signatures: of long records they take longer than what they save
+        joints = [*range(layout.n), None]
+        few = point.r.size * len(wanted) < MOST_SENT
+        found = shared(of_joint, joints) if few else [of_joint(j) for j in joints]
+        return CandidateScores(sorted((s for part in found for s in part), key=lambda s: -s.gain), projection)
 
     def weigh(self, fit: Fit) -> Weigh:
         """Function that weights the columns of a stretch like the residual of a fit."""
@@ -98,7 +108,7 @@ class Search:
                 break
         return chosen
 
-    # -- refits -----------------------------------------------------------------------------------------
+    # -- refits
 
     def compare(
         self, fit: Fit, gained: float, near: NearNoise | None = None
@@ -271,7 +281,7 @@ class Search:
                     refitted[k] = replace(r, fit=self.continued(r.fit, iterations))
         return by_objective(refitted)
 
-    # -- decisions --------------------------------------------------------------------------------------
+    # -- decisions
 
     def acceptable(
         self, fit: Fit, refitted: list[RefittedCandidate], gained: float
