@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import NearNoise, candidates, without_effect
 from flexviz.diagnosis.elimination import Necessity
-from flexviz.diagnosis.model_family import ModelFamily, RichModel
+from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_curve import best_curve
+from flexviz.diagnosis.what_is_left import WhatIsLeft
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, best_intervals, score
-from flexviz.parallel import shared
+from flexviz.estimation import ScoredCandidate, score
 from flexviz.wording import plural
 
 Array = NDArray[np.float64]
@@ -32,7 +31,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 
 
-class RichSearch(ModelFamily):
+class RichSearch(WhatIsLeft):
     """A search on one set.
 
     Args:
@@ -48,9 +47,7 @@ class RichSearch(ModelFamily):
         super().__init__(context, own, say)
         self.standing = standing
         self.best: RichModel | None = None  # so far
-        self._refused: set[ChosenEffect] = set()
         self._singles: dict[ChosenEffect, MotionFit] = {}
-        self._lawful: set[int] = set()  # joints on which a free curve does not help
 
     @cached_property
     def bare(self) -> MotionFit:
@@ -65,15 +62,12 @@ class RichSearch(ModelFamily):
     def singles(self, wanted: Sequence[ScoredCandidate]) -> Iterator[MotionFit]:
         """Fits of the set's own model with one effect each: the first, then the others on all cores."""
         for part in (wanted[:1], wanted[1:]):
-            fits = self.on_all_cores(self.alone_with, [s for s in part if s.effect not in self._singles])
+            new = [s for s in part if s.effect not in self._singles]
+            fits = self.on_all_cores(lambda s: self.with_candidates(self.bare, [s]), new)
             for s in part:
                 if s.effect not in self._singles:
                     self._singles[s.effect] = next(fits)
                 yield self._singles[s.effect]
-
-    def alone_with(self, scored: ScoredCandidate) -> MotionFit:
-        """The set's own model with one effect, fitted."""
-        return self.with_candidates(self.bare, [scored])
 
     def forget(self) -> None:
         """Release the fits and scores of single effects, which take as much memory as what follows."""
@@ -267,84 +261,25 @@ class RichSearch(ModelFamily):
     def without_superfluous_curves(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model without curves that the effects found later made superfluous."""
+        """The model without curves for which effects found later, usual ones or one more can stand."""
         for curve in self.curves:
+            joint = curve.place.own_joint
+            limit = LIMITS.superfluous_curve * float(fit.rms[joint])
             start = without_effect(fit.layout, fit.x, curve)
             without = self.fit(start.layout, start.x)
-            if without.rms[curve.joint] < LIMITS.superfluous_curve * fit.rms[curve.joint]:
+            if without.rms[joint] >= limit:
+                limit = min(limit, LIMITS.far_off * float(self.context.noise_floor[joint]))
+                without = self.by_library(without, joint, limit)
+            if without.rms[joint] < limit:
                 self.curves = tuple(c for c in self.curves if c != curve)
                 fit, needed = self.thinned(without)
         return fit, needed
 
-    # -- what is left
-
-    def scores(self, fit: MotionFit) -> list[ScoredCandidate]:
-        """Scores of all effects that a model lacks, the best first."""
-        weigh, projection = self.weigh(fit), fit.projection
-        groups = self.context.measurements.groups
-        wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
-
-        def of_joint(joint: int | None) -> list[ScoredCandidate]:
-            self.say("")
-            here = [e for e in wanted if e.joint == joint]
-            found = score(fit.point, fit.chain, here, weigh, projection)
-            if joint is not None:
-                longest = LIMITS.longest_episode
-                intervals = best_intervals(fit.point, joint, weigh, projection, longest=longest)
-                found += [s for s in intervals if s.effect not in self._refused]
-            return [s.without_signature() for s in found]
-
-        found = shared(of_joint, [*range(fit.layout.n), None])
-        return sorted((s for part in found for s in part), key=lambda s: -s.gain)
-
-    def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
-        """The free curve that explains much more than any candidate on its joint; the largest one."""
-        best = {s.effect.joint: s.gain for s in reversed(chosen)}
-        taken = {curve.place.own_joint for curve in self.curves} | self._lawful
-        ratio = fit.rms / self.context.noise_floor
-        joint = int(np.argmax(np.where([j in taken for j in range(fit.layout.n)], 0.0, ratio)))
-        if joint in taken or ratio[joint] < LIMITS.far_off:
-            return None
-        curve, gain = best_curve(fit, joint)
-        least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
-        return curve if gain > least else None
-
-    def best_of_each_joint(self, fit: MotionFit, leading: list[ScoredCandidate]) -> list[ScoredCandidate]:
-        """The best candidate of each joint, and of those without one, that explains a clear share."""
-        chosen: dict[int | None, ScoredCandidate] = {}
-        quiet = fit.rms < LIMITS.quiet * self.context.noise_floor
-        near = fit.rms < LIMITS.far_off * self.context.noise_floor
-        curved = {curve.joint for curve in self.curves}
-
-        def weighed(s: ScoredCandidate) -> float:
-            return s.gain * (LIMITS.flexible_weight if EFFECTS[s.effect.effect].flexible else 1.0)
-
-        for s in sorted(leading, key=weighed, reverse=True):
-            law, joint = EFFECTS[s.effect.effect], s.effect.joint
-            least = LIMITS.least_share_episode if law.scope == "episode" else LIMITS.least_share
-            if s.gain < least * len(fit.weights):
-                continue
-            if joint is not None and law.hidden_state and joint in curved and near[joint]:
-                continue  # it would mend the form of the curve
-            if joint not in chosen and not (joint is not None and quiet[joint]):
-                chosen[joint] = s
-        return list(chosen.values())
-
-    def confirmed(self, fit: MotionFit, larger: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
-        """The larger model without episodes that leave much, and without refinements that gain little."""
-        doubtful = []
-        for s in chosen:
-            law, joint = EFFECTS[s.effect.effect], s.effect.joint
-            if joint is None:
-                continue
-            if (
-                law.scope == "episode"
-                and larger.rms[joint] > LIMITS.episode_noise * self.context.noise_floor[joint]
-            ):
-                doubtful.append(s)
-            if (
-                law.replaces
-                and larger.sigma[joint] ** 2 > (1 - LIMITS.replaced_share) * fit.sigma[joint] ** 2
-            ):
-                doubtful.append(s)
-        return self.with_candidates(fit, [s for s in chosen if s not in doubtful]) if doubtful else larger
+    def by_library(self, fit: MotionFit, joint: int, limit: float) -> MotionFit:
+        """The model with all usual effects and, if a joint errs more than `limit` [Nm], one more on it."""
+        self.say(f"looking for laws in place of the curve on {self.own.joints[joint]}")
+        usual = self.usual_fit(beside=fit)
+        if usual.rms[joint] < limit:
+            return usual
+        best = [s for s in self.best_of_each_joint(usual, self.scores(usual)) if s.effect.joint == joint]
+        return self.with_candidates(usual, best) if best else usual

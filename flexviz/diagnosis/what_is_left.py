@@ -1,0 +1,99 @@
+"""What a model of many effects leaves: scores of the effects that it lacks, and laws of no library."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.model_family import ModelFamily
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_curve import best_curve
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.equation import Layout
+from flexviz.estimation import ScoredCandidate, best_intervals, score
+from flexviz.parallel import shared
+
+LIMITS = THRESHOLDS.motion
+
+
+class WhatIsLeft(ModelFamily):
+    """Models of one set, and what they leave."""
+
+    def __init__(self, context: MotionContext, own: Layout, say: Callable[[str], None]) -> None:
+        super().__init__(context, own, say)
+        self._refused: set[ChosenEffect] = set()
+        self._lawful: set[int] = set()  # joints on which a free curve does not help
+
+    def scores(self, fit: MotionFit) -> list[ScoredCandidate]:
+        """Scores of all effects that a model lacks, the best first."""
+        weigh, projection = self.weigh(fit), fit.projection
+        groups = self.context.measurements.groups
+        wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
+
+        def of_joint(joint: int | None) -> list[ScoredCandidate]:
+            self.say("")
+            here = [e for e in wanted if e.joint == joint]
+            found = score(fit.point, fit.chain, here, weigh, projection)
+            if joint is not None:
+                longest = LIMITS.longest_episode
+                intervals = best_intervals(fit.point, joint, weigh, projection, longest=longest)
+                found += [s for s in intervals if s.effect not in self._refused]
+            return [s.without_signature() for s in found]
+
+        found = shared(of_joint, [*range(fit.layout.n), None])
+        return sorted((s for part in found for s in part), key=lambda s: -s.gain)
+
+    def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
+        """The free curve that explains much more than any candidate on its joint; the largest one."""
+        best = {s.effect.joint: s.gain for s in reversed(chosen)}
+        taken = {curve.place.own_joint for curve in self.curves} | self._lawful
+        ratio = fit.rms / self.context.noise_floor
+        joint = int(np.argmax(np.where([j in taken for j in range(fit.layout.n)], 0.0, ratio)))
+        if joint in taken or ratio[joint] < LIMITS.far_off:
+            return None
+        curve, gain = best_curve(fit, joint)
+        least = max(LIMITS.least_curve_share * len(fit.weights), LIMITS.curve_lead * best.get(joint, 0.0))
+        return curve if gain > least else None
+
+    def best_of_each_joint(self, fit: MotionFit, leading: list[ScoredCandidate]) -> list[ScoredCandidate]:
+        """The best candidate of each joint, and of those without one, that explains a clear share."""
+        chosen: dict[int | None, ScoredCandidate] = {}
+        quiet = fit.rms < LIMITS.quiet * self.context.noise_floor
+        near = fit.rms < LIMITS.far_off * self.context.noise_floor
+        curved = {curve.joint for curve in self.curves}
+
+        def weighed(s: ScoredCandidate) -> float:
+            return s.gain * (LIMITS.flexible_weight if EFFECTS[s.effect.effect].flexible else 1.0)
+
+        for s in sorted(leading, key=weighed, reverse=True):
+            law, joint = EFFECTS[s.effect.effect], s.effect.joint
+            least = LIMITS.least_share_episode if law.scope == "episode" else LIMITS.least_share
+            if s.gain < least * len(fit.weights):
+                continue
+            if joint is not None and law.hidden_state and joint in curved and near[joint]:
+                continue  # it would mend the form of the curve
+            if joint not in chosen and not (joint is not None and quiet[joint]):
+                chosen[joint] = s
+        return list(chosen.values())
+
+    def confirmed(self, fit: MotionFit, larger: MotionFit, chosen: list[ScoredCandidate]) -> MotionFit:
+        """The larger model without episodes that leave much, and without refinements that gain little."""
+        doubtful = []
+        for s in chosen:
+            law, joint = EFFECTS[s.effect.effect], s.effect.joint
+            if joint is None:
+                continue
+            if (
+                law.scope == "episode"
+                and larger.rms[joint] > LIMITS.episode_noise * self.context.noise_floor[joint]
+            ):
+                doubtful.append(s)
+            if (
+                law.replaces
+                and larger.sigma[joint] ** 2 > (1 - LIMITS.replaced_share) * fit.sigma[joint] ** 2
+            ):
+                doubtful.append(s)
+        return self.with_candidates(fit, [s for s in chosen if s not in doubtful]) if doubtful else larger
