@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.final_refit import final_refit
+from flexviz.diagnosis import final_refit as refits
+from flexviz.diagnosis.candidates import ModelStart
+from flexviz.diagnosis.final_refit import EarlyRefit, FinalRefit, final_refit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.equation import layout_of
 from flexviz.identification import identify
@@ -59,3 +61,30 @@ def test_it_can_be_stopped(made: MeasurementSet) -> None:
     _, fit = fitted(made, ("coulomb_friction:joint2",))
     with pytest.raises(KeyboardInterrupt):
         final_refit(made, fit, stop)
+
+
+def test_an_early_refit_is_used_for_its_own_model_and_minimum(
+    made: MeasurementSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, fit = fitted(made, ("coulomb_friction:joint2", "stribeck_friction:joint2"))
+    closer = final_refit(made, fit, lambda: None)
+    assert closer is not None
+    std, starts = closer.covariance.standard_errors, []
+    away = fit.x + 0.3 * std  # where the search has not ended yet
+
+    def counted(measurements: MeasurementSet, start: ModelStart, check: object) -> FinalRefit:
+        starts.append(start)
+        moved = closer.x + (30 * std if wrong else 0 * std)
+        return FinalRefit(moved, closer.covariance, closer.chi)
+
+    monkeypatch.setattr(refits, "_refit", counted)
+    for wrong, layout, used in ((False, fit.layout, 1), (True, fit.layout, 2), (False, layout_of(made), 1)):
+        starts.clear()
+        early = EarlyRefit(made, lambda: None)
+        early.begin(ModelStart(layout, away[: layout.size]))
+        early.begin(ModelStart(layout, away[: layout.size]))  # the same model: goes on
+        found = early.of(fit)
+        assert found is not None and len(starts) == used
+        assert starts[-1].layout == fit.layout
+        # another minimum or another model: from the fit itself
+        np.testing.assert_array_equal(starts[-1].x, away if not wrong and layout == fit.layout else fit.x)

@@ -14,6 +14,9 @@ from benchmarks.diagnosis_study.making import case_folder, make, truth_file
 from flexviz import diagnose
 from flexviz.diagnosis.elimination import eliminate
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.rich_search import RichSearch
+from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve, curve_gain
 from flexviz.effects import ChosenEffect
@@ -132,6 +135,24 @@ def test_what_an_effect_explains_is_not_left_to_a_curve(context, plain):
     level[branch] = context.spread[1]
     expected = LIMITS.curve_trend**-2 + len(branch) / SIZE**2
     assert level @ precision @ level == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("later", [(), ("torque_offset",)])
+def test_a_curve_gives_way_to_laws_that_explain_as_much(context, plain, later):
+    """Coulomb friction that a free curve of the velocity explains, too; beside it an effect found earlier."""
+    own = Layout(plain.layout.joints)
+    band = PredictionErrorBand(context.measurements)
+    search = RichSearch(context, own, lambda _: None, Standing(own, band, None))
+    curve = ChosenEffect("free_curve_velocity", 1)
+    search.curves = (curve,)
+    layout = Layout(own.joints, (curve, *(ChosenEffect(name, 0) for name in later)))
+    start = context.start(layout).bounds.clip(layout.vector(plain.layout.model(plain.x)))
+    fit = context.fit(layout, start)
+    assert fit.rms[1] < 0.3 * plain.rms[1]
+    found, needed = search.without_superfluous_curves(fit, {})
+    assert not search.curves and curve not in found.layout.effects
+    assert ChosenEffect("coulomb_friction", 1) in needed and ChosenEffect("torque_offset", 0) not in needed
+    assert found.rms[1] < LIMITS.superfluous_curve * fit.rms[1]
 
 
 @pytest.mark.slow
