@@ -116,7 +116,7 @@ class RichSearch(WhatIsLeft):
         self.say("checking whether one effect explains all")
         floor = self.context.noise_floor
         enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
-        leading = [s for s in self.alone if EFFECTS[s.effect.effect].scope != "episode"]
+        leading = [s for s in self.alone if not episode(s.effect)]
         return not any(np.all(fit.rms < enough) for fit in self.singles(leading[: LIMITS.singles]))
 
     def run(self, survey: RichModel) -> RichModel:
@@ -276,10 +276,22 @@ class RichSearch(WhatIsLeft):
         return fit, needed
 
     def by_library(self, fit: MotionFit, joint: int, limit: float) -> MotionFit:
-        """The model with all usual effects and, if a joint errs more than `limit` [Nm], one more on it."""
-        self.say(f"looking for laws in place of the curve on {self.own.joints[joint]}")
+        """The model with all usual effects and, if a joint errs more than `limit` [Nm], one more on it.
+
+        As it is where its linearised laws explain too little to come so far.
+        """
+        scores = [s for s in self.scores(fit) if s.effect.joint == joint and not episode(s.effect)]
+        best = scores[0].gain / len(fit.weights) if scores else 0.0
+        if self.usual_share(fit, joint) + best < LIMITS.instead_of_curve:
+            return fit
+        self.say(f"trying laws in place of the curve on {self.own.joints[joint]}")
         usual = self.usual_fit(beside=fit)
         if usual.rms[joint] < limit:
             return usual
-        best = [s for s in self.best_of_each_joint(usual, self.scores(usual)) if s.effect.joint == joint]
-        return self.with_candidates(usual, best) if best else usual
+        scores = [s for s in self.scores(usual) if s.effect.joint == joint and not episode(s.effect)]
+        return self.with_candidates(usual, scores[:1]) if scores else usual
+
+
+def episode(effect: ChosenEffect) -> bool:
+    """Whether an effect acts for a while in one group only."""
+    return EFFECTS[effect.effect].scope == "episode"

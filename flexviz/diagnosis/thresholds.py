@@ -138,6 +138,9 @@ class MotionThresholds:
     curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
+    # share of a joint's mean square that all usual effects and the best other one have to explain, each
+    # alone, to be tried instead of a curve: 1.0 where they stood behind it, 0.1 to 0.9 elsewhere (seed 204)
+    instead_of_curve: float = 0.9
     doubtful: float = 0.7  # largest confidence of effects that together leave an unknown law: they imitate it
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
     surely_many: int = 6  # ... without further question if they are that many, and weighty:

@@ -13,7 +13,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, best_intervals, score
+from flexviz.estimation import ScoredCandidate, best_intervals, explained, score
 from flexviz.parallel import shared
 
 LIMITS = THRESHOLDS.motion
@@ -45,6 +45,20 @@ class WhatIsLeft(ModelFamily):
 
         found = shared(of_joint, [*range(fit.layout.n), None])
         return sorted((s for part in found for s in part), key=lambda s: -s.gain)
+
+    def usual_share(self, fit: MotionFit, joint: int) -> float:
+        """Share of a joint's mean square that its usual effects, which the model lacks, explain together."""
+        columns = [
+            fit.chain.column(guess.entry, guess.joints, one)
+            for name, law in EFFECTS.items()
+            if law.usual and (effect := ChosenEffect(name, joint)) not in fit.layout.effects
+            for guess in law.guesses(fit.point.context, effect.place)
+            for one in guess.columns
+        ]
+        if not columns:
+            return 0.0
+        weighed = np.stack(columns, axis=2) * fit.weights[:, :, None]
+        return explained(*fit.projection.normal(weighed.reshape(-1, len(columns))))[1] / len(fit.weights)
 
     def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
         """The free curve that explains much more than any candidate on its joint; the largest one."""
