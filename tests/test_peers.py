@@ -94,6 +94,9 @@ def test_table_and_findings() -> None:
         "Speed: flexviz identify 40.0 times as fast as trust-constr, the paper's way in CPU time, "
         "start included (claim 50: not met); computing alone 40 times."
     )
+    crashed = tables.Row(METHODS[4], Outcome(failure="its simulation diverges", cpu=1.3, wall=1.5))
+    text = claims.claims(CASES[0], [*rows[:-1], crashed])[2].text
+    assert text == "Speed: mujoco.sysid failed at once: nothing to compare."
     assert tables.percent(12.0) == "> 1000"
     assert claims.overall([("a", decided)]) == [
         "First or within noise in every quantity: met on a.",

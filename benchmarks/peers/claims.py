@@ -63,6 +63,9 @@ def faster(one: Row, other: Row, times: float) -> Claim:
     assert one.outcome.answer is not None
     ratio = other.outcome.cpu / one.outcome.cpu
     ended = other.outcome.answer is not None
+    if not ended and ratio < 1:
+        text = f"Speed: {other.method.label} failed at once: nothing to compare."
+        return Claim(other.method.name, text, None)
     met = ratio >= times if ended or ratio >= times else None
     mark = {True: "met", False: "not met", None: "open, it gave no result"}[met]
     least = "" if ended else "at least "

@@ -200,6 +200,8 @@ def estimate(problem: Problem) -> dict[str, Any]:
             ValueError
         ):  # MuJoCo starts again where a candidate diverges; the optimiser steps back from NaN
             diverged += 1
+            if not latest:
+                raise FloatingPointError("its simulation diverges at the start values") from None
             return [np.full((len(r), *x.shape[1:]), np.nan) for r in latest], [], []
         latest[:] = [WEIGHT * r for part in residuals for r in part]
         return latest.copy(), *rest
