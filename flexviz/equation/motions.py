@@ -7,7 +7,7 @@ first asks for them, and what depends on the parameters alone is kept for every 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -70,43 +70,43 @@ class WideMotions:
             s: shape (N, n), transmission torque of the equation, without friction [Nm]; None: the wide-band
                 torque, with all of it.
         """
-        levels: list[Level] = []
+        lay, x = self._layout, self._x
+        stiffness, viscous = 1 / x[lay.compliance][joint], viscous_scale(lay, x, joint)[0]
+        present = {
+            effect.effect: tuple(x[where].tolist())
+            for effect, where in lay.effect_slices()
+            if effect.joint == joint
+        }
+        transmission = cache(lambda: self._transmission(joint, s))
+        motions = []
+        for index, (fine, block) in enumerate(zip(self.fine, self._signals.blocks, strict=True)):
+            degrees = self._signals.groups[block.group].temperature
+            known = dict(
+                time=fine.time,
+                position=fine.position[:, joint],
+                velocity=fine.velocity[:, joint],
+                stiffness=stiffness,
+                motor_viscous=viscous,
+                temperature=np.nan if degrees is None else float(degrees[joint]),
+                present=present,
+            )
+            motions.append(MotionOnDemand.of(known, lambda k=index: transmission()[k]))
+        return motions
 
-        def late(index: int) -> dict[str, Any]:
-            if not levels:
-                levels.extend(self._wide_levels(joint) if s is None else self._levels(joint, s))
-            return self._link_side(joint, levels, index)
-
-        return [self._motion(joint, k, partial(late, k)) for k in range(len(self.fine))]
-
-    def _motion(self, joint: int, index: int, late: Callable[[], Mapping[str, Any]]) -> JointMotion:
-        lay, x, fine = self._layout, self._x, self.fine[index]
-        degrees = self._signals.groups[self._signals.blocks[index].group].temperature
-        known = dict(
-            time=fine.time,
-            position=fine.position[:, joint],
-            velocity=fine.velocity[:, joint],
-            stiffness=1 / x[lay.compliance][joint],
-            motor_viscous=viscous_scale(lay, x, joint)[0],
-            temperature=np.nan if degrees is None else float(degrees[joint]),
-            present={
-                effect.effect: tuple(x[where].tolist())
-                for effect, where in lay.effect_slices()
-                if effect.joint == joint
-            },
-        )
-        return MotionOnDemand.of(known, late)
-
-    def _link_side(self, joint: int, levels: list[Level], index: int) -> dict[str, Any]:
-        """What is late in the motion of one stretch; the scale is the rms torque over all of them."""
-        fine, (torque, rate) = self.fine[index], levels[index]
+    def _transmission(self, joint: int, s: Array | None) -> list[dict[str, Any]]:
+        """Torque and link side in every stretch; the scale is the rms torque over all of them."""
+        levels = self._wide_levels(joint) if s is None else self._levels(joint, s)
+        scale = float(np.sqrt(np.mean(np.concatenate([torque for torque, _ in levels]) ** 2))) + 1e-12
         compliance = self._x[self._layout.compliance][joint]
-        return dict(
-            torque=torque,
-            link_position=fine.position[:, joint] - compliance * torque,
-            link_velocity=fine.velocity[:, joint] - compliance * rate,
-            torque_scale=float(np.sqrt(np.mean(np.concatenate([t for t, _ in levels]) ** 2))) + 1e-12,
-        )
+        return [
+            dict(
+                torque=torque,
+                link_position=fine.position[:, joint] - compliance * torque,
+                link_velocity=fine.velocity[:, joint] - compliance * rate,
+                torque_scale=scale,
+            )
+            for fine, (torque, rate) in zip(self.fine, levels, strict=True)
+        ]
 
     # -- the transmission torque
 
