@@ -20,6 +20,7 @@ from typing import Any, Generic, TypeVar
 from flexviz.progress import StopCallback, never
 
 Item = TypeVar("Item")
+Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 MOST_CORES = 4  # more of them wait for one another
@@ -84,6 +85,33 @@ class Background(Generic[Result]):
         if self._copy is not None:
             self._copy.kill()
             self._copy = None
+
+
+class Foreseen(Generic[Key, Result]):
+    """Work begun because it will probably be asked for; `key` says what was foreseen."""
+
+    def __init__(self) -> None:
+        self._begun: tuple[Key, Background[Result]] | None = None
+
+    def begin(self, key: Key, function: Callable[[], Result]) -> None:
+        """Begin with this, instead of anything else; what is begun goes on."""
+        if self._begun is None or self._begun[0] != key:
+            self.close()
+            self._begun = key, Background(function)
+
+    def take(self, key: Key) -> Result | None:
+        """The result, if it was begun for this key; anything else is ended. To be asked for once."""
+        if self._begun is None or self._begun[0] != key:
+            self.close()
+            return None
+        work, self._begun = self._begun[1], None
+        return work.result()
+
+    def close(self) -> None:
+        """End what was begun."""
+        if self._begun is not None:
+            self._begun[1].close()
+            self._begun = None
 
 
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from flexviz import parallel
-from flexviz.parallel import Background, on_cores, shared, stopped_by, usable_cores
+from flexviz.parallel import Background, Foreseen, on_cores, shared, stopped_by, usable_cores
 
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
@@ -37,6 +37,23 @@ def test_the_work_is_shared() -> None:
         assert len(set(shared(piece, range(6)))) == 2
         background = Background(os.getpid)
         assert background.result() != os.getpid()
+
+
+@TWO
+def test_what_was_foreseen_is_used_once_and_for_its_own_key_only() -> None:
+    here = os.getpid()
+    with on_cores(2):
+        foreseen = Foreseen[str, int]()
+        assert foreseen.take("a") is None
+        foreseen.begin("a", os.getpid)
+        foreseen.begin("a", lambda: 1 // 0)  # what is begun goes on
+        assert foreseen.take("a") not in (None, here) and foreseen.take("a") is None
+        for end in (lambda: foreseen.take("b"), foreseen.close, lambda: foreseen.begin("b", os.getpid)):
+            foreseen.begin("a", lambda: time.sleep(60) or 1)
+            end()
+            assert foreseen.take("a") is None
+        with pytest.raises(ChildProcessError):
+            os.waitpid(-1, os.WNOHANG)  # no copy is left
 
 
 @TWO

@@ -18,7 +18,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
-from flexviz.parallel import Background
+from flexviz.parallel import Foreseen
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -91,26 +91,16 @@ class EarlyRefit:
 
     def __init__(self, measurements: MeasurementSet, check: Callable[[], None]) -> None:
         self.measurements, self.check = measurements, check
-        self._layout: Layout | None = None
-        self._work: Background[FinalRefit | None] | None = None
+        self.foreseen = Foreseen[Layout, FinalRefit | None]()
 
     def begin(self, start: ModelStart) -> None:
         """Begin with this model, instead of an earlier one."""
-        if start.layout != self._layout and start.layout.n in FINAL_WEIGHTING.orders:
-            self.close()
-            self._layout = start.layout
-            self._work = Background(lambda: _refit(self.measurements, start, self.check))
+        if start.layout.n in FINAL_WEIGHTING.orders:
+            self.foreseen.begin(start.layout, lambda: _refit(self.measurements, start, self.check))
 
     def of(self, fit: Fit) -> FinalRefit | None:
         """The refit of a model; None as for `final_refit`."""
-        if self._work is not None and self._layout == fit.layout:
-            closer, self._work = self._work.result(), None
-            if closer is not None and _as_well(closer, fit) and _agree(closer, fit):
-                return closer
+        closer = self.foreseen.take(fit.layout)
+        if closer is not None and _as_well(closer, fit) and _agree(closer, fit):
+            return closer
         return final_refit(self.measurements, fit, self.check)
-
-    def close(self) -> None:
-        """End what was begun."""
-        if self._work is not None:
-            self._work.close()
-            self._work = None

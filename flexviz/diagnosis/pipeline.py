@@ -114,7 +114,7 @@ class _Pipeline:
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.beside = contextlib.ExitStack()
         self.beside.callback(self.plain.close)
-        self.beside.callback(self.refit.close)
+        self.beside.callback(self.refit.foreseen.close)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
         self.model_error_variance: Array | None = None
@@ -185,7 +185,7 @@ class _Pipeline:
         """Fit the set's own model in units of the noise."""
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
-        self.beside.callback(self.search.restart.close)
+        self.beside.callback(self.search.restart.foreseen.close)
         x = self.layout.vector(self.start_model())
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)

@@ -14,7 +14,7 @@ from flexviz.diagnosis.acceptance import needed_gain
 from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.parallel import Background
+from flexviz.parallel import Foreseen
 
 Array = NDArray[np.float64]
 
@@ -29,27 +29,16 @@ class Restart:
 
     def __init__(self, context: FitContext, check: Callable[[], None]) -> None:
         self.context, self.check = context, check
-        self._begun: tuple[RefittedCandidate, Background[bool]] | None = None
+        self.foreseen = Foreseen[RefittedCandidate, bool]()
 
     def begin(self, fit: Fit, best: RefittedCandidate, gained: float) -> None:
         """Begin with this candidate; earlier effects gained `gained`."""
-        self.close()
-        self._begun = best, Background(lambda: self._refit(fit, best, gained) is None)
+        self.foreseen.begin(best, lambda: self._refit(fit, best, gained) is None)
 
     def of(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
         """The present model if it fits as well; else None."""
-        begun, self._begun = self._begun, None
-        if begun is not None and begun[0] is best:
-            return None if begun[1].result() else self._refit(fit, best, gained)
-        if begun is not None:
-            begun[1].close()
-        return self._refit(fit, best, gained)
-
-    def close(self) -> None:
-        """End what was begun."""
-        if self._begun is not None:
-            self._begun[1].close()
-            self._begun = None
+        needed = self.foreseen.take(best)
+        return None if needed else self._refit(fit, best, gained)
 
     def _refit(self, fit: Fit, best: RefittedCandidate, gained: float) -> Fit | None:
         needed = needed_gain(best.effect, gained)
