@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.candidates import is_episode
 from flexviz.diagnosis.fit_context import Fit, FitContext, Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
@@ -69,8 +70,7 @@ def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> Effec
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:
     """Minimum gain for accepting an effect after earlier effects gained `gained`."""
-    episode = EFFECTS[effect.effect].scope == "episode"
-    share = LIMITS.least_gain_share_episode if episode else LIMITS.least_gain_share
+    share = LIMITS.least_gain_share_episode if is_episode(effect) else LIMITS.least_gain_share
     return max(LIMITS.least_gain, share * gained)
 
 

@@ -36,6 +36,11 @@ class NearNoise(ModelStart):
     rivals: frozenset[ChosenEffect] = frozenset()
 
 
+def is_episode(effect: ChosenEffect) -> bool:
+    """Whether an effect acts for a while in one group only."""
+    return EFFECTS[effect.effect].scope == "episode"
+
+
 def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> list[ChosenEffect]:
     """Every effect at every joint, payload or group that lacks it; episodes are searched separately.
 

@@ -43,7 +43,7 @@ def notes(
         )
         out.append(Note("model-error", text))
     floor = np.maximum(np.array(errors.noise_floor), 1e-300)
-    rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
+    rms = np.array(errors.rms_validation or errors.rms)
     largest = np.maximum(rms, errors.rms)
     j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)

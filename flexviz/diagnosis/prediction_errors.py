@@ -46,7 +46,11 @@ class PredictionErrors:
 
 
 class PredictionErrorBand:
-    """Signals of all groups in the display band."""
+    """Signals of all groups in the display band.
+
+    Attributes:
+        stated: which error is stated: that of the validation groups, if there are any.
+    """
 
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
@@ -61,6 +65,8 @@ class PredictionErrorBand:
             )
             for k, group in enumerate(self.signals.groups)
         }
+        held_out = any(g.validation and len(self.rows[g.name]) for g in self.signals.groups)
+        self.stated = "validation" if held_out else "fit"
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
@@ -69,9 +75,7 @@ class PredictionErrorBand:
 
     def errors(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> PredictionErrors:
         """Residuals of a model; `apart`, shape (n,): joints whose standstill does not count."""
-        point = self._point(fit)
-        residual = point.residual(fit.x)
-        used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
+        point, residual, used = self._residual(fit, apart)
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
             (name, _rms(residual[rows], used[rows]), held_out[name])
@@ -81,15 +85,19 @@ class PredictionErrorBand:
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
         return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
 
-    def rms(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> tuple[str, tuple[float, ...]]:
-        """Which error of a model is stated, and its rms per joint [Nm]: a part of `errors`, for less."""
-        residual = self._point(fit).residual(fit.x)
-        used = np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
+    def stated_rms(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> tuple[float, ...]:
+        """The stated one of `errors`, per joint [Nm], without the noise floor, which costs most."""
+        _, residual, used = self._residual(fit, apart)
         fitted, held_out = self._rms(residual, used)
-        return ("fit", fitted) if held_out is None else ("validation", held_out)
+        return held_out or fitted
 
-    def _point(self, fit: Fitted) -> OperatingPoint:
-        return Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
+    def _residual(
+        self, fit: Fitted, apart: NDArray[np.bool_] | None
+    ) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
+        """A model, its residual, and which of it counts."""
+        point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
+        residual = point.residual(fit.x)
+        return point, residual, np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
 
     def _rms(
         self, residual: Array, used: NDArray[np.bool_]

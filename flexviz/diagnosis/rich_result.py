@@ -171,7 +171,7 @@ def removed_share(before: PredictionErrors, after: PredictionErrors) -> float:
     floor = np.maximum(np.array(before.noise_floor), 1e-300)
 
     def excess(errors: PredictionErrors) -> float:
-        rms = np.array(errors.rms if errors.rms_validation is None else errors.rms_validation)
+        rms = np.array(errors.rms_validation or errors.rms)
         return float(np.maximum((rms / floor) ** 2 - 1, 0).sum())
 
     old, new = excess(before), excess(after)

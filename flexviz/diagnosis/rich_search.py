@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import NearNoise, candidates, without_effect
+from flexviz.diagnosis.candidates import NearNoise, candidates, is_episode, without_effect
 from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
@@ -116,7 +116,7 @@ class RichSearch(WhatIsLeft):
         self.say("checking whether one effect explains all")
         floor = self.context.noise_floor
         enough = np.minimum(LIMITS.far_off * floor, np.maximum(LIMITS.as_well * survey.fit.rms, 2 * floor))
-        leading = [s for s in self.alone if not episode(s.effect)]
+        leading = [s for s in self.alone if not is_episode(s.effect)]
         return not any(np.all(fit.rms < enough) for fit in self.singles(leading[: LIMITS.singles]))
 
     def run(self, survey: RichModel) -> RichModel:
@@ -280,18 +280,16 @@ class RichSearch(WhatIsLeft):
 
         As it is where its linearised laws explain too little to come so far.
         """
-        scores = [s for s in self.scores(fit) if s.effect.joint == joint and not episode(s.effect)]
-        best = scores[0].gain / len(fit.weights) if scores else 0.0
+        alone = self.lasting(fit, joint)
+        best = alone[0].gain / len(fit.weights) if alone else 0.0
         if self.usual_share(fit, joint) + best < LIMITS.instead_of_curve:
             return fit
         self.say(f"trying laws in place of the curve on {self.own.joints[joint]}")
         usual = self.usual_fit(beside=fit)
-        if usual.rms[joint] < limit:
+        if usual.rms[joint] < limit or not (left := self.lasting(usual, joint)):
             return usual
-        scores = [s for s in self.scores(usual) if s.effect.joint == joint and not episode(s.effect)]
-        return self.with_candidates(usual, scores[:1]) if scores else usual
+        return self.with_candidates(usual, left[:1])
 
-
-def episode(effect: ChosenEffect) -> bool:
-    """Whether an effect acts for a while in one group only."""
-    return EFFECTS[effect.effect].scope == "episode"
+    def lasting(self, fit: MotionFit, joint: int) -> list[ScoredCandidate]:
+        """Scores of a joint's effects that a model lacks, without episodes, the best first."""
+        return [s for s in self.scores(fit, [joint]) if not is_episode(s.effect)]

@@ -18,18 +18,24 @@ from flexviz.diagnosis.acceptance import (
     removed_share,
     structured,
 )
-from flexviz.diagnosis.candidates import ModelStart, NearNoise, candidates, with_effect, without_effect
+from flexviz.diagnosis.candidates import (
+    ModelStart,
+    NearNoise,
+    candidates,
+    is_episode,
+    with_effect,
+    without_effect,
+)
 from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, by_objective
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.restart import Restart, common_values
+from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
-from flexviz.parallel import shared
+from flexviz.estimation import Projection, ScoredCandidate, Weigh
 
 Array = NDArray[np.float64]
 
-MOST_SENT = 3e7  # numbers
 ACCEPTANCE, EVIDENCE, LIMITS = THRESHOLDS.acceptance, THRESHOLDS.evidence, THRESHOLDS.search
 
 
@@ -65,23 +71,12 @@ class Search:
         wanted = candidates(layout, self.context.measurements.groups)
         if only is not None:
             wanted = [e for e in wanted if e in only]
-            episodes = any(EFFECTS[e.effect].scope == "episode" for e in only)
-        chain, have = self.context.chain(fit), set(layout.effects)
-
-        def of_joint(joint: int | None) -> list[ScoredCandidate]:
-            self.check()
-            here = [e for e in wanted if e.joint == joint]
-            found = score(narrow, chain, here, weigh, projection)
-            if episodes and joint is not None:
-                intervals = best_intervals(narrow, joint, weigh, projection, longest=LIMITS.longest_episode)
-                found += [s for s in intervals if s.effect not in have]
-            return found
-
-        # copies send signatures: of long records they take longer than what they save
-        joints = [*range(layout.n), None]
-        few = point.r.size * len(wanted) < MOST_SENT
-        found = shared(of_joint, joints) if few else [of_joint(j) for j in joints]
-        return CandidateScores(sorted((s for part in found for s in part), key=lambda s: -s.gain), projection)
+            episodes = any(map(is_episode, only))
+        ranked = score_by_joint(
+            narrow, self.context.chain(fit), wanted, weigh, projection, check=self.check,
+            longest=LIMITS.longest_episode if episodes else None, without=layout.effects,
+        )  # fmt: skip
+        return CandidateScores(ranked, projection)
 
     def weigh(self, fit: Fit) -> Weigh:
         """Function that weights the columns of a stretch like the residual of a fit."""
@@ -99,7 +94,7 @@ class Search:
         chosen: list[ScoredCandidate] = []
         episodes = 0
         for s in scores.ranked:
-            if EFFECTS[s.effect.effect].scope == "episode":
+            if is_episode(s.effect):
                 episodes += 1
                 if episodes > LIMITS.refitted_episodes:
                     continue

@@ -41,15 +41,13 @@ class Standing:
             return
         self._own_fit, self._own_errors = fit, {}
         errors = self.band.errors(fit)
-        rms, floor = errors.rms_validation, errors.noise_floor
-        which = "validation"
-        if rms is None:
-            which, rms = "fit", errors.rms
+        rms, floor = errors.rms_validation or errors.rms, errors.noise_floor
         j = by_share(rms, self.spread)[0]
         only = slice(j, j + 1)
         worst = left_text(self.own.joints[only], rms[only], self.spread[only], floor[only])
         share = percent(mean_nrms(rms, self.spread))
-        self._tell(BestSoFar("", f"{which} error of the present model {share} of the torque; most: {worst}"))
+        error = f"{self.band.stated} error of the present model {share} of the torque; most: {worst}"
+        self._tell(BestSoFar("", error))
 
     def promising(self, effect: ChosenEffect) -> None:
         """This candidate scores best; none is fitted yet."""
@@ -61,12 +59,12 @@ class Standing:
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._tell is None or self._own_fit is None or not added:
             return
-        which, rms = self.band.rms(fit, apart)
+        rms = self.band.stated_rms(fit, apart)
         share = mean_nrms(rms, self.spread)
         if share < self._best:
             self._best = share
             before = mean_nrms(self._own_rms(apart), self.spread)
-            error = f"{which} error {percent(before)} → {percent(share)} of the torque"
+            error = f"{self.band.stated} error {percent(before)} → {percent(share)} of the torque"
             self._tell(BestSoFar(self._names(added), error))
 
     def _names(self, effects: Sequence[ChosenEffect]) -> str:
@@ -79,5 +77,5 @@ class Standing:
         assert self._own_fit is not None
         key = b"" if apart is None else apart.tobytes()
         if key not in self._own_errors:
-            self._own_errors[key] = self.band.rms(self._own_fit, apart)[1]
+            self._own_errors[key] = self.band.stated_rms(self._own_fit, apart)
         return self._own_errors[key]

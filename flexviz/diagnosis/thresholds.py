@@ -138,8 +138,9 @@ class MotionThresholds:
     curve_promise: float = 1.2  # times that, before the other effects are fitted again beside the curve
     worse: float = 1.1  # factor by which a held-out residual may rise when effects are added
     superfluous_curve: float = 2.0  # factor by which a joint's residual may rise without its free curve
-    # share of a joint's mean square that all usual effects and the best other one have to explain, each
-    # alone, to be tried instead of a curve: 1.0 where they stood behind it, 0.1 to 0.9 elsewhere (seed 204)
+    # share of a joint's mean square that all usual effects and the best single one have to explain, added up,
+    # to be tried instead of a curve: 1.0 to 1.8 in three sets of seed 204 where they stood behind it, 0.2 to
+    # 0.7, once 0.92, in seven where a law of no library did
     instead_of_curve: float = 0.9
     doubtful: float = 0.7  # largest confidence of effects that together leave an unknown law: they imitate it
     many: int = 3  # effects that a survey finds, from which a search backwards is worth while ...
@@ -174,7 +175,8 @@ class EvidenceThresholds:
     # (`python -m benchmarks.diagnosis_study calibrate`)
     max_confidence: float = 0.99
     final_refit_chi: float = 1.5  # increase of χ² that rejects the final refit
-    other_minimum: float = 10.0  # standard errors between two fits of one model that are not the same
+    # standard errors from which two fits of one model are different minima; other weights move a fit by one
+    other_minimum: float = 10.0
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,6 @@ its law is not known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,20 +33,20 @@ def best_curve(fit: MotionFit, joint: int) -> tuple[ChosenEffect, float]:
 
     One of a single branch, unless one for each direction of motion explains clearly more.
     """
-
-    both = [name.replace("curve", side) for name in (*ONE_WAY, *EACH_WAY) for side in ("curve", "link_curve")]
-    curves = [ChosenEffect(name, joint) for name in both]
+    simple, rich = (
+        [
+            ChosenEffect(name.replace("curve", side), joint)
+            for side in ("curve", "link_curve")
+            for name in names
+        ]
+        for names in (ONE_WAY, EACH_WAY)
+    )
+    curves = [*simple, *rich]
     _ = fit.projection  # for all cores
     gains = dict(zip(curves, shared(lambda curve: curve_gain(fit, curve), curves), strict=True))
-
-    def best(names: Sequence[str]) -> tuple[ChosenEffect, float]:
-        return max(
-            ((c, gain) for c, gain in gains.items() if c.effect.replace("link_", "") in names),
-            key=lambda each: each[1],
-        )
-
-    simple, rich = best(ONE_WAY), best(EACH_WAY)
-    return rich if rich[1] > LIMITS.curve_lead * simple[1] else simple
+    plain, detailed = (max(family, key=lambda curve: gains[curve]) for family in (simple, rich))
+    best = detailed if gains[detailed] > LIMITS.curve_lead * gains[plain] else plain
+    return best, gains[best]
 
 
 def curve_gain(fit: MotionFit, curve: ChosenEffect) -> float:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.candidates import candidates, is_episode
 from flexviz.diagnosis.model_family import ModelFamily
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, best_intervals, explained, score
-from flexviz.parallel import shared
+from flexviz.estimation import ScoredCandidate, explained
 
 LIMITS = THRESHOLDS.motion
 
@@ -27,24 +27,14 @@ class WhatIsLeft(ModelFamily):
         self._refused: set[ChosenEffect] = set()
         self._lawful: set[int] = set()  # joints on which a free curve does not help
 
-    def scores(self, fit: MotionFit) -> list[ScoredCandidate]:
-        """Scores of all effects that a model lacks, the best first."""
-        weigh, projection = self.weigh(fit), fit.projection
+    def scores(self, fit: MotionFit, joints: Sequence[int | None] | None = None) -> list[ScoredCandidate]:
+        """Scores of all effects that a model lacks, the best first; `joints`: of these only."""
         groups = self.context.measurements.groups
         wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
-
-        def of_joint(joint: int | None) -> list[ScoredCandidate]:
-            self.say("")
-            here = [e for e in wanted if e.joint == joint]
-            found = score(fit.point, fit.chain, here, weigh, projection)
-            if joint is not None:
-                longest = LIMITS.longest_episode
-                intervals = best_intervals(fit.point, joint, weigh, projection, longest=longest)
-                found += [s for s in intervals if s.effect not in self._refused]
-            return [s.without_signature() for s in found]
-
-        found = shared(of_joint, [*range(fit.layout.n), None])
-        return sorted((s for part in found for s in part), key=lambda s: -s.gain)
+        return score_by_joint(
+            fit.point, fit.chain, wanted, self.weigh(fit), fit.projection, check=lambda: self.say(""),
+            longest=LIMITS.longest_episode, without=self._refused, signatures=False, joints=joints,
+        )  # fmt: skip
 
     def usual_share(self, fit: MotionFit, joint: int) -> float:
         """Share of a joint's mean square that its usual effects, which the model lacks, explain together."""
@@ -84,7 +74,7 @@ class WhatIsLeft(ModelFamily):
 
         for s in sorted(leading, key=weighed, reverse=True):
             law, joint = EFFECTS[s.effect.effect], s.effect.joint
-            least = LIMITS.least_share_episode if law.scope == "episode" else LIMITS.least_share
+            least = LIMITS.least_share_episode if is_episode(s.effect) else LIMITS.least_share
             if s.gain < least * len(fit.weights):
                 continue
             if joint is not None and law.hidden_state and joint in curved and near[joint]:
@@ -101,7 +91,7 @@ class WhatIsLeft(ModelFamily):
             if joint is None:
                 continue
             if (
-                law.scope == "episode"
+                is_episode(s.effect)
                 and larger.rms[joint] > LIMITS.episode_noise * self.context.noise_floor[joint]
             ):
                 doubtful.append(s)
