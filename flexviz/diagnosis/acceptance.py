@@ -63,9 +63,9 @@ def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> Effec
     """The data by which an effect of a fit is judged; `raw_step` is that of the records [s]."""
     joint, layout = effect.joint or 0, fit.layout
     viscous = float(fit.x[layout.motor_viscous][joint] + fit.x[layout.link_viscous][joint])
-    return EffectEvidence(
-        fit.torque[:, joint], raw_step, frozenset(e.effect for e in layout.effects), viscous
-    )
+    top_speed = float(np.max(np.abs(fit.velocity[:, joint])))
+    names = frozenset(e.effect for e in layout.effects)
+    return EffectEvidence(fit.torque[:, joint], raw_step, names, viscous, top_speed)
 
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:

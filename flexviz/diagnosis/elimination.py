@@ -40,6 +40,7 @@ class Necessity:
         torque: rms change of the judged residual without the effect, relative to the same; not limited.
         credible: its parameters could be real.
         quiet: the model errs little on its joint, so that even small effects stand out.
+        at_noise: with the effect the model reaches the noise of its joint.
     """
 
     deviations: float
@@ -49,6 +50,7 @@ class Necessity:
     torque: float
     credible: bool
     quiet: bool
+    at_noise: bool
 
     @property
     def needed(self) -> bool:
@@ -58,8 +60,13 @@ class Necessity:
             self.credible
             and self.deviations > (LIMITS.plain if harmless or self.quiet else LIMITS.significant)
             and self.held_out_rise > 0
-            and max(self.share, self.torque) > LIMITS.least_torque_share
+            and (max(self.share, self.torque) > LIMITS.least_torque_share or self.completes)
         )
+
+    @property
+    def completes(self) -> bool:
+        """Whether only the effect, small as it may be, brings its joint down to the noise."""
+        return self.at_noise and self.held_out_rise - self.rise_error > LIMITS.completing_rise
 
 
 @dataclass(frozen=True)
@@ -69,11 +76,13 @@ class Elimination:
     Attributes:
         kept: effects that stay, with their necessity in the reduced model.
         dropped: effects left out, in this order.
+        implausible: those of them that the data show, but with parameters that cannot be real.
         x: shape (P,), parameters of the full layout with the dropped effects at zero.
     """
 
     kept: dict[ChosenEffect, Necessity]
     dropped: tuple[ChosenEffect, ...]
+    implausible: tuple[ChosenEffect, ...]
     x: Array
 
 
@@ -88,6 +97,7 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
     data = _Judged.of(fit)
     left = dict(fit.layout.effect_slices())
     dropped: list[ChosenEffect] = []
+    implausible: list[ChosenEffect] = []
     while True:
         curves_held = _with_curves_held(fit, covariance)
         found = {
@@ -96,13 +106,15 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
         if not weak:
-            return Elimination(found, tuple(dropped), x)
+            return Elimination(found, tuple(dropped), tuple(implausible), x)
         worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
         move, covariance = _without(x, covariance, sizes(worst, left[worst]), data.walls)
         x = x + move
         data = replace(data, residual=data.residual + data.jacobian @ move)
         x[left.pop(worst)] = 0.0
         dropped.append(worst)
+        if not found[worst].credible and found[worst].deviations > LIMITS.significant:
+            implausible.append(worst)
 
 
 def necessities(fit: MotionFit) -> dict[ChosenEffect, Necessity]:
@@ -229,7 +241,7 @@ def _necessity(
     rows = sizes(effect, where)
     values, inside = x[rows], covariance[np.ix_(rows, rows)]
     if np.any(np.diag(inside) <= 0) or not np.any(values):
-        return Necessity(0.0, 0.0, 0.0, 0.0, 0.0, False, False)
+        return Necessity(0.0, 0.0, 0.0, 0.0, 0.0, False, False, False)
     deviations = float(np.sqrt(max(values @ np.linalg.solve(inside, values), 0.0)))
     move, _ = _without(x, covariance if is_curve(effect) else curves_held, rows, data.walls)
     # inertias of links stand in for a missing spring or counterweight, at the expense of the other joints
@@ -257,8 +269,10 @@ def _necessity(
     for curve in filter(is_curve, fit.layout.effects):
         near[curve.place.own_joint] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
+    reached = fit.rms < LIMITS.quiet * fit.context.noise_floor
+    at_noise = bool(reached.all() if effect.joint is None else reached[effect.joint])
     believed = credible(fit, effect, raw_step(fit), x[where])
-    return Necessity(deviations, mean, error, share, torque, believed, quiet)
+    return Necessity(deviations, mean, error, share, torque, believed, quiet, at_noise)
 
 
 def raw_step(fit: MotionFit) -> float:

@@ -62,6 +62,11 @@ class Judged(Fitted, Protocol):
         """Transmission torque, shape (N, n) [Nm]."""
         ...
 
+    @property
+    def velocity(self) -> Array:
+        """Of the motors, shape (N, n) [rad/s]."""
+        ...
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -100,6 +105,11 @@ class Fit:
     def torque(self) -> Array:
         """Transmission torque of the fit groups, shape (N, n) [Nm]."""
         return self.point.torque
+
+    @property
+    def velocity(self) -> Array:
+        """Of the motors in the fit groups, shape (N, n) [rad/s]."""
+        return self.point.narrow_point.signals.theta[1]
 
 
 class FitContext:

@@ -156,13 +156,25 @@ class ModelFamily:
     # -- backwards
 
     def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model without the effects that it does not need, fitted again until all are needed."""
+        """The model without the effects that it does not need, fitted again until all are needed.
+
+        Where an effect that cannot be real explains much, that beside which it is sought takes its place:
+        Stribeck friction up to the joint's top speed is Coulomb friction.
+        """
         for _ in range(LIMITS.eliminations):
             result = eliminate(fit, self.firm | self.offsets_of_springs(fit.layout))
             if not result.dropped:
                 return fit, result.kept
-            smaller = Layout(fit.layout.joints, tuple(result.kept))
-            fit = self.fit(smaller, fit.towards(result.x, smaller))
+            stand_ins = {
+                ChosenEffect(name, effect.joint): fit.x[fit.layout.effect_slice(effect)]
+                for effect in result.implausible
+                if (name := EFFECTS[effect.effect].beside)
+            }
+            smaller = Layout(fit.layout.joints, tuple(dict.fromkeys((*result.kept, *stand_ins))))
+            start = fit.towards(result.x, smaller)
+            for effect in stand_ins.keys() - result.kept.keys():
+                start[smaller.effect_slice(effect)] = stand_ins[effect][0]
+            fit = self.fit(smaller, start)
         return fit, necessities(fit)
 
     def without_absent(
@@ -234,6 +246,12 @@ class ModelFamily:
                 and (joints is None or e.joint in joints)
                 and e not in self.own.effects
             }
+            if any(EFFECTS[e.effect].offset_parameter for e in swaps):
+                merged = self.with_rest_angles(fit, needed)
+                # as an offset of the motor torque it adds no load to friction that follows the load
+                if merged[0].objective < fit.objective - LIMITS.likelier:
+                    fit, needed = merged
+                    swaps = {e: swap for e, swap in swaps.items() if e in fit.layout.effects}
             if swaps:
                 fit, needed = self.better_of(fit, needed, swaps)
         return fit, needed

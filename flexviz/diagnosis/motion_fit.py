@@ -95,6 +95,11 @@ class MotionFit:
         """Transmission torque of the fit groups, shape (N, n) [Nm]."""
         return self.evaluation.torque[0]
 
+    @property
+    def velocity(self) -> Array:
+        """Of the motors in the fit groups, shape (N, n) [rad/s]."""
+        return self.context.signals.theta[1]
+
     def instruments(self) -> Array:
         """The weighted Jacobian Z, shape (N n, P)."""
         return self.whitened[1].reshape(-1, self.layout.size)

@@ -136,6 +136,7 @@ class RichSearch(WhatIsLeft):
             joints = {e.joint for e in set(fit.layout.effects) - set(merged.layout.effects)}
             self._refused = {e for e in self._refused if e.joint not in joints}
             merged, kept = self.with_all_found(*self.refined(merged, kept, joints))
+        merged, kept = self.with_original_laws(merged, kept)
         fit, needed = self.without_absent(*self.without_superfluous_curves(merged, kept))
         return RichModel(fit, needed, self.curves)
 
@@ -257,6 +258,28 @@ class RichSearch(WhatIsLeft):
         """Joints whose held-out residual is clearly larger than before."""
         allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
         return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
+
+    def with_original_laws(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with laws turned back into those in whose place they stand, unless that is clearly worse.
+
+        They may have taken that place only because something else was missing.
+        """
+        for effect in fit.layout.effects:
+            original, joint = EFFECTS[effect.effect].instead_of, effect.joint
+            if not original or joint is None or effect in self.own.effects:
+                continue
+            self.say(f"trying: {EFFECTS[original].title}")
+            start = without_effect(fit.layout, fit.x, effect)
+            without = self.fit(start.layout, start.x, iterations=0)
+            wanted = [ChosenEffect(original, joint)]
+            turned = score(without.point, without.chain, wanted, self.weigh(without), without.projection)
+            trial = self.with_candidates(without, turned)
+            trial = min(trial, self.with_rest_angles(trial, {})[0], key=lambda each: each.sigma[joint])
+            if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:
+                fit, needed = self.with_rest_angles(*self.thinned(trial))
+        return fit, needed
 
     def without_superfluous_curves(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

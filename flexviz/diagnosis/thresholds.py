@@ -108,6 +108,9 @@ class MotionThresholds:
     plain: float = 10.0
     rise_deviations: float = 1.0  # ... by this many standard errors
     least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
+    # rise of a joint's mean square without an effect that counts, however small, where the model with it
+    # reaches the noise
+    completing_rise: float = 1.0
     stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise
     rich_iterations: int = 12  # of the rich model, which need not converge
     small_start: float = 1e-3  # share of a typical size from which the rich model starts

@@ -6,10 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from flexviz.effects.effect import JointScale
+from flexviz.effects.effect import EffectEvidence, JointScale
 from flexviz.effects.friction import ARMSTRONG
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
+
+CREEPING = 0.5  # of a joint's top speed, at which 2 % of the friction are left then
 
 
 class StribeckFriction(LawEffect):
@@ -39,6 +41,10 @@ class StribeckFriction(LawEffect):
         ratio = (motion.velocity / width) ** 2
         bell = np.exp(-ratio) * smooth_sign(motion.velocity)
         return size * bell, np.stack((bell, size * bell * 2 * ratio / width))
+
+    def credible(self, values: Array, evidence: EffectEvidence) -> bool:
+        """Not at speeds that the joint hardly exceeds: that is Coulomb friction."""
+        return super().credible(values, evidence) and values[1] < CREEPING * evidence.top_speed
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.2 * scale.torque, 0.2 * scale.speed)
