@@ -228,8 +228,8 @@ class RichSearch(WhatIsLeft):
         """
         larger, kept = self.thinned(self.confirmed(fit, self.with_candidates(fit, chosen), chosen))
         worse = self.worse_joints(fit, larger)
-        if not worse:
-            return self.if_better(fit, larger, kept, chosen)
+        if not worse and (better := self.if_better(fit, larger, kept, chosen)) is not None:
+            return better
         harmless = [s for s in chosen if s.effect.joint is not None and s.effect.joint not in worse]
         clear = [s for s in chosen[: LIMITS.alone] if s.gain > LIMITS.clear_share * len(fit.weights)]
         subsets = [harmless, *([s] for s in clear if [s] != harmless)]
