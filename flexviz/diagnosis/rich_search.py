@@ -278,7 +278,9 @@ class RichSearch(WhatIsLeft):
             trial = self.with_candidates(without, turned)
             trial = min(trial, self.with_rest_angles(trial, {})[0], key=lambda each: each.sigma[joint])
             if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:
-                fit, needed = self.with_rest_angles(*self.thinned(trial))
+                thinner, kept = self.with_rest_angles(*self.thinned(trial))
+                if ChosenEffect(original, joint) in kept and not self.worse_joints(fit, thinner):
+                    fit, needed = thinner, kept
         return fit, needed
 
     def without_superfluous_curves(
