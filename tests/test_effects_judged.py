@@ -216,6 +216,9 @@ def test_sizes_that_are_too_small_or_too_large_are_not_believed() -> None:
             False,
             False,
         ]
+    stribeck = EFFECTS["stribeck_friction"]
+    seen = [stribeck.credible(np.array([1.0, v]), replace(evidence, top_speed=2.0)) for v in (0.9, 1.1)]
+    assert seen == [True, False] and stribeck.credible(np.array([1.0, 1.1]), evidence)
     assert contact.possible(np.array([1.0, 2.0, 2.0])) and not contact.possible(np.array([1.0, 2.0, 1.9]))
     assert all(e.possible(np.array(VALUES[n])) for n, e in EFFECTS.items())
 

@@ -266,15 +266,17 @@ class RichSearch(WhatIsLeft):
 
         They may have taken that place only because something else was missing.
         """
-        for effect in fit.layout.effects:
+        for effect in [e for e in fit.layout.effects if e not in self.own.effects]:
             original, joint = EFFECTS[effect.effect].instead_of, effect.joint
-            if not original or joint is None or effect in self.own.effects:
+            if not original or joint is None or effect not in fit.layout.effects:
                 continue
             self.say(f"trying: {EFFECTS[original].title}")
             start = without_effect(fit.layout, fit.x, effect)
             without = self.fit(start.layout, start.x, iterations=0)
             wanted = [ChosenEffect(original, joint)]
             turned = score(without.point, without.chain, wanted, self.weigh(without), without.projection)
+            if not turned:
+                continue
             trial = self.with_candidates(without, turned)
             trial = min(trial, self.with_rest_angles(trial, {})[0], key=lambda each: each.sigma[joint])
             if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:

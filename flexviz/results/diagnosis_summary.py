@@ -156,8 +156,9 @@ def steps_parts(
     table.add_section()
     if spread:
         texts = [explained(share).strip("> %") for share in normalised(error(last), spread)]
-        table.add_row("explained" if narrow else "torque explained by the last model [%]", *texts)
-        table.add_row("error Nm" if narrow else "error of the last model [Nm]", *cells(error(last)))
+        model = "last" if len(result.steps) > 1 else "present"
+        table.add_row("explained" if narrow else f"torque explained by the {model} model [%]", *texts)
+        table.add_row("error Nm" if narrow else f"error of the {model} model [Nm]", *cells(error(last)))
     if last.noise_floor:
         table.add_row("noise Nm" if narrow else "noise floor [Nm]", *cells(last.noise_floor))
     if not narrow:

@@ -1,0 +1,124 @@
+"""Search backwards: what makes way for what, and which small effects stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexviz.diagnosis.elimination import Necessity, eliminate
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.rich_search import RichSearch
+from flexviz.diagnosis.so_far import Standing
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.effects import ChosenEffect
+from flexviz.equation import Layout
+from flexviz.measurements import MeasurementSet, read_set
+from tests.planar_arm import HELD_OUT, planar_set
+
+LIMITS = THRESHOLDS.motion
+DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
+COULOMB, STRIBECK = ChosenEffect("coulomb_friction", 1), ChosenEffect("stribeck_friction", 1)
+SPRING, COMPENSATOR = ChosenEffect("cable_spring", 1), ChosenEffect("gravity_compensator", 1)
+
+
+def search_of(measurements: MeasurementSet) -> RichSearch:
+    own = Layout(measurements.joints)
+    standing = Standing(own, PredictionErrorBand(measurements), None)
+    return RichSearch(MotionContext(measurements, own.joints), own, lambda _: None, standing)
+
+
+def fitted(search: RichSearch, *effects: tuple[ChosenEffect, list[float]]) -> MotionFit:
+    layout = Layout(search.own.joints, tuple(effect for effect, _ in effects))
+    x = search.context.start(layout).x.copy()
+    for effect, values in effects:
+        x[layout.effect_slice(effect)] = values
+    return search.fit(layout, x)
+
+
+@pytest.fixture(scope="module")
+def demo() -> RichSearch:
+    """Of the demonstration, which hides Coulomb friction of 3 Nm on joint 2."""
+    return search_of(read_set(DEMO))
+
+
+@pytest.fixture(scope="module")
+def sprung(tmp_path_factory: pytest.TempPathFactory) -> RichSearch:
+    """A spring with a rest angle beside friction that follows the load, the spring's torque included."""
+    friction = "load_dependent_friction:joint2:coefficient=0.1"
+    hidden = ("cable_spring:joint2:stiffness=9,rest_angle=0.6", friction)
+    return search_of(planar_set(tmp_path_factory.mktemp("sprung") / "arm", hidden, 5, groups=HELD_OUT))
+
+
+def test_stribeck_friction_up_to_the_top_speed_becomes_coulomb_friction(demo):
+    fast = fitted(demo, (STRIBECK, [3.0, 2.5]))
+    result = eliminate(fast)
+    assert result.implausible == (STRIBECK,) and not result.kept
+    fit, needed = demo.thinned(fast)
+    assert set(needed) == {COULOMB}
+    assert fit.x[fit.layout.effect_slice(COULOMB)][0] == pytest.approx(3.0, rel=0.01)
+
+
+def test_what_the_data_do_not_show_leaves_nothing_in_its_place(demo):
+    slow = fitted(demo, (COULOMB, [3.0]), (ChosenEffect("stribeck_friction", 0), [1e-4, 2.9]))
+    assert not eliminate(slow).implausible
+    assert set(demo.thinned(slow)[1]) == {COULOMB}
+
+
+@pytest.mark.parametrize(
+    ("at_noise", "rise", "error", "needed"),
+    [(True, 2.0, 0.5, True), (False, 2.0, 0.5, False), (True, 1.2, 0.5, False), (True, 0.5, 0.1, False)],
+)
+def test_a_small_effect_stays_if_only_it_brings_its_joint_to_the_noise(at_noise, rise, error, needed):
+    small = 0.5 * LIMITS.least_torque_share
+    need = Necessity(50.0, rise, error, small, small, credible=True, quiet=True, at_noise=at_noise)
+    assert need.needed == needed
+
+
+def test_at_the_noise_is_a_joint_with_all_that_acts_on_it(demo):
+    whole, without = fitted(demo, (COULOMB, [3.0])), fitted(demo, (ChosenEffect("torque_offset", 1), [0.1]))
+    assert eliminate(whole).kept[COULOMB].at_noise
+    assert without.rms[1] > 10 * demo.context.noise_floor[1]
+    kept = eliminate(without, frozenset(without.layout.effects)).kept
+    assert not kept[ChosenEffect("torque_offset", 1)].at_noise
+
+
+def test_a_spring_keeps_its_place_where_friction_follows_its_load(sprung):
+    """As an offset of the motor torque its preload would add no load: a gravity compensator fits better."""
+    friction, offset = ChosenEffect("load_dependent_friction", 1), ChosenEffect("torque_offset", 1)
+    start = sprung.context.start(Layout(sprung.own.joints, (SPRING,)))
+    held = start.x[-1]
+    fit = fitted(sprung, (friction, [0.1]), (SPRING, [9.0, held]), (offset, [9.0 * (held - 0.6)]))
+    floor = sprung.context.noise_floor
+    assert fit.rms[1] > 2 * floor[1]
+    found, needed = sprung.refined(*sprung.thinned(fit))
+    assert SPRING in needed and COMPENSATOR not in needed and offset not in needed
+    assert found.rms[1] < 1.5 * floor[1]
+    stiffness, rest = found.x[found.layout.effect_slice(SPRING)]
+    np.testing.assert_allclose((stiffness, rest), (9.0, 0.6), rtol=0.01)
+
+
+def test_a_gravity_compensator_gives_its_place_back_to_a_spring(sprung):
+    friction = ChosenEffect("load_dependent_friction", 1)
+    fit = fitted(sprung, (friction, [0.1]), (COMPENSATOR, [9.0, 3.0]))
+    found, needed = sprung.with_original_laws(*sprung.thinned(fit))
+    assert SPRING in needed and COMPENSATOR not in needed
+    np.testing.assert_allclose(found.x[found.layout.effect_slice(SPRING)], (9.0, 0.6), rtol=0.01)
+
+
+def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alone(demo, monkeypatch):
+    plain = fitted(demo)
+    chosen = [s for s in demo.scores(plain) if s.effect.effect in ("coulomb_friction", "cable_spring")][:2]
+    assert chosen[0].effect == COULOMB
+    tried: list[int] = []
+    better = demo.if_better
+
+    def alone(fit, larger, kept, added):
+        tried.append(len(added))
+        return better(fit, larger, kept, added) if len(added) == 1 else None
+
+    monkeypatch.setattr(demo, "if_better", alone)
+    found = demo.enlarged(plain, chosen)
+    assert tried == [2, 1] and found is not None and set(found[1]) == {COULOMB}
