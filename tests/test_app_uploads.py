@@ -16,6 +16,7 @@ from flexviz.errors import InputError
 from flexviz.measurements import read_set
 from flexviz.session import Session, save_session
 from tests.small_set import write_small_set
+from tests.test_bad_robots import chain
 
 
 def zip_of(files: dict[str, bytes]) -> bytes:
@@ -161,6 +162,14 @@ def test_what_cannot_be_read_is_not_taken(tmp_path: Path, incoming: UploadFolder
     files = set_files(write_small_set(tmp_path / "small")) | {"a.csv": b"time\n0\n"}
     incoming.unpack("mine.zip", zip_of(files))
     with pytest.raises(InputError, match=r"^a\.csv"):
+        take(incoming.folder, tmp_path / "in")
+    assert not (tmp_path / "in").exists()
+
+
+def test_a_robot_of_thousands_of_joints_is_not_taken(tmp_path: Path, incoming: UploadFolder) -> None:
+    files = set_files(write_small_set(tmp_path / "small")) | {"robot.urdf": chain(5000).encode()}
+    incoming.unpack("mine.zip", zip_of(files))
+    with pytest.raises(InputError, match=r"robot\.urdf: 5001 links, expected at most 1000"):
         take(incoming.folder, tmp_path / "in")
     assert not (tmp_path / "in").exists()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +20,8 @@ from flexviz.importing.clocks import guess_unit
 from flexviz.importing.column_names import unit_in
 from flexviz.importing.columns import candidates, find_families
 from flexviz.importing.draft import Person
-from flexviz.importing.formats.base import LogTable
+from flexviz.importing.formats import open_log
+from flexviz.importing.formats.base import LogTable, ReadOptions
 
 DATA = truth(rows=1500)
 UR = (
@@ -211,6 +213,16 @@ def test_bag_with_two_topics(tmp_path: Path) -> None:
         re.sub(r"gear = (99|100)\.\d+", "gear = 100.0", text)
     )  # the data sheet
     same(tmp_path, tmp_path / "found.toml")
+
+
+def test_what_a_lerobot_dataset_says_of_its_folders_is_not_trusted(tmp_path: Path) -> None:
+    write_lerobot(tmp_path / "data", [DATA], "v2.1", None)
+    file = tmp_path / "data" / "meta" / "info.json"
+    about = json.loads(file.read_text()) | {"chunks_size": "x", "data_path": "../../{episode_chunk}.parquet"}
+    file.write_text(json.dumps(about))
+    log = open_log(tmp_path / "data", ReadOptions(episode=0))
+    name = "observation.state[0]"
+    assert np.array_equal(log.columns[name].columns[name], DATA.theta[:, 0])
 
 
 def test_datasets_and_several_logs(tmp_path: Path) -> None:
