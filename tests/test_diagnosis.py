@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flexviz.cli import main
 from flexviz.diagnosis import Diagnosis, diagnose
 from flexviz.diagnosis.candidates import candidates, with_effect, without_effect
 from flexviz.diagnosis.fit_context import FitContext
@@ -169,3 +170,13 @@ def test_an_error_that_pulses_leave_is_explained():
     assert f"{error[(error / floor).argmax()]:.3g} Nm" in note.text
     clean = practised("2r-none-19")
     assert not any(note.kind == "pulses" for note in clean.notes)
+
+
+def test_without_apply_the_terminal_says_how_to_add_what_is_missing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["diagnose", str(sessions_dir() / "planar-2r-demo")]) == 0
+    said = capsys.readouterr()
+    assert "Missing: Coulomb friction on joint2" in said.out and "of the last model" not in said.out
+    assert "error of the present model [Nm]" in said.out
+    assert said.err.splitlines()[-1].endswith("and see the error fall: --apply")

@@ -92,6 +92,8 @@ def diagnose(
         terminal.note(f"note: no free curve is added: {why_no_curve(result)}")
     terminal.show(result.document())
     terminal.write_json(json_file, result.to_dict(steps=apply))
+    if result.verdict == "missing" and not apply and not result.stopped:
+        terminal.note("to add what is missing, effect by effect, and see the error fall: --apply")
     if draft_effect is not None:
         write_draft(result, draft_effect)
     return 130 if result.stopped else 0
