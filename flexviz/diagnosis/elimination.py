@@ -40,7 +40,7 @@ class Necessity:
         torque: rms change of the judged residual without the effect, relative to the same; not limited.
         credible: its parameters could be real.
         quiet: the model errs little on its joint, so that even small effects stand out.
-        at_noise: with the effect the model reaches the noise of its joint.
+        at_noise: with the effect the model reaches the noise of its joint, or without one, of most joints.
     """
 
     deviations: float
@@ -65,7 +65,7 @@ class Necessity:
 
     @property
     def completes(self) -> bool:
-        """Whether only the effect, small as it may be, brings its joint down to the noise."""
+        """Whether only the effect, small as it may be, brings its joint, or most joints, down to the noise."""
         return self.at_noise and self.held_out_rise - self.rise_error > LIMITS.completing_rise
 
 
@@ -265,12 +265,12 @@ def _necessity(
     share = float(np.sqrt(max(np.median(shares) if effect.joint is None else shares.sum(), 0.0)))
     moved = np.mean(change**2, axis=0) / fit.context.spread[joints] ** 2
     torque = float(np.sqrt(np.median(moved) if effect.joint is None else moved.sum()))
-    near = fit.rms < LIMITS.far_off * fit.context.noise_floor
+    ratio = fit.rms / fit.context.noise_floor
+    at_noise = bool(np.median(ratio) < LIMITS.small_left if joint is None else ratio[joint] < LIMITS.quiet)
+    near = ratio < LIMITS.far_off
     for curve in filter(is_curve, fit.layout.effects):
         near[curve.place.own_joint] = False  # the curve takes what the effect shows
     quiet = bool(near.all() if effect.joint is None else near[effect.joint])
-    reached = fit.rms < LIMITS.quiet * fit.context.noise_floor
-    at_noise = bool(reached.all() if effect.joint is None else reached[effect.joint])
     believed = credible(fit, effect, raw_step(fit), x[where])
     return Necessity(deviations, mean, error, share, torque, believed, quiet, at_noise)
 
