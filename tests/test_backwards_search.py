@@ -85,6 +85,14 @@ def test_at_the_noise_is_a_joint_with_all_that_acts_on_it(demo):
     assert not kept[ChosenEffect("torque_offset", 1)].at_noise
 
 
+def test_an_effect_of_the_whole_robot_is_at_the_noise_with_most_joints(demo):
+    delay = ChosenEffect("torque_delay", None)
+    for beside, expected in (([(COULOMB, [3.0])], True), ([], False)):
+        fit = fitted(demo, *beside, (delay, [1e-4]))
+        assert eliminate(fit, frozenset({delay})).kept[delay].at_noise == expected
+        assert bool(np.median(fit.rms / demo.context.noise_floor) < 2.0) == expected
+
+
 def test_a_spring_keeps_its_place_where_friction_follows_its_load(sprung):
     """As an offset of the motor torque its preload would add no load: a gravity compensator fits better."""
     friction, offset = ChosenEffect("load_dependent_friction", 1), ChosenEffect("torque_offset", 1)

@@ -65,7 +65,7 @@ class Necessity:
 
     @property
     def completes(self) -> bool:
-        """Whether only the effect, small as it may be, brings its joint, or most joints, down to the noise."""
+        """Whether only the effect, however small, brings its joint, or most joints, down to the noise."""
         return self.at_noise and self.held_out_rise - self.rise_error > LIMITS.completing_rise
 
 
