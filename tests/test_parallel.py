@@ -40,8 +40,15 @@ def test_the_work_is_shared() -> None:
 
 
 @TWO
-def test_what_was_foreseen_is_used_once_and_for_its_own_key_only() -> None:
-    here = os.getpid()
+def test_what_was_foreseen_is_used_once_and_for_its_own_key_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    here, fork, copies = os.getpid(), os.fork, list[int]()
+
+    def noted() -> int:
+        number = fork()
+        copies.append(number)
+        return number
+
+    monkeypatch.setattr(os, "fork", noted)
     with on_cores(2):
         foreseen = Foreseen[str, int]()
         assert foreseen.take("a") is None
@@ -52,8 +59,10 @@ def test_what_was_foreseen_is_used_once_and_for_its_own_key_only() -> None:
             foreseen.begin("a", lambda: time.sleep(60) or 1)
             end()
             assert foreseen.take("a") is None
-        with pytest.raises(ChildProcessError):
-            os.waitpid(-1, os.WNOHANG)  # no copy is left
+        assert len(copies) == 5
+        for number in copies:  # none is left
+            with pytest.raises(ChildProcessError):
+                os.waitpid(number, os.WNOHANG)
 
 
 @TWO
