@@ -248,7 +248,7 @@ def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
         before, fit = fit, replace(fit, layout=added.layout, x=added.x)
         scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
         steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
-    answers = iter((True, False, False))  # a stop that is said once
+    answers = iter((True, False))  # a stop that is said once
     pipeline = _Pipeline(demo, None, None, lambda: next(answers))
     pipeline.search, pipeline.steps = Search(context, pipeline.say), list(steps)
     fewer = without_effect(fit.layout, fit.x, effects[0])

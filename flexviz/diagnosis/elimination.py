@@ -64,6 +64,11 @@ class Necessity:
         )
 
     @property
+    def implausible(self) -> bool:
+        """Whether the data show the effect, but with parameters that cannot be real."""
+        return not self.credible and self.deviations > LIMITS.significant
+
+    @property
     def completes(self) -> bool:
         """Whether only the effect, however small, brings its joint, or most joints, down to the noise."""
         return self.at_noise and self.held_out_rise - self.rise_error > LIMITS.completing_rise
@@ -75,14 +80,12 @@ class Elimination:
 
     Attributes:
         kept: effects that stay, with their necessity in the reduced model.
-        dropped: effects left out, in this order.
-        implausible: those of them that the data show, but with parameters that cannot be real.
+        dropped: effects left out, in this order, with their necessity when they were.
         x: shape (P,), parameters of the full layout with the dropped effects at zero.
     """
 
     kept: dict[ChosenEffect, Necessity]
-    dropped: tuple[ChosenEffect, ...]
-    implausible: tuple[ChosenEffect, ...]
+    dropped: dict[ChosenEffect, Necessity]
     x: Array
 
 
@@ -96,8 +99,7 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
     x, covariance = fit.x.copy(), fit.covariance.matrix.copy()
     data = _Judged.of(fit)
     left = dict(fit.layout.effect_slices())
-    dropped: list[ChosenEffect] = []
-    implausible: list[ChosenEffect] = []
+    dropped: dict[ChosenEffect, Necessity] = {}
     while True:
         curves_held = _with_curves_held(fit, covariance)
         found = {
@@ -106,15 +108,13 @@ def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> El
         }
         weak = [e for e, n in found.items() if not n.needed and e not in firm]
         if not weak:
-            return Elimination(found, tuple(dropped), tuple(implausible), x)
+            return Elimination(found, dropped, x)
         worst = min(weak, key=lambda e: (found[e].credible, found[e].deviations))
         move, covariance = _without(x, covariance, sizes(worst, left[worst]), data.walls)
         x = x + move
         data = replace(data, residual=data.residual + data.jacobian @ move)
         x[left.pop(worst)] = 0.0
-        dropped.append(worst)
-        if not found[worst].credible and found[worst].deviations > LIMITS.significant:
-            implausible.append(worst)
+        dropped[worst] = found[worst]
 
 
 def necessities(fit: MotionFit) -> dict[ChosenEffect, Necessity]:

@@ -167,8 +167,8 @@ class ModelFamily:
                 return fit, result.kept
             stand_ins = {
                 ChosenEffect(name, effect.joint): fit.x[fit.layout.effect_slice(effect)]
-                for effect in result.implausible
-                if (name := EFFECTS[effect.effect].beside)
+                for effect, need in result.dropped.items()
+                if need.implausible and (name := EFFECTS[effect.effect].beside)
             }
             smaller = Layout(fit.layout.joints, tuple(dict.fromkeys((*result.kept, *stand_ins))))
             start = fit.towards(result.x, smaller)

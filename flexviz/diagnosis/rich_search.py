@@ -23,7 +23,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.what_is_left import WhatIsLeft
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, score
+from flexviz.estimation import ScoredCandidate
 from flexviz.wording import plural
 
 Array = NDArray[np.float64]
@@ -182,8 +182,7 @@ class RichSearch(WhatIsLeft):
             for e in candidates(fit.layout, self.context.measurements.groups, many=True)
             if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]
         ]
-        found = score(fit.point, fit.chain, wanted, self.weigh(fit), fit.projection)
-        chosen = self.best_of_each_joint(fit, sorted(found, key=lambda s: -s.gain))
+        chosen = self.best_of_each_joint(fit, self.scored(fit, wanted))
         if not chosen:
             return fit, needed
         self.say(f"adding: {EFFECTS[chosen[0].effect.effect].title}")
@@ -273,9 +272,7 @@ class RichSearch(WhatIsLeft):
             self.say(f"trying: {EFFECTS[original].title}")
             start = without_effect(fit.layout, fit.x, effect)
             without = self.fit(start.layout, start.x, iterations=0)
-            wanted = [ChosenEffect(original, joint)]
-            turned = score(without.point, without.chain, wanted, self.weigh(without), without.projection)
-            if not turned:
+            if not (turned := self.scored(without, [ChosenEffect(original, joint)])):
                 continue
             trial = self.with_candidates(without, turned)
             trial = min(trial, self.with_rest_angles(trial, {})[0], key=lambda each: each.sigma[joint])

@@ -9,7 +9,7 @@ from flexviz.equation import Chain, OperatingPoint
 from flexviz.estimation import Projection, ScoredCandidate, Weigh, best_intervals, score
 from flexviz.parallel import shared
 
-MOST_SENT = 3e7  # numbers; copies of the process take longer to send more than what they save
+MOST_SENT = 3e7  # numbers; to send more between processes takes longer than what the other cores save
 
 
 def score_by_joint(

@@ -14,7 +14,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_curve import best_curve
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
-from flexviz.estimation import ScoredCandidate, explained
+from flexviz.estimation import ScoredCandidate, explained, score
 
 LIMITS = THRESHOLDS.motion
 
@@ -35,6 +35,11 @@ class WhatIsLeft(ModelFamily):
             fit.point, fit.chain, wanted, self.weigh(fit), fit.projection, check=lambda: self.say(""),
             longest=LIMITS.longest_episode, without=self._refused, signatures=False, joints=joints,
         )  # fmt: skip
+
+    def scored(self, fit: MotionFit, wanted: Sequence[ChosenEffect]) -> list[ScoredCandidate]:
+        """Scores of these effects, the best first."""
+        found = score(fit.point, fit.chain, wanted, self.weigh(fit), fit.projection)
+        return sorted(found, key=lambda s: -s.gain)
 
     def usual_share(self, fit: MotionFit, joint: int) -> float:
         """Share of a joint's mean square that its usual effects, which the model lacks, explain together."""

@@ -11,7 +11,7 @@ from flexviz.effects.friction import ARMSTRONG
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec, smooth_sign
 
-CREEPING = 0.5  # of a joint's top speed, at which 2 % of the friction are left then
+CREEPING = 0.5  # share of a joint's top speed; if v_s is that, 2 % of the friction is left there
 
 
 class StribeckFriction(LawEffect):
