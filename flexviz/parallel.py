@@ -22,6 +22,7 @@ from flexviz.progress import StopCallback, never
 Item = TypeVar("Item")
 Key = TypeVar("Key")
 Result = TypeVar("Result")
+Own = TypeVar("Own")
 
 MOST_CORES = 4  # more of them wait for one another
 STOP_SECONDS = 0.05  # [s] between two looks whether to stop, while a copy is waited for
@@ -116,9 +117,26 @@ class Foreseen(Generic[Key, Result]):
 
 def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """`[function(item) for item in items]`, by several cores where they are allowed."""
-    work = list(items)
-    copies = min(_allowed.get(), len(work)) - 1
+    return _shared(None, function, list(items))
+
+
+def beside(
+    own: Callable[[], Own], function: Callable[[Item], Result], items: Iterable[Item]
+) -> tuple[Own, list[Result]]:
+    """`own()`, done in this process, and `shared(function, items)`, on which other cores work meanwhile."""
+    done: list[Own] = []
+    found = _shared(lambda: done.append(own()), function, list(items))
+    return done[0], found
+
+
+def _shared(
+    first: Callable[[], None] | None, function: Callable[[Item], Result], work: list[Item]
+) -> list[Result]:
+    """The shared work on a list, after what is `first` in this process."""
+    copies = min(_allowed.get(), len(work) + (first is not None)) - 1
     if copies < 1:
+        if first is not None:
+            first()
         return [function(item) for item in work]
     waiting, fill = os.pipe()
     os.write(fill, bytes(range(min(len(work), 256))))  # a byte per piece: whoever is free takes the next
@@ -134,6 +152,9 @@ def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
     running: list[_Copy] = []
     try:
         running += [_Copy(some) for _ in range(copies)]
+        if first is not None:
+            with on_cores(1):
+                first()
         found = some()
         for copy in running:
             found |= (copy.answer() or ({},))[0]

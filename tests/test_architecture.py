@@ -34,7 +34,7 @@ LAYERS = (
         "charts",
         "doctor",
     ),
-    ("_pinocchio", "_scipy", "robot", "urdf_checks", "robot_files", "model"),
+    ("_pinocchio", "_scipy", "interpolation", "robot", "urdf_checks", "robot_files", "model"),
     ("effects",),
     ("wording",),
     ("measurements", "noise", "results"),

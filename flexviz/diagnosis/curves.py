@@ -18,6 +18,7 @@ from flexviz._scipy import sp
 from flexviz.diagnosis.cross_validation import ExplainedShare, Folds, explained_by_prediction
 from flexviz.diagnosis.records import DIRECTED
 from flexviz.diagnosis.residuals import SLOW, SlowResidual
+from flexviz.interpolation import CubicInterpolation
 
 Array = NDArray[np.float64]
 
@@ -58,8 +59,11 @@ class Splines:
     def design(self, value: Array, velocity: Array) -> Array:
         """Design matrix at M instants, shape (M, size)."""
         inside = np.clip(value, *self.range)
-        design = sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree)
-        one = np.array(design.toarray(), dtype=float)
+        if self.degree == 1:
+            one = _hats(inside, self.knots[1:-1])
+        else:
+            design = sp.interpolate.BSpline.design_matrix(inside, self.knots, self.degree)
+            one = np.array(design.toarray(), dtype=float)
         if self.sides == 1:
             return one
         forward = 0.5 * (1 + np.tanh(velocity / REVERSAL_VELOCITY))[:, None]
@@ -69,6 +73,15 @@ class Splines:
         """Squared differences of neighbouring coefficients, shape (size, size)."""
         difference: Array = np.diff(np.eye(self.size // self.sides), order, axis=0)
         return np.kron(np.eye(self.sides), difference.T @ difference).astype(np.float64)
+
+
+def _hats(value: Array, nodes: Array) -> Array:
+    """Shares of the two nodes around each value, shape (M, B)."""
+    before = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, len(nodes) - 2)
+    share = (value - nodes[before]) / np.diff(nodes)[before]
+    rows, out = np.arange(len(value)), np.zeros((len(value), len(nodes)))
+    out[rows, before], out[rows, before + 1] = 1 - share, share
+    return out
 
 
 def piece_count(samples: int, sides: int) -> int:
@@ -152,9 +165,8 @@ def curve_response(data: SlowResidual, joint: int, values: Array, splines: Splin
         if not data.shown[rows].any():
             continue
         fine = np.arange((count - 1) * OVERSAMPLING + 1) / OVERSAMPLING
-        known = np.stack((values[rows], velocity[rows]), axis=1)
-        both = sp.interpolate.CubicSpline(np.arange(count), known)(fine)
-        design = splines.design(both[:, 0], both[:, 1])
+        between = CubicInterpolation(np.arange(float(count)), fine)
+        design = splines.design(between.read(values[rows])[0], between.read(velocity[rows])[0])
         step = float(data.step[rows.start]) / OVERSAMPLING
         out[:, rows] = SLOW.derivatives(design, step, 3, stride=OVERSAMPLING)[::2]
     out[:, ~data.shown] = 0.0

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.evidence import effect_values
-from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
-from flexviz.diagnosis.model_family import RichModel, without_curves
+from flexviz.diagnosis.model_family import PlainModel, RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
-from flexviz.diagnosis.residual_location import locate_residual
+from flexviz.diagnosis.records import FreeCurve
+from flexviz.diagnosis.residual_location import Located, locate_residual
 from flexviz.diagnosis.result import Diagnosis, Finding
 from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichSearch
@@ -25,10 +27,31 @@ from flexviz.effects import ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.results import Note
+from flexviz.results import Note, Verdict
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class InspectedModel:
+    """What a model of the staircase leaves.
+
+    Attributes:
+        fit: of the model.
+        curves: free curves beside which it was fitted.
+        model: without them.
+        at_noise: its residual in units of the noise.
+        located: where that lies.
+        free_curve: of it, if no effect explains it.
+    """
+
+    fit: MotionFit
+    curves: Sequence[ChosenEffect]
+    model: PlainModel
+    at_noise: Fit
+    located: Located
+    free_curve: FreeCurve | None
 
 
 class ManyEffects:
@@ -90,9 +113,15 @@ class ManyEffects:
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
         tell(stages.STAIRS)
-        stairs = staircase(self.context, self.layout, rich, self.band)
-        found = list(findings(stairs, rich, self.band))
         last = verdict_on(rich)
+        seen, stairs = staircase(
+            self.context,
+            self.layout,
+            rich,
+            self.band,
+            lambda: self.inspected(rich.fit, rich.curves, last) if apply else None,
+        )
+        found = list(findings(stairs, rich, self.band))
         if found and last == "unknown" and doubtful(found):
             apply = False
         elif not apply and found:
@@ -100,17 +129,10 @@ class ManyEffects:
         if not apply:
             stairs = stairs[:1]
         taken = steps(stairs, found if apply else [], last)
-        if apply:
-            final, curves = rich.fit, rich.curves
-        else:
-            final, curves = self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), ()
-        model = without_curves(final, curves)
-        context = FitContext(self.measurements, model.layout)
-        at_noise = context.fit(model.layout, model.x, iterations=0)
-        tell(stages.LOCATION)
-        where, maps, parts = locate_residual(context, at_noise)
-        curve = fit_free_curve(context, at_noise, where[0], parts) if last == "unknown" else None
-        bandwidths = None
+        if seen is None or not apply:
+            tell(stages.LOCATION)
+            seen = self.inspected(self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), (), last)
+        final, model, bandwidths = seen.fit, seen.model, None
         if guarded:
             tell(stages.BANDWIDTH)
             bandwidths = check_bandwidth(self.measurements, model.layout, model.x)
@@ -120,7 +142,7 @@ class ManyEffects:
             set_name=self.measurements.name,
             verdict=taken[0].verdict,
             findings=tuple(found[:LISTED_CANDIDATES]),
-            where=where,
+            where=seen.located.places,
             steps=tuple(taken),
             effects=effect_values(model, covariance.standard_errors),
             parameters=parameter_estimates(
@@ -128,15 +150,25 @@ class ManyEffects:
             ),
             seconds=0.0,
             notes=(
-                *self.remarks(final, curves),
-                *notes(at_noise, last, stairs[-1].errors, unexplained, curve, bandwidths),
+                *self.remarks(final, seen.curves),
+                *notes(seen.at_noise, last, stairs[-1].errors, unexplained, seen.free_curve, bandwidths),
             ),
             model=model.layout.model(model.x),
-            maps=maps,
-            free_curve=curve,
+            maps=seen.located.maps,
+            free_curve=seen.free_curve,
             guard=bandwidths,
             torque_spread=self.measurements.torque_spread,
         )
+
+    def inspected(self, fit: MotionFit, curves: Sequence[ChosenEffect], last: Verdict) -> InspectedModel:
+        """What a model leaves; a free curve of it if the last verdict is "unknown"."""
+        model = without_curves(fit, curves)
+        context = FitContext(self.measurements, model.layout)
+        at_noise = context.fit(model.layout, model.x, iterations=0)
+        located = locate_residual(context, at_noise)
+        unknown = last == "unknown"
+        curve = fit_free_curve(context, at_noise, located.places[0], located.parts) if unknown else None
+        return InspectedModel(fit, curves, model, at_noise, located, curve)
 
     def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect]) -> list[Note]:
         """What the final model explains, and what was judged apart."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Projection
-from flexviz.parallel import shared
+from flexviz.parallel import Own, beside
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -66,10 +66,12 @@ def staircase(
     own: Layout,
     rich: RichModel,
     band: PredictionErrorBand,
-) -> list[Stair]:
-    """The set's own model, then one effect more at a time, the weightiest first.
+    own_work: Callable[[], Own],
+) -> tuple[Own, list[Stair]]:
+    """What `own_work` returns, and meanwhile the set's own model, then one effect more at a time.
 
-    Every model is fitted a few steps from the values that the final one, which is the last, predicts for it.
+    The weightiest effect comes first. Every model is fitted a few steps from the values that the final one,
+    which is the last, predicts for it.
     """
     ordered = by_weight(rich.fit, rich.added(own))
     added = [None, *(effect for effect, _ in ordered)]
@@ -80,7 +82,8 @@ def staircase(
         fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
         return Stair.of(added[count], fit, band)
 
-    return [*shared(stair, range(len(ordered))), Stair.of(added[-1], rich.fit, band, rich.curves)]
+    done, stairs = beside(own_work, stair, range(len(ordered)))
+    return done, [*stairs, Stair.of(added[-1], rich.fit, band, rich.curves)]
 
 
 def verdict_on(rich: RichModel) -> Verdict:

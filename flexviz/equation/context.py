@@ -230,5 +230,5 @@ class EffectContext:
         """The motions at these parameters."""
         fine = self.fine()
         if self._at is None or self._at.fine is not fine:
-            self._at = WideMotions(self._signals, self._layout, self._x, fine)
+            self._at = WideMotions(self._signals, self._layout, self._x, fine, self._shared)
         return self._at

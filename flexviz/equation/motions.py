@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
 from flexviz.equation.fine_signals import FineSignals
 from flexviz.equation.layout import Layout
 from flexviz.equation.signals import Block, Signals
+from flexviz.interpolation import CubicInterpolation
 from flexviz.observers import ButterworthZeroPhase
 
 Array = NDArray[np.float64]
@@ -54,11 +54,19 @@ class WideMotions:
         layout: layout of x.
         x: shape (P,).
         fine: wide-band signals of every stretch.
+        shared: cache of quantities that depend on the signals only.
     """
 
-    def __init__(self, signals: Signals, layout: Layout, x: Array, fine: list[FineSignals]) -> None:
+    def __init__(
+        self,
+        signals: Signals,
+        layout: Layout,
+        x: Array,
+        fine: list[FineSignals],
+        shared: dict[object, Any],
+    ) -> None:
         self.fine = fine
-        self._signals, self._layout, self._x = signals, layout, x
+        self._signals, self._layout, self._x, self._shared = signals, layout, x, shared
         self._wide: dict[int, list[Level]] = {}
         self._smooth: dict[int, list[Level]] = {}
 
@@ -134,12 +142,11 @@ class WideMotions:
         out = []
         for fine, block, smooth in zip(self.fine, self._signals.blocks, self._smooth[joint], strict=True):
             torque, rate = (level.copy() for level in smooth)
-            time, inside, near = self._known(fine, block)
-            known = sp.interpolate.CubicSpline(time, s[block.rows, joint])
-            found = known(fine.time[inside])
+            between, inside, near = self._known(fine, block)
+            found, slope = between.read(s[block.rows, joint])
             torque[: inside.start] += np.median((found - torque[inside])[:near])
             torque[inside.stop :] += np.median((found - torque[inside])[-near:])
-            torque[inside], rate[inside] = found, known(fine.time[inside], 1)
+            torque[inside], rate[inside] = found, slope
             out.append((torque, rate))
         return out
 
@@ -168,12 +175,15 @@ class WideMotions:
             out.append((torque, rate))
         return out
 
-    def _known(self, fine: FineSignals, block: Block) -> tuple[Array, slice, int]:
-        """Times of the equation's samples, fine samples between them, and how many of them align s."""
+    def _known(self, fine: FineSignals, block: Block) -> tuple[CubicInterpolation, slice, int]:
+        """From the equation's samples to fine ones between them, which those are, how many of them align s."""
         time = self._signals.time[block.rows]
         first = int(np.searchsorted(fine.time, time[0]))
         last = int(np.searchsorted(fine.time, time[-1], side="right"))
-        return time, slice(first, last), max(1, round(OVERLAP / float(fine.time[1] - fine.time[0])))
+        key = ("between", block.group, float(time[0]), float(time[-1]), len(time))
+        if key not in self._shared:
+            self._shared[key] = CubicInterpolation(time, fine.time[first:last])
+        return self._shared[key], slice(first, last), max(1, round(OVERLAP / fine.step))
 
 
 def _ends(head: int, tail: int, count: int, reach: int) -> list[tuple[slice, slice]]:

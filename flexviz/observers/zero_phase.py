@@ -22,43 +22,51 @@ NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the ban
 class _Continued:
     """A record continued by reflection about its trend, on a grid that may be decimated.
 
+    A row per column of the record: transforms and means along rows are the fast ones.
+
     Attributes:
-        trend: shape (N, m), what is subtracted before the reflection: a line for odd, the mean for even ones.
-        slope: shape (m,), its derivative.
+        slope: shape (m,), derivative of the trend, which is a line for odd reflection, the mean for even.
         length: samples of the decimated grid.
     """
 
     def __init__(self, y: Array, step: float, margin: float, decimation: int, odd: bool) -> None:
-        count, columns = y.shape
+        self._count, columns = y.shape
+        count, rows = self._count, y.T
         # the continuation is a multiple of the decimation so that the decimated grid meets the samples
         wanted = int(np.ceil(margin / step / decimation)) * decimation
         pad = min(wanted, (count - 1) // decimation * decimation)
         self._step, self._decimation, self._pad = step, decimation, pad
         self.length = sp.fft.next_fast_len(-(-(count + 2 * pad) // decimation), real=True)
+        self._values = np.zeros((columns, self.length * decimation))
+        body = self._values[:, pad : pad + count]
         if odd:
             self.slope = (y[-1] - y[0]) / max((count - 1) * step, step)
-            self.trend = y[0] + self.slope * (step * np.arange(count))[:, None]
+            self._first = y[0]
+            np.subtract(rows, self.trend(1).T, out=body)
         else:
             self.slope = np.zeros(columns)
-            self.trend = np.broadcast_to(y.mean(axis=0), y.shape)
-        body, sign = y - self.trend, -1.0 if odd else 1.0
-        self._values = np.zeros((self.length * decimation, columns))
-        self._values[pad : pad + count] = body
-        self._values[:pad] = sign * body[pad:0:-1]
-        self._values[pad + count : 2 * pad + count] = sign * body[-2 : -pad - 2 : -1]
+            self._first = np.ascontiguousarray(rows).mean(axis=1)
+            np.subtract(rows, self._first[:, None], out=body)
+        sign = -1.0 if odd else 1.0
+        np.multiply(body[:, pad:0:-1], sign, out=self._values[:, :pad])
+        np.multiply(body[:, -2 : -pad - 2 : -1], sign, out=self._values[:, pad + count : 2 * pad + count])
+
+    def trend(self, stride: int) -> Array:
+        """What is subtracted before the reflection, at every stride-th sample, shape (N', m)."""
+        return self._first + self.slope * (self._step * np.arange(0, self._count, stride))[:, None]
 
     def spectrum(self) -> tuple[Array, NDArray[np.complex128]]:
-        """ω [rad/s], shape (F,), up to the decimated Nyquist rate, and the transform there, shape (F, m)."""
+        """ω [rad/s], shape (F,), up to the decimated Nyquist rate, and the transform there, shape (m, F)."""
         kept = self.length // 2 + 1
-        omega = 2 * np.pi * np.arange(kept) / (len(self._values) * self._step)
-        return omega, sp.fft.rfft(self._values, axis=0)[:kept]
+        omega = 2 * np.pi * np.arange(kept) / (self._values.shape[1] * self._step)
+        return omega, sp.fft.rfft(self._values)[:, :kept]
 
     def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
-        """Every stride-th sample of the record itself, from a spectrum like `spectrum`'s."""
+        """Every stride-th sample of the record itself, shape (N', m), from a spectrum like `spectrum`'s."""
         first, outer = self._pad // self._decimation, stride // self._decimation
-        count = -(-len(self.trend) // stride)
+        count = -(-self._count // stride)
         picked = slice(first, first + (count - 1) * outer + 1, outer)
-        return sp.fft.irfft(spectrum, self.length, axis=0)[picked]
+        return sp.fft.irfft(spectrum, self.length)[:, picked].T
 
 
 class ZeroPhaseObserver(Observer):
@@ -92,17 +100,17 @@ class ZeroPhaseObserver(Observer):
         continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
         bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
         omega, filtered = continued.spectrum()
-        filtered *= self.gain(omega, bandwidth) / inner
+        filtered *= self.gain(omega, bandwidth).T / inner
         if delay:
-            filtered *= np.exp(-1j * omega * delay)[:, None]
+            filtered *= np.exp(-1j * omega * delay)
         if continued.length % 2 == 0:
-            filtered[-1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
+            filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
         out = np.empty((count, -(-len(y) // stride), y.shape[1]))
         for k in range(count):
             if k:
-                filtered *= (1j * omega)[:, None]
+                filtered *= 1j * omega
             out[k] = continued.samples(filtered, stride)
-        out[0] += continued.trend[::stride] - continued.slope * delay
+        out[0] += continued.trend(stride) - continued.slope * delay
         if count > 1:
             out[1] += continued.slope
         return out
