@@ -9,7 +9,7 @@ import time
 import pytest
 
 from flexviz import parallel
-from flexviz.parallel import Background, Foreseen, on_cores, shared, stopped_by, usable_cores
+from flexviz.parallel import Background, Foreseen, beside, on_cores, shared, stopped_by, usable_cores
 
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
@@ -37,6 +37,27 @@ def test_the_work_is_shared() -> None:
         assert len(set(shared(piece, range(6)))) == 2
         background = Background(os.getpid)
         assert background.result() != os.getpid()
+
+
+@TWO
+@pytest.mark.parametrize("count", [0, 1, 6])
+def test_own_work_is_done_here_while_a_copy_works(count: int) -> None:
+    here = os.getpid()
+
+    def own() -> tuple[int, list[int]]:
+        time.sleep(0.2)
+        return os.getpid(), shared(lambda _: os.getpid(), range(3))  # the other core is taken
+
+    def piece(_: int) -> int:
+        time.sleep(0.01)
+        return os.getpid()
+
+    with on_cores(2):
+        done, pieces = beside(own, piece, range(count))
+        assert done == (here, 3 * [here]) and len(pieces) == count and here not in pieces
+        with pytest.raises(ZeroDivisionError):
+            beside(lambda: 1 // 0, piece, range(count))
+    assert beside(own, piece, range(count)) == (done, count * [here])
 
 
 @TWO

@@ -113,7 +113,7 @@ class ManyEffects:
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
         tell(stages.STAIRS)
-        last = verdict_on(rich)
+        last: Verdict = verdict_on(rich)
         seen, stairs = staircase(
             self.context,
             self.layout,

@@ -176,7 +176,7 @@ class WideMotions:
         return out
 
     def _known(self, fine: FineSignals, block: Block) -> tuple[CubicInterpolation, slice, int]:
-        """From the equation's samples to fine ones between them, which those are, how many of them align s."""
+        """From the equation's samples to fine ones between; which those are; how many align s."""
         time = self._signals.time[block.rows]
         first = int(np.searchsorted(fine.time, time[0]))
         last = int(np.searchsorted(fine.time, time[-1], side="right"))
