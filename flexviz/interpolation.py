@@ -13,8 +13,6 @@ from flexviz._scipy import sp
 
 Array = NDArray[np.float64]
 
-LEAST = 4  # samples of a spline whose third derivative is continuous at the second and last but one
-
 
 class CubicInterpolation:
     """The cubic spline through samples of a record, read at other instants.

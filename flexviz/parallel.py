@@ -44,7 +44,7 @@ def allowed_cores() -> int:
 
 @contextlib.contextmanager
 def on_cores(count: int) -> Iterator[None]:
-    """Let `diagnose`, and what contains it, use up to `count` cores in this context; results do not change.
+    """Let `diagnose`, and what contains it, use up to `count` cores in this context; results are the same.
 
     The process is forked: it must have no other threads that compute.
     """
@@ -101,7 +101,7 @@ class Foreseen(Generic[Key, Result]):
             self._begun = key, Background(function)
 
     def take(self, key: Key) -> Result | None:
-        """The result, if it was begun for this key; anything else is ended. To be asked for once."""
+        """Result of the work begun for this key, else None; other work is ended. Once per `begin`."""
         if self._begun is None or self._begun[0] != key:
             self.close()
             return None
@@ -120,7 +120,7 @@ def shared(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
     return _shared(None, function, list(items))
 
 
-def beside(
+def alongside(
     own: Callable[[], Own], function: Callable[[Item], Result], items: Iterable[Item]
 ) -> tuple[Own, list[Result]]:
     """`own()`, done in this process, and `shared(function, items)`, on which other cores work meanwhile."""

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.elimination import Necessity, eliminate
+from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.rich_search import RichSearch
@@ -21,6 +23,7 @@ from tests.planar_arm import HELD_OUT, planar_set
 LIMITS = THRESHOLDS.motion
 DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
 COULOMB, STRIBECK = ChosenEffect("coulomb_friction", 1), ChosenEffect("stribeck_friction", 1)
+CURVE = ChosenEffect("free_curve_velocity", 1)
 SPRING, COMPENSATOR = ChosenEffect("cable_spring", 1), ChosenEffect("gravity_compensator", 1)
 
 
@@ -130,3 +133,56 @@ def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alon
     monkeypatch.setattr(demo, "if_better", alone)
     found = demo.enlarged(plain, chosen)
     assert tried == [2, 1] and found is not None and set(found[1]) == {COULOMB}
+
+
+def test_a_joint_that_rests_all_the_time_has_no_error(demo, monkeypatch):
+    """Its standstill is judged apart, and nothing else of it is left."""
+    context = search_of(read_set(DEMO)).context
+    context.apart[0] = True
+    for name in ("_moving", "_judged_moving"):
+        monkeypatch.setitem(context.__dict__, name, getattr(context, name) & [False, True])
+    layout = Layout(demo.own.joints)
+    fit = context.fit(layout, context.start(layout).x)
+    assert fit.rms[0] == fit.held_out_rms()[0] == 0
+    assert fit.rms[1] > 0 and np.isfinite(fit.sigma).all() and np.isfinite(fit.objective)
+
+
+def test_after_a_free_curve_the_search_begins_anew(demo, monkeypatch):
+    """Candidates that were refused beside an unknown law are tried again beside its curve."""
+    plain = fitted(demo)
+    leading = [s for s in demo.scores(plain) if s.effect == COULOMB]
+    laws = iter([None, None, CURVE])
+    tried: list[bool] = []
+    monkeypatch.setattr(demo, "keep", lambda *_: None)
+    monkeypatch.setattr(demo, "scores", lambda _: leading)
+    monkeypatch.setattr(demo, "best_of_each_joint", lambda _fit, _scores: leading)
+    monkeypatch.setattr(demo, "unknown", lambda _fit, _chosen: next(laws, None))
+    monkeypatch.setattr(demo, "beside_curve", lambda fit, _: (fit, {}))
+    monkeypatch.setattr(demo, "enlarged", lambda *_: tried.append(COULOMB in demo._refused))
+    try:
+        demo.with_all_found(plain, {})
+    finally:
+        demo._refused = set()
+    assert tried == [False, True, False, True]
+
+
+def test_a_search_stopped_with_a_curve_alone_ends_with_the_sets_own_model(monkeypatch):
+    """Nothing is fitted any more to see whether the curve would do alone."""
+    stops: list[bool] = []
+
+    def run(search: RichSearch, _: RichModel) -> RichModel:
+        fit = search.fit(Layout(search.own.joints, (COULOMB, CURVE)), fitted_start(search))
+        search.curves = (CURVE,)
+        search.keep(fit, {})
+        stops.append(True)
+        search.say("")
+        raise AssertionError("it does not stop")
+
+    def fitted_start(search: RichSearch) -> np.ndarray:
+        return search.context.start(Layout(search.own.joints, (COULOMB, CURVE))).x.copy()
+
+    monkeypatch.setattr(RichSearch, "near_noise", lambda _: None)
+    monkeypatch.setattr(RichSearch, "hides_many", lambda *_: True)
+    monkeypatch.setattr(RichSearch, "run", run)
+    result = diagnose(read_set(DEMO), apply=True, should_stop=lambda: bool(stops))
+    assert result.stopped and len(result.steps) == 1 and not result.model.effects

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from flexviz import parallel
-from flexviz.parallel import Background, Foreseen, beside, on_cores, shared, stopped_by, usable_cores
+from flexviz.parallel import Background, Foreseen, alongside, on_cores, shared, stopped_by, usable_cores
 
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
@@ -40,7 +40,7 @@ def test_the_work_is_shared() -> None:
 
 
 @TWO
-@pytest.mark.parametrize("count", [0, 1, 6])
+@pytest.mark.parametrize("count", [1, 6])
 def test_own_work_is_done_here_while_a_copy_works(count: int) -> None:
     here = os.getpid()
 
@@ -53,11 +53,12 @@ def test_own_work_is_done_here_while_a_copy_works(count: int) -> None:
         return os.getpid()
 
     with on_cores(2):
-        done, pieces = beside(own, piece, range(count))
+        done, pieces = alongside(own, piece, range(count))
         assert done == (here, 3 * [here]) and len(pieces) == count and here not in pieces
         with pytest.raises(ZeroDivisionError):
-            beside(lambda: 1 // 0, piece, range(count))
-    assert beside(own, piece, range(count)) == (done, count * [here])
+            alongside(lambda: 1 // 0, piece, range(count))
+        assert alongside(os.getpid, piece, []) == (here, [])
+    assert alongside(own, piece, range(count)) == (done, count * [here])
 
 
 @TWO

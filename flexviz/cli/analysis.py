@@ -93,7 +93,7 @@ def diagnose(
     terminal.show(result.document())
     terminal.write_json(json_file, result.to_dict(steps=apply))
     if result.verdict == "missing" and not apply and not result.stopped:
-        terminal.note("to add what is missing, effect by effect, and see the error fall: --apply")
+        terminal.note("to add the missing effects one by one and see how the error falls, use --apply")
     if draft_effect is not None:
         write_draft(result, draft_effect)
     return 130 if result.stopped else 0

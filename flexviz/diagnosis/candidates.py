@@ -70,7 +70,7 @@ def candidates(layout: Layout, groups: Sequence[Group], many: bool = False) -> l
 
 
 def joints_at_several_temperatures(groups: Sequence[Group]) -> set[int]:
-    """Joints whose temperature all groups state and at least two groups to be fitted differ in."""
+    """Joints whose temperature every group states and that differs between two fit groups."""
     known = [g for g in groups if g.temperature is not None]
     fitted = np.array([g.temperature for g in known if not g.validation])
     if len(known) < len(groups) or not len(fitted):

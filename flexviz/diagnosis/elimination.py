@@ -34,13 +34,14 @@ class Necessity:
         deviations: size of the effect in standard errors.
         held_out_rise: rise of the judged mean square of the effect's joint without it, relative to that with
             it; of all joints for effects at the link or without a joint.
-        rise_error: standard error of the rise, from its scatter between short stretches.
+        rise_error: standard error of the rise, from its scatter between short stretches; infinite for less
+            than three of them.
         share: root of the absolute rise, relative to the spread of the joint's torque; limited where the
             residual is small, because large residuals count less.
         torque: rms change of the judged residual without the effect, relative to the same; not limited.
         credible: its parameters could be real.
-        quiet: the model errs little on its joint, so that even small effects stand out.
-        at_noise: with the effect the model reaches the noise of its joint, or without one, of most joints.
+        quiet: the full model errs little on its joint, so that even small effects stand out.
+        at_noise: the full model reaches the noise of its joint, or for effects without one, of most joints.
     """
 
     deviations: float
@@ -79,8 +80,8 @@ class Elimination:
     """Result of an elimination: the effects that stay, and the start of a fit without the others.
 
     Attributes:
-        kept: effects that stay, with their necessity in the reduced model.
-        dropped: effects left out, in this order, with their necessity when they were.
+        kept: effects that stay, with their necessity beside each other.
+        dropped: effects left out, in this order, each with its necessity when it was dropped.
         x: shape (P,), parameters of the full layout with the dropped effects at zero.
     """
 
@@ -90,7 +91,9 @@ class Elimination:
 
 
 def eliminate(fit: MotionFit, firm: frozenset[ChosenEffect] = frozenset()) -> Elimination:
-    """Drop, one by one, the effects that a model does not need, the least significant first.
+    """Drop, one by one, the effects that a model does not need.
+
+    Those with implausible parameters go first, then the least significant.
 
     Args:
         fit: the model.
@@ -258,7 +261,7 @@ def _necessity(
     rise = squares.sum(axis=1)
     level = float(np.minimum(old**2, limit**2).sum(axis=1).mean()) + 1e-300
     each = np.array([rise[part].mean() for part in data.stretches]) / level
-    error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else 0.0
+    error = float(each.std(ddof=1) / np.sqrt(len(each))) if len(each) > 2 else np.inf
     mean = float(each.mean())
     shares = squares.mean(axis=0) * (sigma / fit.context.spread[joints]) ** 2
     # an effect without a joint acts on all of them, not only on one that lacks something else

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexviz.diagnosis import stages
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.confidence import probability_among_many
 from flexviz.diagnosis.evidence import effect_values
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
@@ -18,8 +19,8 @@ from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import Located, locate_residual
-from flexviz.diagnosis.result import Diagnosis, Finding
-from flexviz.diagnosis.rich_result import findings, staircase, steps, verdict_on
+from flexviz.diagnosis.result import Diagnosis
+from flexviz.diagnosis.rich_result import features, findings, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -27,6 +28,8 @@ from flexviz.effects import ChosenEffect, free_curve
 from flexviz.equation import Layout
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
+from flexviz.parallel import stopped_by
+from flexviz.progress import never
 from flexviz.results import Note, Verdict
 
 LIMITS = THRESHOLDS.motion
@@ -41,9 +44,9 @@ class InspectedModel:
         fit: of the model.
         curves: free curves beside which it was fitted.
         model: without them.
-        at_noise: its residual in units of the noise.
-        located: where that lies.
-        free_curve: of it, if no effect explains it.
+        at_noise: the model evaluated in units of the noise.
+        located: where its residual lies.
+        free_curve: of the residual; None unless the verdict is "unknown".
     """
 
     fit: MotionFit
@@ -80,8 +83,8 @@ class ManyEffects:
     def find(self) -> RichModel | None:
         """The smallest model found.
 
-        None for a set that hides few effects: one after the other they are found more surely. A law of no
-        library alone is one if hardly anything is left beside it.
+        None if the set hides only a few effects: adding them one at a time is then more reliable. A set with
+        one unknown law also counts as one of many if its free curve leaves hardly any residual.
         """
         survey = self.search.survey()
         if not self.search.hides_many(survey):
@@ -102,34 +105,37 @@ class ManyEffects:
         little = np.maximum(LIMITS.little * spread, LIMITS.little_left * self.search.bare.rms)
         return alone if np.all(alone.fit.rms < np.maximum(LIMITS.near_noise * noise, little)) else None
 
+    def worth_showing(self, rich: RichModel) -> RichModel | None:
+        """The model of a search that was stopped, if it has many effects; nothing is fitted any more."""
+        return rich if len(rich.added(self.layout)) >= LIMITS.many else None
+
     def result(self, rich: RichModel, apply: bool, guarded: bool, tell: Callable[[str], None]) -> Diagnosis:
         """The staircase of a model as a diagnosis; without `apply`, of the set's own model.
 
         Args:
             rich: the model.
-            apply: whether the result describes it, provided that any of its effects is certain or no law of
-                no library is left: otherwise they imitate that law.
+            apply: whether the result describes this model. Not if an unknown law remains and no effect is
+                certain: the effects then probably imitate it.
             guarded: whether to check it against the observer's bandwidth.
             tell: called with a progress message. It does not stop the work: what is found is not thrown away.
         """
         tell(stages.STAIRS)
         last: Verdict = verdict_on(rich)
-        seen, stairs = staircase(
-            self.context,
-            self.layout,
-            rich,
-            self.band,
-            lambda: self.inspected(rich.fit, rich.curves, last) if apply else None,
-        )
+        imitations = last == "unknown" and doubtful(rich, rich.added(self.layout))
+        apply = apply and not imitations
+
+        def own_work() -> InspectedModel | None:
+            return self.inspected(rich.fit, rich.curves, last) if apply else None
+
+        with stopped_by(never):
+            seen, stairs = staircase(self.context, self.layout, rich, self.band, own_work)
         found = list(findings(stairs, rich, self.band))
-        if found and last == "unknown" and doubtful(found):
-            apply = False
-        elif not apply and found:
+        if found and not apply and not imitations:
             last = "missing"
         if not apply:
             stairs = stairs[:1]
         taken = steps(stairs, found if apply else [], last)
-        if seen is None or not apply:
+        if seen is None:
             tell(stages.LOCATION)
             seen = self.inspected(self.context.fit(stairs[0].layout, stairs[0].x, iterations=0), (), last)
         final, model, bandwidths = seen.fit, seen.model, None
@@ -150,7 +156,7 @@ class ManyEffects:
             ),
             seconds=0.0,
             notes=(
-                *self.remarks(final, seen.curves),
+                *self.remarks(final, seen.curves, last),
                 *notes(seen.at_noise, last, stairs[-1].errors, unexplained, seen.free_curve, bandwidths),
             ),
             model=model.layout.model(model.x),
@@ -170,25 +176,26 @@ class ManyEffects:
         curve = fit_free_curve(context, at_noise, located.places[0], located.parts) if unknown else None
         return InspectedModel(fit, curves, model, at_noise, located, curve)
 
-    def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect]) -> list[Note]:
+    def remarks(self, final: MotionFit, curves: Sequence[ChosenEffect], last: Verdict) -> list[Note]:
         """What the final model explains, and what was judged apart."""
         joints = self.layout.joints
         share = 1 - (final.held_out_rms() / self.context.spread) ** 2
         which = "held-out" if final.held_out else "fitted"
         values = ", ".join(f"{j} {100 * max(v, 0.0):.3g} %" for j, v in zip(joints, share, strict=True))
-        out = [Note("explained", f"of the {which} torque the model explains: {values}")]
+        out = [Note("explained", f"share of the {which} torque that the model explains: {values}")]
         if self.context.apart.any():
             names = ", ".join(j for j, apart in zip(joints, self.context.apart, strict=True) if apart)
             text = (
-                f"the standstill of {names} is left out, here and in the errors: at rest friction takes any "
-                "value up to its limit, and the model errs much more there than in motion"
+                f"samples at standstill of {names} are excluded, here and from the errors: static friction "
+                "can take any value up to its limit, so the model is much less accurate there"
             )
             out.append(Note("standstill", text))
         ratio = final.rms / self.context.noise_floor
-        if not curves and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
+        complete = last == "nothing-missing" and not curves
+        if complete and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
             text = (
-                f"what is left on {joints[int(ratio.argmax())]} is {ratio.max():.2g} times its noise: no "
-                "candidate explains it, but small effects may be left"
+                f"the residual of {joints[int(ratio.argmax())]} is {ratio.max():.2g} times its noise: no "
+                "candidate explains it, but small effects may remain"
             )
             out.append(Note("other", text))
         for curve in curves:
@@ -196,13 +203,14 @@ class ManyEffects:
             assert law is not None
             joint = joints[curve.place.own_joint]
             text = (
-                f"{joint} follows a law of no library, here a curve of {law.variable}: "
-                "the other effects were judged beside it"
+                f"{joint} follows a law that is not in the library: a free curve of {law.variable} stood in "
+                "for it while the other effects were judged"
             )
             out.append(Note("other", text))
         return out
 
 
-def doubtful(found: Sequence[Finding]) -> bool:
-    """Whether none of the effects is certain."""
-    return all(finding.confidence < LIMITS.doubtful for finding in found)
+def doubtful(rich: RichModel, added: Sequence[ChosenEffect]) -> bool:
+    """Whether the model has added effects, and none of them is certain."""
+    confidences = [probability_among_many(features(rich, e, rich.needed[e])) for e in added]
+    return bool(confidences) and max(confidences) < LIMITS.doubtful

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import credible
-from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, raw_step
+from flexviz.diagnosis.elimination import Necessity, eliminate, necessities, raw_step, sizes
 from flexviz.diagnosis.motion_fit import MAX_ITERATIONS, MotionContext, MotionFit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, JointScale, neighbour
@@ -158,22 +158,25 @@ class ModelFamily:
     def thinned(self, fit: MotionFit) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model without the effects that it does not need, fitted again until all are needed.
 
-        Where an effect that cannot be real explains much, that beside which it is sought takes its place:
+        A significant effect with implausible parameters is replaced by the effect beside which it is sought:
         Stribeck friction up to the joint's top speed is Coulomb friction.
         """
         for _ in range(LIMITS.eliminations):
             result = eliminate(fit, self.firm | self.offsets_of_springs(fit.layout))
             if not result.dropped:
                 return fit, result.kept
+            refined = {(EFFECTS[e.effect].replaces, e.joint) for e in result.kept}
             stand_ins = {
                 ChosenEffect(name, effect.joint): fit.x[fit.layout.effect_slice(effect)]
                 for effect, need in result.dropped.items()
-                if need.implausible and (name := EFFECTS[effect.effect].beside)
+                if need.implausible
+                and (name := EFFECTS[effect.effect].beside)
+                and (name, effect.joint) not in refined
             }
             smaller = Layout(fit.layout.joints, tuple(dict.fromkeys((*result.kept, *stand_ins))))
             start = fit.towards(result.x, smaller)
             for effect in stand_ins.keys() - result.kept.keys():
-                start[smaller.effect_slice(effect)] = stand_ins[effect][0]
+                start[sizes(effect, smaller.effect_slice(effect))] = stand_ins[effect][0]
             fit = self.fit(smaller, start)
         return fit, necessities(fit)
 
@@ -200,9 +203,14 @@ class ModelFamily:
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with torque offsets beside a spring turned into the spring's rest angle."""
+        merged = self.merged(fit)
+        return (fit, needed) if merged is fit else (merged, necessities(merged))
+
+    def merged(self, fit: MotionFit) -> MotionFit:
+        """The fit of that model; the same one if there is nothing to turn."""
         merged = self.offsets_of_springs(fit.layout) - set(self.own.effects)
         if not merged:
-            return fit, needed
+            return fit
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
         x = smaller.vector(fit.layout.model(fit.x))
         for offset in merged:
@@ -210,8 +218,7 @@ class ModelFamily:
             for effect, where in smaller.effect_slices():
                 if effect.joint == offset.joint:
                     x[where] = EFFECTS[effect.effect].with_constant(x[where], torque)
-        fit = self.fit(smaller, x)
-        return fit, necessities(fit)
+        return self.fit(smaller, x)
 
     def with_curves_only(self, rich: RichModel) -> RichModel:
         """The set's own model with the free curves of a larger one."""
@@ -248,7 +255,7 @@ class ModelFamily:
             }
             if any(EFFECTS[e.effect].offset_parameter for e in swaps):
                 merged = self.with_rest_angles(fit, needed)
-                # as an offset of the motor torque it adds no load to friction that follows the load
+                # an offset of the motor torque does not load the transmission, a spring's preload does
                 if merged[0].objective < fit.objective - LIMITS.likelier:
                     fit, needed = merged
                     swaps = {e: swap for e, swap in swaps.items() if e in fit.layout.effects}

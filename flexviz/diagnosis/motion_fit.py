@@ -58,7 +58,6 @@ class MotionFit:
         sigma: shape (n,), σ of each joint [Nm].
         at_bound: shape (P,), parameters held at a bound.
         objective: twice the negative log likelihood of residuals of unknown variance, and the prior.
-        converged: the last step was negligible.
     """
 
     context: MotionContext
@@ -70,7 +69,6 @@ class MotionFit:
     sigma: Array
     at_bound: NDArray[np.bool_]
     objective: float
-    converged: bool
     _whitened: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "weighted", 2), init=False)
 
     @cached_property
@@ -131,7 +129,7 @@ class MotionFit:
     def rms(self) -> Array:
         """Residual of the fit groups, shape (n,) [Nm]."""
         used = self.context.used
-        return np.sqrt(np.sum(self.residual**2 * used, axis=0) / used.sum(axis=0))
+        return np.sqrt(np.sum(self.residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))
 
     @cached_property
     def judged(self) -> tuple[Array, Array]:
@@ -150,7 +148,8 @@ class MotionFit:
 
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
-        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / self.context.judged_used.sum(axis=0))
+        count = np.maximum(self.context.judged_used.sum(axis=0), 1)
+        return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / count)
 
     def towards(self, x: Array, smaller: Layout) -> Array:
         """Start of a smaller model on the way to x, shape (P,): a linear move may leave what is possible."""
@@ -287,12 +286,11 @@ class MotionContext:
             hessian = hessian + fit.information
             step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-            fit = replace(fit, at_bound=at_bound, converged=length < LIMITS.negligible_step or settled)
-            if fit.converged or iteration == iterations:
+            fit = replace(fit, at_bound=at_bound)
+            if settled or length < LIMITS.negligible_step or iteration == iterations:
                 break
             after = self._along(fit, step, prior, bounds)
             if after is None:
-                fit = replace(fit, converged=length < 1.0)
                 break
             x = after
         assert fit is not None
@@ -317,5 +315,5 @@ class MotionContext:
         weights, sigma, misfit = robust_weights(evaluation.residual, self.noise_floor, self.used)
         return MotionFit(
             self, point.layout, x, point, evaluation, weights, sigma, np.zeros(len(x), bool),
-            misfit + 2 * prior.value(x), False,
+            misfit + 2 * prior.value(x),
         )  # fmt: skip

@@ -156,7 +156,7 @@ class _Pipeline:
                 rich = many.find()
         except Interrupted:
             if (best := many.search.best) is not None:
-                rich, self.start = many.useful(best), best.fit.layout.model(best.fit.x)
+                rich, self.start = many.worth_showing(best), best.fit.layout.model(best.fit.x)
         if rich is not None:
             result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)

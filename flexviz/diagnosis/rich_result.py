@@ -20,7 +20,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import Projection
-from flexviz.parallel import Own, beside
+from flexviz.parallel import Own, alongside
 from flexviz.results import Verdict
 
 Array = NDArray[np.float64]
@@ -82,7 +82,7 @@ def staircase(
         fit = context.fit(layout, start, iterations=LIMITS.stair_iterations)
         return Stair.of(added[count], fit, band)
 
-    done, stairs = beside(own_work, stair, range(len(ordered)))
+    done, stairs = alongside(own_work, stair, range(len(ordered)))
     return done, [*stairs, Stair.of(added[-1], rich.fit, band, rich.curves)]
 
 

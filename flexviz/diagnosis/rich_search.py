@@ -106,7 +106,10 @@ class RichSearch(WhatIsLeft):
         return RichModel(fit, needed)
 
     def hides_many(self, survey: RichModel) -> bool:
-        """Whether the set needs several effects: no single one comes as near the noise of every joint."""
+        """Whether the set needs several effects.
+
+        It does not if one alone leaves hardly more than the survey on every joint, or nearly the noise.
+        """
         quiet = np.all(survey.fit.rms < LIMITS.far_off * self.context.noise_floor)
         if quiet and len(survey.added(self.own)) < LIMITS.many:
             return False
@@ -152,13 +155,13 @@ class RichSearch(WhatIsLeft):
         idle = 0
         for _ in range(LIMITS.rounds):
             self.keep(fit, needed)
-            self.say(f"scoring what is left beside {plural(len(needed.keys() - set(self.curves)), 'effect')}")
+            self.say(f"scoring candidates beside {plural(len(needed.keys() - set(self.curves)), 'effect')}")
             chosen = self.best_of_each_joint(fit, self.scores(fit))
             if (unknown := self.unknown(fit, chosen)) is not None:
                 joint = unknown.place.own_joint
                 self.say(f"fitting a free curve to an unknown law on {self.own.joints[joint]}")
                 if (beside := self.beside_curve(fit, unknown)) is not None:
-                    (fit, needed), self._refused = beside, set()
+                    (fit, needed), self._refused, idle = beside, set(), 0
                     continue
                 self._lawful.add(joint)
             if not chosen or idle > LIMITS.idle_rounds:
@@ -199,16 +202,16 @@ class RichSearch(WhatIsLeft):
         only beside it. What is real is found again.
         """
         joint = curve.place.own_joint
-        needed = LIMITS.curve_gain * fit.held_out_rms()[joint]
+        highest = LIMITS.curve_gain * fit.held_out_rms()[joint]
         before = self.curves
         self.curves += (curve,)
         for layout in dict.fromkeys((self.without_found(fit.layout, joint), fit.layout)):
             larger = Layout(layout.joints, (*layout.effects, curve))
             start = self.fit(larger, larger.vector(fit.layout.model(fit.x)))
-            if start.held_out_rms()[joint] < LIMITS.curve_promise * needed:
-                beside, kept = self.thinned(self.usual_fit(beside=start))
-                if beside.held_out_rms()[joint] < needed:
-                    return beside, kept
+            if start.held_out_rms()[joint] < LIMITS.curve_promise * highest:
+                larger_fit, kept = self.thinned(self.usual_fit(beside=start))
+                if larger_fit.held_out_rms()[joint] < highest:
+                    return larger_fit, kept
         self.curves = before
         return None
 
@@ -261,9 +264,9 @@ class RichSearch(WhatIsLeft):
     def with_original_laws(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with laws turned back into those in whose place they stand, unless that is clearly worse.
+        """The model with alternative laws replaced by the original ones, unless that is clearly worse.
 
-        They may have taken that place only because something else was missing.
+        The alternative may have won only because something else was missing.
         """
         for effect in [e for e in fit.layout.effects if e not in self.own.effects]:
             original, joint = EFFECTS[effect.effect].instead_of, effect.joint
@@ -271,11 +274,13 @@ class RichSearch(WhatIsLeft):
                 continue
             self.say(f"trying: {EFFECTS[original].title}")
             start = without_effect(fit.layout, fit.x, effect)
+            if ChosenEffect(original, joint) in start.layout.effects:
+                continue  # beside each other they are not alternatives
             without = self.fit(start.layout, start.x, iterations=0)
             if not (turned := self.scored(without, [ChosenEffect(original, joint)])):
                 continue
             trial = self.with_candidates(without, turned)
-            trial = min(trial, self.with_rest_angles(trial, {})[0], key=lambda each: each.sigma[joint])
+            trial = min(trial, self.merged(trial), key=lambda each: each.sigma[joint])
             if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:
                 thinner, kept = self.with_rest_angles(*self.thinned(trial))
                 if ChosenEffect(original, joint) in kept and not self.worse_joints(fit, thinner):
@@ -316,4 +321,4 @@ class RichSearch(WhatIsLeft):
 
     def lasting(self, fit: MotionFit, joint: int) -> list[ScoredCandidate]:
         """Scores of a joint's effects that a model lacks, without episodes, the best first."""
-        return [s for s in self.scores(fit, [joint]) if not is_episode(s.effect)]
+        return self.scores(fit, [joint], episodes=False)

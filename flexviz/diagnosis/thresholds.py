@@ -108,8 +108,8 @@ class MotionThresholds:
     plain: float = 10.0
     rise_deviations: float = 1.0  # ... by this many standard errors
     least_torque_share: float = 0.002  # of a joint's torque spread that an effect has to explain
-    # rise of a joint's mean square without an effect that counts, however small, where the model with it
-    # reaches the noise
+    # relative rise of a joint's mean square without an effect, above which the effect stays however small
+    # its torque, if the model with it reaches the noise
     completing_rise: float = 1.0
     stretch: float = 0.5  # [s] of the stretches that give the standard error of the rise
     rich_iterations: int = 12  # of the rich model, which need not converge
@@ -159,7 +159,7 @@ class MotionThresholds:
     little_left: float = 0.2  # ... or this share of what the set's own model leaves
     quiet_model: float = 3.0  # times the noise: the set's own model is near it without any effect
     stair_iterations: int = 10  # of the models of the staircase
-    idle_rounds: int = 1  # of scoring without a find
+    idle_rounds: int = 1  # without a find after which one more ends the search
 
 
 @dataclass(frozen=True)

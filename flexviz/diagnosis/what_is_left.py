@@ -27,13 +27,17 @@ class WhatIsLeft(ModelFamily):
         self._refused: set[ChosenEffect] = set()
         self._lawful: set[int] = set()  # joints on which a free curve does not help
 
-    def scores(self, fit: MotionFit, joints: Sequence[int | None] | None = None) -> list[ScoredCandidate]:
+    def scores(
+        self, fit: MotionFit, joints: Sequence[int | None] | None = None, episodes: bool = True
+    ) -> list[ScoredCandidate]:
         """Scores of all effects that a model lacks, the best first; `joints`: of these only."""
         groups = self.context.measurements.groups
         wanted = [e for e in candidates(fit.layout, groups, many=True) if e not in self._refused]
+        longest = LIMITS.longest_episode if episodes else None
+        without = {*self._refused, *fit.layout.effects}
         return score_by_joint(
             fit.point, fit.chain, wanted, self.weigh(fit), fit.projection, check=lambda: self.say(""),
-            longest=LIMITS.longest_episode, without=self._refused, signatures=False, joints=joints,
+            longest=longest, without=without, signatures=False, joints=joints,
         )  # fmt: skip
 
     def scored(self, fit: MotionFit, wanted: Sequence[ChosenEffect]) -> list[ScoredCandidate]:
@@ -56,7 +60,7 @@ class WhatIsLeft(ModelFamily):
         return explained(*fit.projection.normal(weighed.reshape(-1, len(columns))))[1] / len(fit.weights)
 
     def unknown(self, fit: MotionFit, chosen: list[ScoredCandidate]) -> ChosenEffect | None:
-        """The free curve that explains much more than any candidate on its joint; the largest one."""
+        """The best free curve on the joint that errs most, if it explains much more than any candidate."""
         best = {s.effect.joint: s.gain for s in reversed(chosen)}
         taken = {curve.place.own_joint for curve in self.curves} | self._lawful
         ratio = fit.rms / self.context.noise_floor
@@ -105,4 +109,7 @@ class WhatIsLeft(ModelFamily):
                 and larger.sigma[joint] ** 2 > (1 - LIMITS.replaced_share) * fit.sigma[joint] ** 2
             ):
                 doubtful.append(s)
-        return self.with_candidates(fit, [s for s in chosen if s not in doubtful]) if doubtful else larger
+        if not doubtful:
+            return larger
+        others = [s for s in chosen if s not in doubtful]
+        return self.with_candidates(fit, others) if others else fit

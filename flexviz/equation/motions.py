@@ -176,7 +176,7 @@ class WideMotions:
         return out
 
     def _known(self, fine: FineSignals, block: Block) -> tuple[CubicInterpolation, slice, int]:
-        """From the equation's samples to fine ones between; which those are; how many align s."""
+        """Interpolation to fine samples, their slice, and how many at each end align the wide-band torque."""
         time = self._signals.time[block.rows]
         first = int(np.searchsorted(fine.time, time[0]))
         last = int(np.searchsorted(fine.time, time[-1], side="right"))

@@ -22,7 +22,7 @@ NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the ban
 class _Continued:
     """A record continued by reflection about its trend, on a grid that may be decimated.
 
-    A row per column of the record: transforms and means along rows are the fast ones.
+    Stored as (m, N): transforms and means along contiguous rows are faster.
 
     Attributes:
         slope: shape (m,), derivative of the trend, which is a line for odd reflection, the mean for even.
