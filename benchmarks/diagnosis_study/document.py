@@ -17,7 +17,7 @@ FRAME = f"""\
 # What the diagnosis finds, and what not
 
 `python -m benchmarks.diagnosis_study all --work DIR --write` simulates robots with something hidden in
-them, diagnoses every one, and writes everything below. It can be interrupted and goes on where it was;
+them, diagnoses every one, and writes everything below. It can be interrupted and resumes where it stopped;
 `make`, `run` and `table` do one part each, `--only TEXT` takes the cases with TEXT in their names, `--seed`
 draws others. The truth lies in a folder of its own that the diagnosis does not read.
 
@@ -26,9 +26,9 @@ draws others. The truth lies in a folder of its own that the diagnosis does not 
 A planar arm with two joints, a Panda, a UR5, from the project's simulator: random bodies, stiffness, motor
 inertia and friction; a CAD model whose masses, centres of mass and inertias are up to 35 % wrong, stiffness
 and motor inertia known within 45 %; one quarter of the planar arms move in an inclined plane. Each set has
-two or three groups to fit, with a motion and a payload of their own, and a held-out one that pairs them
-anew; 10 or 12 s at 1 kHz. Noise 1 is 2e-5 rad and 2 mNm for the planar arm, 1e-5 rad and 10 mNm for the
-others; half of it and three times as much as well.
+two or three groups to fit, with a motion and a payload of their own, and a held-out one that combines
+them differently; 10 or 12 s at 1 kHz. Noise 1 is 2e-5 rad and 2 mNm for the planar arm, 1e-5 rad and
+10 mNm for the others; half of it and three times as much as well.
 
 - *single*: one effect of the library, on a random joint; its size is log-uniform from about the detection
   limit to large.
@@ -40,9 +40,9 @@ others; half of it and three times as much as well.
 A finding is right when it names a hidden effect on its joint or payload, or its twin (motor and link
 Coulomb friction, delay and joint damping, offset and tilt) where that is reported as tied. Something is
 *named* when the verdict is "missing". A case is *decidable* when a fit that knows the truth, with the same
-workbench and started from the truth, gains at least 300 in χ² over the best base model, for two effects
+estimator and started from the truth, gains at least 300 in χ² over the best base model, for two effects
 over the best model with one of them; for laws that are not in the library, over the base model's fit of the
-same set simulated without that law. Of a joint below its noise the noise is counted.
+same set simulated without that law. For a joint below its noise, the noise is used.
 
 {HEAD}
 {TAIL}

@@ -34,7 +34,7 @@ continues a run that was interrupted.
 
 | method | what it is here |
 |---|---|
-| flexviz identify, `--refine` | this program, with the friction terms that the others are told of |
+| flexviz identify, `--refine` | this program, with the same friction terms as the other methods |
 | flexviz diagnose `--apply` | where friction is hidden: this program, told of viscous friction only |
 | trust-constr | the paper's way: its equation 6 (four derivatives of θ, samples every 25 ms) minimised by SciPy's interior-point method with finite differences, over base inertial parameters, K, B and friction on both sides. A zero-phase filter at 8 Hz in place of the paper's causal observer, which is 4–22 % off in stiffness |
 | mujoco.sysid | simulated against measured motor angle, over K, B, friction on both sides and a pseudo-inertia per link: rotor and link as two hinges and a tendon, RK4 at 2 ms, driven by the measured torque and a soft servo; links start at q = θ − s/K, friction above zero |
@@ -46,8 +46,8 @@ continues a run that was interrupted.
 Every method starts at the values of the set and of its URDF and knows the payloads. The rigid methods also fit motor inertia and
 friction; what a method cannot estimate is {none}. Where the controller of a recording is unknown, IDIM-IV and DIDIM simulate
 with a PD controller of 20 Hz on the measured angle. Gautier, Jubien and Janot (2013) extend DIDIM to joint stiffness; it needs the
-controller and is not compared. Told to all but `diagnose`: Coulomb friction on every joint in 2r-coulomb_friction; Coulomb friction
-and offsets on the KUKA (offsets not to trust-constr and mujoco.sysid, whose scripts have none).
+controller and is not compared. Given to all methods but `diagnose`: Coulomb friction on every joint in 2r-coulomb_friction; Coulomb
+friction and offsets on the KUKA (offsets not to trust-constr and mujoco.sysid, whose scripts have none).
 
 The columns: largest error of each kind over the joints, relative to the truth (or to a tenth of the largest of its kind, if that
 is more). An asterisk: flexviz itself marks the value as not determined by the data.

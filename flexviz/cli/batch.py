@@ -39,7 +39,7 @@ def batch(
         0.0,
         metavar="S",
         min=0.0,
-        help="Seconds after which a diagnosis ends with what it has found; 0: none.",
+        help="Time limit of a diagnosis [s], which keeps what it has found; 0: none.",
     ),
 ) -> int:
     """Identify and diagnose many measurement sets; go on where an earlier run ended."""
@@ -92,20 +92,20 @@ def study(
         str,
         typer.Argument(
             metavar="PRESET|URDF|SET",
-            help="What is simulated, as in flexviz simulate; of bootstrap and bandwidth a measurement set.",
+            help="What is simulated, as in flexviz simulate; for bootstrap and bandwidth, a measurement set.",
         ),
     ],
     out: OutOption,
     options: IdentificationOptions,
     work: WorkOptions,
-    runs: int = typer.Option(100, metavar="N", min=1, help="Seeds; of detection for each size."),
+    runs: int = typer.Option(100, metavar="N", min=1, help="Number of seeds; for detection, per size."),
     at: list[float] | None = typer.Option(
         None, "--at", metavar="X", help="A bandwidth in rad/s, or a size of the effect; repeat for more."
     ),
     hide: list[str] | None = typer.Option(
         None, metavar="NAME[:joint][:param=value,...]", help="Hide an effect in the robot; repeat for more."
     ),
-    parameter: str = typer.Option("", metavar="NAME", help="Of the hidden effect: what --at varies."),
+    parameter: str = typer.Option("", metavar="NAME", help="Parameter of the effect that --at varies."),
     start: str = typer.Option("rest", metavar="rest|moving", help="How a simulated motion starts."),
     block: float = typer.Option(2.0, metavar="S", help="Length of the blocks of a bootstrap, in s."),
     diagnose: bool = typer.Option(False, "--diagnose", help="Of monte-carlo: also diagnose each run."),

@@ -37,7 +37,7 @@ def design(
     ),
     groups: int | None = typer.Option(None, metavar="N", help="How many. Default: 3; to separate: 1."),
     duration: float | None = typer.Option(None, metavar="S", help="Length of each group [s]. Default: 10."),
-    floor: float | None = typer.Option(None, metavar="Z", help="Least height of the tool [m]."),
+    floor: float | None = typer.Option(None, metavar="Z", help="Minimum height of the tool [m]."),
     beside: bool | None = typer.Option(
         None,
         "--beside/--alone",

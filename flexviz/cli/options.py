@@ -110,7 +110,7 @@ class WorkOptions:
     patience: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler, in s.")
     ] = 60.0
-    retry: Annotated[bool, typer.Option("--retry", help="Also do again what failed in an earlier run.")] = (
+    retry: Annotated[bool, typer.Option("--retry", help="Also retry what failed in an earlier run.")] = (
         False
     )
 
