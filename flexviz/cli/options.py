@@ -110,9 +110,7 @@ class WorkOptions:
     patience: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="How long to wait for a lost scheduler, in s.")
     ] = 60.0
-    retry: Annotated[bool, typer.Option("--retry", help="Also retry what failed in an earlier run.")] = (
-        False
-    )
+    retry: Annotated[bool, typer.Option("--retry", help="Also retry what failed in an earlier run.")] = False
 
 
 def with_shared_options(command: Callable[..., int], own_effects: bool = True) -> Callable[..., int]:
