@@ -99,13 +99,12 @@ def main() -> None:
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as temporary:
         work = arguments.work or Path(temporary)
-        rows = []
+        print(HEAD, flush=True)
         for kind in arguments.hidden:
             for minutes in map(float, arguments.minutes.split(",")):
                 # in a process each: a process begins with the largest memory of the one that started it
                 folder = alone(made, work, minutes, kind)
-                rows.append(alone(examine, folder, arguments.verbose))
-    print("\n".join((HEAD, *rows)))
+                print(alone(examine, folder, arguments.verbose), flush=True)
 
 
 if __name__ == "__main__":
