@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from flexviz.diagnosis import diagnose
 from flexviz.diagnosis.acceptance import credible, excess, needed_gain, verdict
 from flexviz.diagnosis.candidates import with_effect, without_effect
 from flexviz.diagnosis.comparison import CandidateScores, RefittedCandidate, SearchStep
-from flexviz.diagnosis.confidence import probability
+from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
@@ -290,6 +291,21 @@ def test_confidence_follows_what_speaks_for_it() -> None:
         less = list(more)
         less[k] -= step
         assert probability(less) < probability(more)
+
+
+def judged(objective: float, chi: float, chi_held_out: float) -> Any:
+    """A fit of two joints, as far as its confidence depends on it."""
+    return SimpleNamespace(objective=objective, chi=np.full(2, chi), chi_held_out=np.full(2, chi_held_out))
+
+
+def test_a_trace_of_what_an_effect_explains_casts_no_doubt_on_it() -> None:
+    """Unless the held-out groups show it, too: an imitation does not predict them."""
+    before = judged(1e5, 1e8, 1e8)
+    traces = [judged(1e4, 250.0, 1.0), judged(1e4, 250.0, 250.0), judged(1e4, 1e6, 1.0)]
+    sure, imitating, coarse = (probability(features(before, after, after)) for after in traces)
+    assert sure > 0.9 and imitating < 0.1 and coarse < 0.1
+    unchecked = judged(1e4, 250.0, np.nan)
+    assert probability(features(before, unchecked, unchecked)) < 0.1
 
 
 def test_what_tells_two_effects_apart_is_named(base: tuple[FitContext, Fit]) -> None:

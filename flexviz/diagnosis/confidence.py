@@ -34,15 +34,25 @@ def features(before: Fit, after: Fit, final: Fit) -> tuple[float, float, float]:
 
     Returns:
         log of the gain in the objective relative to the minimum gain; share of the excess over the noise that
-        the effect removed; log of one plus the excess of the final model.
+        the effect removed; log of one plus the excess of the final model (`_doubtful_excess`).
     """
     gain = before.objective - after.objective
     least = THRESHOLDS.acceptance.least_gain
-    return (
-        float(np.log(max(gain, 1.0) / least)),
-        removed_share(before, after),
-        float(np.log1p(excess(final))),
-    )
+    share = removed_share(before, after)
+    left = float(np.log1p(_doubtful_excess(share, final)))
+    return float(np.log(max(gain, 1.0) / least)), share, left
+
+
+def _doubtful_excess(share: float, final: Fit) -> float:
+    """Excess of the final model, as far as it casts doubt on an effect that removed a share of it.
+
+    Where nearly all is removed and the held-out groups are at their noise, what is left is a trace of the
+    effect's own form, such as the edges of a contact: no imitation predicts other groups so well.
+    """
+    limits, held_out = THRESHOLDS.evidence, final.chi_held_out
+    if share > limits.nearly_all and np.isfinite(held_out).all() and held_out.max() < limits.predicted:
+        return excess(final) * (1 - share) / (1 - limits.nearly_all)
+    return excess(final)
 
 
 def probability(evidence: Sequence[float], weights: Sequence[float] = WEIGHTS) -> float:
