@@ -185,4 +185,5 @@ def test_a_search_stopped_with_a_curve_alone_ends_with_the_sets_own_model(monkey
     monkeypatch.setattr(RichSearch, "hides_many", lambda *_: True)
     monkeypatch.setattr(RichSearch, "run", run)
     result = diagnose(read_set(DEMO), apply=True, should_stop=lambda: bool(stops))
-    assert result.stopped and len(result.steps) == 1 and not result.model.effects
+    assert result.stopped and len(result.steps) == 1
+    assert result.model is not None and not result.model.effects
