@@ -8,7 +8,8 @@
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
 	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo "$$p"; break; }; done)
 BIN := .venv/bin
-JOBS ?= 2
+# of the tests: on two cores a third one works while the others wait for a browser
+JOBS ?= 3
 
 .PHONY: install serve test lint types pytest coverage browser format wheel docs lock clean
 .DELETE_ON_ERROR:

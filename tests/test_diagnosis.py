@@ -179,4 +179,4 @@ def test_without_apply_the_terminal_says_how_to_add_what_is_missing(
     said = capsys.readouterr()
     assert "Missing: Coulomb friction on joint2" in said.out and "of the last model" not in said.out
     assert "error of the present model [Nm]" in said.out
-    assert said.err.splitlines()[-1].endswith("and see the error fall: --apply")
+    assert said.err.splitlines()[-1].endswith("see how the error falls, use --apply")

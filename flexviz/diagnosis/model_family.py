@@ -208,8 +208,7 @@ class ModelFamily:
 
     def merged(self, fit: MotionFit) -> MotionFit:
         """The fit of that model; the same one if there is nothing to turn."""
-        merged = self.offsets_of_springs(fit.layout) - set(self.own.effects)
-        if not merged:
+        if not (merged := self.offsets_of_springs(fit.layout) - set(self.own.effects)):
             return fit
         smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
         x = smaller.vector(fit.layout.model(fit.x))
