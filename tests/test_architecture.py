@@ -188,6 +188,11 @@ def test_no_address_of_a_package_registry_and_no_local_path() -> None:
     assert not wrong
 
 
+def test_no_unsaved_work_is_part_of_the_project() -> None:
+    """The app keeps it beside the bundled sets while they are open."""
+    assert not [path for path in tracked() if ".unsaved" in path.parts]
+
+
 def test_lock_file_has_hashes_and_no_addresses() -> None:
     text = (ROOT / "requirements.lock").read_text(encoding="utf-8")
     assert "://" not in text and "--find-links" not in text
