@@ -203,16 +203,16 @@ class ModelFamily:
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with torque offsets beside a spring turned into the spring's rest angle."""
-        merged = self.merged(fit)
+        merged = self.with_offsets_merged(fit)
         return (fit, needed) if merged is fit else (merged, necessities(merged))
 
-    def merged(self, fit: MotionFit) -> MotionFit:
-        """The fit of that model; the same one if there is nothing to turn."""
-        if not (merged := self.offsets_of_springs(fit.layout) - set(self.own.effects)):
+    def with_offsets_merged(self, fit: MotionFit) -> MotionFit:
+        """The fit of that model; the given one if there are no such offsets."""
+        if not (offsets := self.offsets_of_springs(fit.layout) - set(self.own.effects)):
             return fit
-        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in merged))
+        smaller = Layout(fit.layout.joints, tuple(e for e in fit.layout.effects if e not in offsets))
         x = smaller.vector(fit.layout.model(fit.x))
-        for offset in merged:
+        for offset in offsets:
             torque = float(fit.x[fit.layout.effect_slice(offset).start])
             for effect, where in smaller.effect_slices():
                 if effect.joint == offset.joint:
@@ -253,10 +253,10 @@ class ModelFamily:
                 and e not in self.own.effects
             }
             if any(EFFECTS[e.effect].offset_parameter for e in swaps):
-                merged = self.with_rest_angles(fit, needed)
+                merged = self.with_offsets_merged(fit)
                 # an offset of the motor torque does not load the transmission, a spring's preload does
-                if merged[0].objective < fit.objective - LIMITS.likelier:
-                    fit, needed = merged
+                if merged.objective < fit.objective - LIMITS.likelier:
+                    fit, needed = merged, necessities(merged)
                     swaps = {e: swap for e, swap in swaps.items() if e in fit.layout.effects}
             if swaps:
                 fit, needed = self.better_of(fit, needed, swaps)

@@ -280,7 +280,7 @@ class RichSearch(WhatIsLeft):
             if not (turned := self.scored(without, [ChosenEffect(original, joint)])):
                 continue
             trial = self.with_candidates(without, turned)
-            trial = min(trial, self.merged(trial), key=lambda each: each.sigma[joint])
+            trial = min(trial, self.with_offsets_merged(trial), key=lambda each: each.sigma[joint])
             if (1 - LIMITS.swapped_share) * trial.sigma[joint] ** 2 < fit.sigma[joint] ** 2:
                 thinner, kept = self.with_rest_angles(*self.thinned(trial))
                 if ChosenEffect(original, joint) in kept and not self.worse_joints(fit, thinner):
