@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis import diagnose
-from flexviz.diagnosis.elimination import Necessity, eliminate
+from flexviz.diagnosis import diagnose, elimination, many_effects, model_family
+from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate
+from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
@@ -18,12 +22,15 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.measurements import MeasurementSet, read_set
+from flexviz.parallel import Background, on_cores, stopped_by
+from flexviz.results import Verdict
 from tests.planar_arm import HELD_OUT, planar_set
 
 LIMITS = THRESHOLDS.motion
 DEMO = Path(__file__).parents[1] / "sessions" / "planar-2r-demo"
 COULOMB, STRIBECK = ChosenEffect("coulomb_friction", 1), ChosenEffect("stribeck_friction", 1)
 CURVE = ChosenEffect("free_curve_velocity", 1)
+PRESLIDING = ChosenEffect("presliding_hysteresis", 1)
 SPRING, COMPENSATOR = ChosenEffect("cable_spring", 1), ChosenEffect("gravity_compensator", 1)
 
 
@@ -68,6 +75,30 @@ def test_what_the_data_do_not_show_leaves_nothing_in_its_place(demo):
     slow = fitted(demo, (COULOMB, [3.0]), (ChosenEffect("stribeck_friction", 0), [1e-4, 2.9]))
     assert not any(need.implausible for need in eliminate(slow).dropped.values())
     assert set(demo.thinned(slow)[1]) == {COULOMB}
+
+
+def test_nothing_stands_in_for_an_impossible_law_beside_one_that_replaces_it(demo, monkeypatch):
+    """Presliding hysteresis holds the Coulomb friction that would stand for Stribeck friction."""
+    fast = fitted(demo, (STRIBECK, [3.0, 2.5]), (PRESLIDING, [1.0, 0.01]))
+    needed = Necessity(50.0, 2.0, 0.1, 0.5, 0.5, credible=True, quiet=True, at_noise=True)
+    both = {PRESLIDING: needed, STRIBECK: replace(needed, credible=False)}
+    assert both[STRIBECK].implausible
+
+    def once(fit: MotionFit, _: frozenset[ChosenEffect]) -> Elimination:
+        have = {effect: both[effect] for effect in fit.layout.effects}
+        impossible = {e: need for e, need in have.items() if need.implausible}
+        return Elimination({e: need for e, need in have.items() if need.credible}, impossible, fit.x)
+
+    monkeypatch.setattr(model_family, "eliminate", once)
+    assert set(demo.thinned(fast)[1]) == {PRESLIDING}
+
+
+def test_a_rise_over_two_stretches_has_no_known_error(demo, monkeypatch):
+    fit = fitted(demo, (COULOMB, [3.0]))
+    assert np.isfinite(eliminate(fit).kept[COULOMB].rise_error)
+    monkeypatch.setattr(elimination, "_stretches", lambda _: [slice(0, 100), slice(100, 200)])
+    kept = eliminate(fit, frozenset({COULOMB})).kept[COULOMB]
+    assert kept.rise_error == np.inf and kept.held_out_rise > 0 and not kept.completes
 
 
 @pytest.mark.parametrize(
@@ -187,3 +218,51 @@ def test_a_search_stopped_with_a_curve_alone_ends_with_the_sets_own_model(monkey
     result = diagnose(read_set(DEMO), apply=True, should_stop=lambda: bool(stops))
     assert result.stopped and len(result.steps) == 1
     assert result.model is not None and not result.model.effects
+
+
+def many_effects_of(search: RichSearch) -> ManyEffects:
+    measurements, own = search.context.measurements, search.own
+    band = PredictionErrorBand(measurements)
+    return ManyEffects(measurements, own, band, lambda _: None, Standing(own, band, None))
+
+
+def test_small_effects_may_remain_only_in_a_complete_model(demo):
+    """Of a model that something explains, or that nothing does, the verdict says what is left."""
+    fit = replace(fitted(demo, (COULOMB, [3.0])))
+    fit.__dict__["rms"] = demo.context.noise_floor * np.sqrt(LIMITS.small_left * LIMITS.unexplained)
+    many = many_effects_of(demo)
+    verdicts: tuple[tuple[Verdict, bool], ...] = (
+        ("nothing-missing", True),
+        ("unknown", False),
+        ("missing", False),
+    )
+    for last, expected in verdicts:
+        notes = many.remarks(fit, (), last)
+        assert any("no candidate explains it" in note.text for note in notes) == expected
+    assert not any("no candidate" in note.text for note in many.remarks(fit, (CURVE,), "nothing-missing"))
+
+
+def test_a_stop_during_the_staircase_does_not_discard_what_copies_do(demo, monkeypatch):
+    """The result is complete by then: a copy's work would only be done once more."""
+    fit = fitted(demo, (COULOMB, [3.0]))
+    stops: list[bool] = []
+    done_by: list[int] = []
+    real = many_effects.staircase
+
+    def slow_copy() -> int:
+        time.sleep(0.3)
+        return os.getpid()
+
+    def stopped_within(*args):
+        work = Background(slow_copy)
+        stops.append(True)
+        done_by.append(work.result())
+        return real(*args)
+
+    monkeypatch.setattr(many_effects, "staircase", stopped_within)
+    with on_cores(2), stopped_by(lambda: bool(stops)):
+        result = many_effects_of(demo).result(
+            RichModel(fit, eliminate(fit).kept), True, False, lambda _: None
+        )
+    assert [step.verdict for step in result.steps] == ["missing", "nothing-missing"]
+    assert done_by[0] != os.getpid()
