@@ -29,6 +29,7 @@ LAYERS = (
         "statistics",
         "jobs",
         "parallel",
+        "recent",
         "schemas",
         "toml",
         "charts",

@@ -11,12 +11,12 @@ from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
+from flexviz.equation import Layout, Pulses, pulses, reversal_nuisance
 from flexviz.estimation import least_squares, noise_weighting, score_test, whitening
 from flexviz.estimation.noise_weighting import NoiseWeighting
-from flexviz.estimation.recent import Recent
 from flexviz.estimation.whitening import Whitener
 from flexviz.measurements import read_set
+from flexviz.recent import Recent
 from flexviz.resources import sessions_dir
 
 COULOMB = ChosenEffect("coulomb_friction", 1)
@@ -192,18 +192,22 @@ def test_what_is_gone_is_not_counted() -> None:
     assert parts[0].get(lambda: -2) == -2
 
 
-def test_wide_band_signals_of_long_records_are_kept_once(
-    context: FitContext, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    signals, shared = context.two_band.narrow.signals, {}
-    stiffness = context.start(Layout(context.measurements.joints)).x[20:22] ** -1
+def test_of_large_parts_only_some_bytes_are_kept() -> None:
+    """What is gone does not count, and the last one stays whatever its size."""
 
-    def kept() -> int:
-        for factor in (1.0, 0.3, 0.1, 0.03, 0.01):
-            bands = fine_signals.fine_bands(signals, np.array([1.0, 1.0]) * factor, stiffness, shared)
-            fine_signals.fine_signals(signals, bands, shared)
-        return sum(isinstance(k, tuple) and k[0] == "fine" for k in shared)
+    def kept(sizes: list[int]) -> list[bool]:
+        parts = [Recent[int](f"test {sizes}", 4, lambda size: size, 10.0) for _ in sizes]
+        for part, size in zip(parts, sizes, strict=True):
+            part.get(lambda size=size: size)
+        return [part._part is not None for part in parts]
 
-    assert kept() == fine_signals.KEPT
-    monkeypatch.setattr(fine_signals, "KEPT_BYTES", 1.0)
-    assert kept() == 1
+    assert kept([3, 3, 3]) == [True, True, True]
+    assert kept([3, 3, 3, 3]) == [False, True, True, True]
+    assert kept([1, 1, 1, 1, 1]) == [False, True, True, True, True]
+    assert kept([3, 3, 20]) == [False, False, True]
+    gone, left, last = (Recent[int]("test of size", 4, lambda size: size, 10.0) for _ in range(3))
+    gone.get(lambda: 9)
+    del gone
+    left.get(lambda: 9)
+    last.get(lambda: 1)
+    assert left._part == 9

@@ -24,7 +24,6 @@ from flexviz.estimation import (
     Covariance,
     Prior,
     Projection,
-    Recent,
     Start,
     bounded_minimum,
     residual_noise,
@@ -35,6 +34,7 @@ from flexviz.estimation import (
 from flexviz.measurements import Group, MeasurementSet
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase
+from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 

@@ -113,7 +113,9 @@ class PredictionErrorBand:
 
 
 @dataclass(frozen=True, eq=False)
-class _Known:
+class Known:
+    """A model with its parameters, shape (P,)."""
+
     layout: Layout
     x: Array
 
@@ -143,7 +145,7 @@ def errors_along(
             x[:] = one.values
             x[layout.compliance] = 1.0 / x[layout.compliance]
         points.append(x)
-    return tuple(band.errors(_Known(layout, x)) for x in points)
+    return tuple(band.errors(Known(layout, x)) for x in points)
 
 
 def _rms(residual: Array, used: NDArray[np.bool_]) -> tuple[float, ...]:

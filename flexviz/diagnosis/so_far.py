@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
-from flexviz.diagnosis.prediction_errors import PredictionErrorBand
+from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
 from flexviz.progress import BestSoFar
@@ -31,7 +31,7 @@ class Standing:
     ) -> None:
         self.own, self.band, self._tell = own, band, tell
         self.spread = band.measurements.torque_spread
-        self._own_fit: Fitted | None = None
+        self._own_fit: Known | None = None
         self._own_errors: dict[bytes, Sequence[float]] = {}  # by the joints whose standstill is apart
         self._best = np.inf  # its share of the torque
 
@@ -39,7 +39,7 @@ class Standing:
         """The set's own model is fitted."""
         if self._tell is None:
             return
-        self._own_fit, self._own_errors = fit, {}
+        self._own_fit, self._own_errors = Known(fit.layout, fit.x), {}  # the rest of a fit takes memory
         errors = self.band.errors(fit)
         rms, floor = errors.rms_validation or errors.rms, errors.noise_floor
         j = by_share(rms, self.spread)[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz._scipy import sp
 from flexviz.effects.effect import EffectEvidence, ElasticStart, JointScale
 from flexviz.effects.law import LawEffect
 from flexviz.effects.terms import Array, JointMotion, ParameterSpec
@@ -69,9 +68,16 @@ class Backlash(LawEffect):
 
 def _load(motion: JointMotion) -> Array:
     """Torque relative to the threshold of an unloaded joint, shape (N,): within ±1 inside the gap."""
-    reach = 2 * round(RINGING_TIME / motion.step) + 1
-    around = sp.ndimage.maximum_filter1d(np.abs(motion.torque), reach)
+    around = _largest_within(round(RINGING_TIME / motion.step), np.abs(motion.torque))
     return motion.torque / np.maximum(RINGING_SHARE * around + FAINT_SHARE * motion.torque_scale, 1e-9)
+
+
+def _largest_within(reach: int, values: Array) -> Array:
+    """Largest of the values up to `reach` samples away, shape (N,)."""
+    largest, span = np.pad(values, reach, mode="edge"), 1  # over `span` samples from each one on
+    while span <= reach:
+        largest, span = np.maximum(largest[:-span], largest[span:]), 2 * span
+    return np.maximum(largest[: len(values)], largest[2 * reach + 1 - span :])
 
 
 def _flank(time: Array, load: Array) -> Array:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexviz.equation.signals import Block, Signals, fine_samples
 from flexviz.noise import segments_noise
 from flexviz.observers import ButterworthZeroPhase, largest_divisor
+from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 
@@ -20,8 +21,8 @@ SIGN_REFERENCE_NOISE = 2e-5 * np.sqrt(1e-3)  # [rad √s]
 TORQUE_NOISE = 5e-3  # maximum noise of the transmission torque relative to its rms
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s] maximum noise of the link velocity
 BAND_STEP = 1.05  # bands within this factor share their signals
-KEPT = 4  # bands whose signals are kept
-KEPT_BYTES = 1e8  # of long records fewer, at least one
+KEPT = 24  # bands whose signals are kept, of all parts and observers of a set together
+KEPT_BYTES = 2e8  # of long records fewer, at least one
 
 
 @dataclass(frozen=True)
@@ -91,15 +92,14 @@ def fine_bands(signals: Signals, inertia: Array, stiffness: Array, shared: dict[
 
 def fine_signals(signals: Signals, bands: FineBands, shared: dict[object, Any]) -> list[FineSignals]:
     """Fine signals of every block, shared by all models with nearly the same bands."""
-    key = bands.key
-    if key not in shared:
-        kept = [k for k in shared if isinstance(k, tuple) and k[0] == "fine"]
-        most = min(KEPT, max(1, int(KEPT_BYTES / max(map(_size, (shared[k] for k in kept)), default=1))))
-        for old in kept[: max(len(kept) + 1 - most, 0)]:
-            del shared[old]  # of models left behind: a search meets hundreds of bands
+
+    def make() -> list[FineSignals]:
         parts = zip(signals.blocks, bands.wide, bands.narrow, strict=True)
-        shared[key] = [_filtered(block, a, b, signals.torque_hold / 2) for block, a, b in parts]
-    return shared[key]
+        return [_filtered(block, a, b, signals.torque_hold / 2) for block, a, b in parts]
+
+    if bands.key not in shared:  # a search meets hundreds of bands
+        shared[bands.key] = Recent("fine signals", KEPT, _size, KEPT_BYTES)
+    return shared[bands.key].get(make)
 
 
 def _size(fine: list[FineSignals]) -> int:

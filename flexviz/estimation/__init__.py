@@ -8,7 +8,6 @@ from flexviz.estimation.linear_algebra import Bounds, bounded_minimum, bounded_s
 from flexviz.estimation.noise_model import WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import TAU, NoisePath, Transfer, noise_density, noise_paths
 from flexviz.estimation.prior import Prior, pseudo_inertia
-from flexviz.estimation.recent import Recent
 from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, best_intervals, explained, score
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
@@ -29,7 +28,6 @@ __all__ = [
     "Point",
     "Prior",
     "Projection",
-    "Recent",
     "Refined",
     "ScoredCandidate",
     "Solution",

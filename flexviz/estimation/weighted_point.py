@@ -12,10 +12,10 @@ from flexviz.equation import LinkTerms, OperatingPoint
 from flexviz.estimation.covariance import score_covariance
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
-from flexviz.estimation.recent import Recent
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.whitening import Whitener
+from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
