@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict, deque
 from collections.abc import Callable
 from typing import Any, ClassVar, Generic, TypeVar
 from weakref import ref
@@ -24,27 +23,24 @@ class Recent(Generic[T]):
         most: bytes of the kind that are kept, though at least one part.
     """
 
-    _made: ClassVar[defaultdict[str, deque[tuple[ref[Recent[Any]], int]]]] = defaultdict(deque)
+    _made: ClassVar[dict[str, list[ref[Recent[Any]]]]] = {}  # by kind
 
     def __init__(
         self, kind: str, kept: int, size: Callable[[T], int] = lambda _: 0, most: float = math.inf
     ) -> None:
         self._kind, self._kept, self._size, self._most = kind, kept, size, most
         self._part: T | None = None
+        self._bytes = 0
 
     def get(self, make: Callable[[], T]) -> T:
         """The part, made if it is not kept."""
         part = self._part
         if part is None:
             part = self._part = make()
-            made = self._made[self._kind]
-            made.append((ref(self), self._size(part)))
-            while len(made) > 1 and (len(made) > self._kept or self._taken(made) > self._most):
-                if (oldest := made.popleft()[0]()) is not None:
-                    oldest._part = None
+            self._bytes = self._size(part)
+            alive = (one() for one in self._made.get(self._kind, ()))
+            kept = [*(one for one in alive if one is not None), self]
+            while len(kept) > 1 and (len(kept) > self._kept or sum(one._bytes for one in kept) > self._most):
+                kept.pop(0)._part = None
+            self._made[self._kind] = list(map(ref, kept))
         return part
-
-    @staticmethod
-    def _taken(made: deque[tuple[ref[Recent[Any]], int]]) -> int:
-        """Bytes of those that are still there."""
-        return sum(size for part, size in made if part() is not None)

@@ -8,7 +8,7 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.firm_start import firm_start
 from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.equation import Chain, Equation, Evaluation, Layout, OperatingPoint, Signals, build_signals
+from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
     Bounds,
     Covariance,
@@ -53,7 +53,9 @@ class MotionFit:
         context: the data.
         layout, x: the model and its parameters, shape (P,).
         point: operating point of the effects in the fit groups.
-        evaluation: equation of the fit groups at x.
+        residual: of the fit groups, shape (N, n) [Nm].
+        torque: transmission torque of the fit groups, shape (N, n) [Nm].
+        link: rigid-body terms of the fit groups.
         weights: shape (N, n), 1/σ of each sample and joint, less for outliers [1/Nm].
         sigma: shape (n,), σ of each joint [Nm].
         at_bound: shape (P,), parameters held at a bound.
@@ -64,12 +66,15 @@ class MotionFit:
     layout: Layout
     x: Array
     point: OperatingPoint
-    evaluation: Evaluation
+    residual: Array
+    torque: Array
+    link: LinkTerms
     weights: Array
     sigma: Array
     at_bound: NDArray[np.bool_]
     objective: float
-    _whitened: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "weighted", 2), init=False)
+    _jacobian: Recent[Array] = field(default_factory=partial(Recent, "weighted", 3), init=False)
+    _judged: Recent[tuple[Array, Array]] = field(default_factory=partial(Recent, "judged", 3), init=False)
 
     @cached_property
     def prior_derivatives(self) -> tuple[Array, Array]:
@@ -79,19 +84,15 @@ class MotionFit:
     @property
     def whitened(self) -> tuple[Array, Array]:
         """Weighted residual (N, n) and Jacobian (N, n, P)."""
-        return self._whitened.get(
-            lambda: (self.residual * self.weights, self.evaluation.jacobian * self.weights[:, :, None])
-        )
+        return self.residual * self.weights, self._jacobian.get(self._evaluate_weighted)
 
-    @property
-    def residual(self) -> Array:
-        """Of the fit groups, shape (N, n) [Nm]."""
-        return self.evaluation.residual
+    def _evaluate_weighted(self) -> Array:
+        return self._weighted(self.point.evaluate(self.x, moving=True).jacobian)
 
-    @property
-    def torque(self) -> Array:
-        """Transmission torque of the fit groups, shape (N, n) [Nm]."""
-        return self.evaluation.torque[0]
+    def _weighted(self, jacobian: Array) -> Array:
+        """The Jacobian (N, n, P) in units of σ, in place."""
+        jacobian *= self.weights[:, :, None]
+        return jacobian
 
     @property
     def velocity(self) -> Array:
@@ -131,14 +132,18 @@ class MotionFit:
         used = self.context.used
         return np.sqrt(np.sum(self.residual**2 * used, axis=0) / np.maximum(used.sum(axis=0), 1))
 
-    @cached_property
+    @property
     def judged(self) -> tuple[Array, Array]:
         """Residual and Jacobian of the validation groups, or of the fit groups where there are none.
 
         Zero at standstill where that is judged apart.
         """
+        return self._judged.get(self._evaluate_judged)
+
+    def _evaluate_judged(self) -> tuple[Array, Array]:
         equation, used = self.context.held_out_equation(self.layout), self.context.judged_used
-        found = self.evaluation if equation is None else equation.at(self.x).evaluate(self.x, moving=True)
+        point = self.point if equation is None else equation.at(self.x)
+        found = point.evaluate(self.x, moving=True)
         return found.residual * used, found.jacobian * used[:, :, None]
 
     @property
@@ -148,6 +153,10 @@ class MotionFit:
 
     def held_out_rms(self) -> Array:
         """Residual of `judged`, shape (n,) [Nm]."""
+        return self._held_out_rms
+
+    @cached_property
+    def _held_out_rms(self) -> Array:
         count = np.maximum(self.context.judged_used.sum(axis=0), 1)
         return np.sqrt(np.sum(self.judged[0] ** 2, axis=0) / count)
 
@@ -164,7 +173,7 @@ class MotionFit:
     def chain(self) -> Chain:
         """Sensitivity of the residual to s and q."""
         lay = self.layout
-        return Chain(self.x[lay.compliance], self.x[lay.link_viscous], self.evaluation.link)
+        return Chain(self.x[lay.compliance], self.x[lay.link_viscous], self.link)
 
 
 class MotionContext:
@@ -286,7 +295,7 @@ class MotionContext:
             hessian = hessian + fit.information
             step, at_bound = bounded_minimum(gradient, hessian, x, bounds)
             length = float(np.sqrt(max(step @ hessian @ step, 0.0)))
-            fit = replace(fit, at_bound=at_bound)
+            fit.at_bound[:] = at_bound
             if settled or length < LIMITS.negligible_step or iteration == iterations:
                 break
             after = self._along(fit, step, prior, bounds)
@@ -294,6 +303,7 @@ class MotionContext:
                 break
             x = after
         assert fit is not None
+        fit.point.context.forget()  # a search keeps many fits
         return fit
 
     def _along(self, fit: MotionFit, step: Array, prior: Prior, bounds: Bounds) -> Array | None:
@@ -313,7 +323,9 @@ class MotionContext:
         """A model with its weights and objective at x, shape (P,)."""
         evaluation = point.evaluate(x, moving=True)
         weights, sigma, misfit = robust_weights(evaluation.residual, self.noise_floor, self.used)
-        return MotionFit(
-            self, point.layout, x, point, evaluation, weights, sigma, np.zeros(len(x), bool),
-            misfit + 2 * prior.value(x),
+        fit = MotionFit(
+            self, point.layout, x, point, evaluation.residual, evaluation.torque[0].copy(), evaluation.link,
+            weights, sigma, np.zeros(len(x), bool), misfit + 2 * prior.value(x),
         )  # fmt: skip
+        fit._jacobian.get(lambda: fit._weighted(evaluation.jacobian))
+        return fit

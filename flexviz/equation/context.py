@@ -60,7 +60,7 @@ class EffectContext:
 
     def forget(self) -> None:
         """Discard what can be computed again."""
-        self._motions, self._cache, self._at = {}, {}, None
+        self._motions, self._cache, self._at, self._used = {}, {}, None, None
 
     def seeing(self, x: Array, q: Array, s: Array | None) -> EffectContext:
         """The same signals with other parameters."""
