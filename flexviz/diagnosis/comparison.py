@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -89,3 +89,8 @@ class SearchStep:
 def by_objective(refitted: list[RefittedCandidate]) -> list[RefittedCandidate]:
     """Refitted candidates, the best first."""
     return sorted(refitted, key=lambda r: r.fit.objective)
+
+
+def best_of(refitted: Iterable[RefittedCandidate]) -> RefittedCandidate:
+    """The best of refitted candidates, of which two are kept at a time."""
+    return min(refitted, key=lambda r: r.fit.objective)

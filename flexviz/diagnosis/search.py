@@ -26,7 +26,7 @@ from flexviz.diagnosis.candidates import (
     with_effect,
     without_effect,
 )
-from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, by_objective
+from flexviz.diagnosis.comparison import CandidateScores, Comparison, RefittedCandidate, best_of, by_objective
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
@@ -188,16 +188,12 @@ class Search:
         direct = self.converged(self.refit(fit, scored, LIMITS.full_refit))
         if excess(fit) < LIMITS.far_off or excess(direct.fit) < LIMITS.noise_reached:
             return direct
-        return by_objective([direct, self.refit_afresh(fit, scored, LIMITS.full_refit)])[0]
+        return best_of((direct, self.refit_afresh(fit, scored, LIMITS.full_refit)))
 
     def short_refits(self, fit: Fit, chosen: list[ScoredCandidate]) -> list[RefittedCandidate]:
         """A few iterations per candidate, from the present model and, if far off, also from a plain fit."""
-        out = []
-        for s in chosen:
-            out.append(self.refit(fit, s, LIMITS.short_refit))
-            if excess(fit) > LIMITS.far_off:
-                out.append(self.refit_afresh(fit, s, LIMITS.short_refit))
-        return out
+        ways = [self.refit, self.refit_afresh] if excess(fit) > LIMITS.far_off else [self.refit]
+        return [best_of(way(fit, s, LIMITS.short_refit) for way in ways) for s in chosen]
 
     def underrated(self, fit: Fit, scores: CandidateScores) -> list[RefittedCandidate]:
         """Refits of elastic effects on the joints with the largest residual, from several starts.
@@ -228,8 +224,8 @@ class Search:
                     x[first.layout.effect_slices()[-1][1]] = elastic.values
                     x[first.layout.compliance.start + j] = elastic.compliance
                     starts.append(ModelStart(first.layout, x))
-                fits = [self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts]
-                out.append(RefittedCandidate(scored, min(fits, key=lambda f: f.objective)))
+                fits = (self.fit_from(start, LIMITS.short_refit, near=fit) for start in starts)
+                out.append(best_of(RefittedCandidate(scored, found) for found in fits))
         return out
 
     def rivals(self, fit: Fit, leader: RefittedCandidate, others: list[ScoredCandidate]) -> Comparison:

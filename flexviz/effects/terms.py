@@ -177,7 +177,7 @@ class Context(Protocol):
         ...
 
     def once(self, key: tuple[object, ...], make: Callable[[], Array]) -> Array:
-        """The result of `make`, cached for all models: for columns independent of parameters."""
+        """The result of `make`, for columns independent of parameters: cached if not too large."""
         ...
 
     def filtered(

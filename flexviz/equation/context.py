@@ -15,8 +15,12 @@ from flexviz.equation.link import LinkDynamics
 from flexviz.equation.motions import WideMotions
 from flexviz.equation.signals import Signals
 from flexviz.observers import largest_divisor
+from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
+
+KEPT_COLUMNS = 100  # joints whose columns that depend on no parameters are kept
+KEPT_BYTES = 1.6e8  # of long records fewer
 
 
 class EffectContext:
@@ -138,8 +142,8 @@ class EffectContext:
         observer = self._signals.observer
         full = (*key, observer.name, float(np.max(observer.bandwidth)), self.count())
         if full not in self._shared:
-            self._shared[full] = make()
-        return self._shared[full]
+            self._shared[full] = Recent("columns", KEPT_COLUMNS, lambda columns: columns.nbytes, KEPT_BYTES)
+        return self._shared[full].get(make)
 
     def filtered(
         self, parts: Sequence[Array], joint: int, depth: int, every: Sequence[int] | None = None
