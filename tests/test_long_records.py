@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import gc
 import tracemalloc
 
 import numpy as np
 import pytest
 
-from flexviz.diagnosis.fit_context import FitContext
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.residuals import joint_residuals
 from flexviz.diagnosis.search import Search
 from flexviz.effects import ChosenEffect
-from flexviz.equation import Layout, Pulses, pulses, reversal_nuisance
+from flexviz.equation import Layout, Pulses, fine_signals, pulses, reversal_nuisance
+from flexviz.equation.fine_signals import FineSignals
 from flexviz.estimation import least_squares, noise_weighting, score_test, whitening
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.whitening import Whitener
@@ -190,6 +193,31 @@ def test_what_is_gone_is_not_counted() -> None:
         assert part.get(lambda k=k: made.append(k) or k) == k
     assert parts[2].get(lambda: -1) == 2 and parts[1].get(lambda: -1) == 1
     assert parts[0].get(lambda: -2) == -2
+
+
+@pytest.mark.parametrize("kind", ["search", "backwards"])
+def test_fits_that_are_kept_hold_no_wide_band_signals(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each has its own, as their bands follow its stiffness; a search keeps dozens of fits."""
+    monkeypatch.setattr(fine_signals, "KEPT_BYTES", 1.0)
+    measurements = read_set(sessions_dir() / "planar-2r-demo")
+    own = Layout(measurements.joints)
+    context = FitContext(measurements, own) if kind == "search" else MotionContext(measurements, own.joints)
+    layout = Layout(own.joints, (COULOMB,))
+
+    def fit(factor: float) -> Fit | MotionFit:
+        x = context.start(layout).x.copy()
+        x[layout.compliance] *= factor
+        x[layout.effect_slice(COULOMB)] = 0.5
+        return context.fit(layout, x, iterations=0)
+
+    fit(1.0)
+    gc.collect()
+    before = {id(one) for one in gc.get_objects() if isinstance(one, FineSignals)}
+    fits = [fit(factor) for factor in (0.1, 0.3, 3.0, 10.0)]
+    gc.collect()
+    alive = [one for one in gc.get_objects() if isinstance(one, FineSignals) and id(one) not in before]
+    most = len(measurements.groups)  # those of the last fit, in the fit and the validation groups
+    assert len(fits) == 4 and len(alive) <= most
 
 
 def test_of_large_parts_only_some_bytes_are_kept() -> None:
