@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from flexviz.recent import Recent
 Array = NDArray[np.float64]
 
 KEPT_COLUMNS = 100  # joints whose columns that depend on no parameters are kept
-KEPT_BYTES = 1.6e8  # of long records fewer
+KEPT_BYTES = 1e8  # of long records fewer
 
 
 class EffectContext:
@@ -142,7 +143,8 @@ class EffectContext:
         observer = self._signals.observer
         full = (*key, observer.name, float(np.max(observer.bandwidth)), self.count())
         if full not in self._shared:
-            self._shared[full] = Recent("columns", KEPT_COLUMNS, lambda columns: columns.nbytes, KEPT_BYTES)
+            size = attrgetter("nbytes")
+            self._shared[full] = Recent[Array]("columns", KEPT_COLUMNS, size, KEPT_BYTES)
         return self._shared[full].get(make)
 
     def filtered(

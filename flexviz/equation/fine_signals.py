@@ -22,7 +22,7 @@ TORQUE_NOISE = 5e-3  # maximum noise of the transmission torque relative to its 
 LINK_VELOCITY_NOISE = 4e-3  # [rad/s] maximum noise of the link velocity
 BAND_STEP = 1.05  # bands within this factor share their signals
 KEPT = 24  # bands whose signals are kept, of all parts and observers of a set together
-KEPT_BYTES = 2e8  # of long records fewer, at least one
+KEPT_BYTES = 1.5e8  # of long records fewer, at least one
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from flexviz.recent import Recent
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
+
+INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,7 @@ class Point:
     torque: Array
     narrow_point: OperatingPoint
     bias: list[Array]
-    _instruments: Recent[Array] = field(default_factory=partial(Recent, "instruments", 2), init=False)
+    _instruments: Recent[Array] = field(default_factory=INSTRUMENTS, init=False)
     _link: Recent[LinkTerms] = field(default_factory=partial(Recent, "link", 4), init=False)
 
     @property
