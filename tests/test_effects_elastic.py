@@ -10,6 +10,7 @@ import pytest
 
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.effects import EFFECTS, JointMotion, LawEffect
+from flexviz.effects.backlash import _largest_within
 from flexviz.effects.elastic_joint import DampedSpring, hardened
 from flexviz.equation import layout_of
 from flexviz.identification import identify
@@ -160,3 +161,11 @@ def test_a_gap_is_crossed_evenly(seconds: float, ringing: float) -> None:
     undecided = law("backlash").undecided(seen, np.array([b]))
     assert undecided is not None
     assert undecided[0][away < -STEP].all() and not undecided[0][away > 0.03].any()
+
+
+@pytest.mark.parametrize("reach", [0, 1, 2, 3, 7, 8, 100])
+def test_the_largest_torque_nearby_is_that_of_the_samples_within_reach(reach: int) -> None:
+    for count in (1, 2, 9, 60):
+        values = np.random.default_rng(count).random(count)
+        exact = [values[max(k - reach, 0) : k + reach + 1].max() for k in range(count)]
+        np.testing.assert_array_equal(_largest_within(reach, values), exact)
