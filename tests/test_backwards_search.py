@@ -266,3 +266,14 @@ def test_a_stop_during_the_staircase_does_not_discard_what_copies_do(demo, monke
         )
     assert [step.verdict for step in result.steps] == ["missing", "nothing-missing"]
     assert done_by[0] != os.getpid()
+
+
+def test_two_effects_that_were_only_found_together_stay_if_they_explain_everything(demo):
+    """Beside a spring the search has an offset, too: what it ends with may have fewer effects than it had."""
+    many = many_effects_of(demo)
+    whole, without = fitted(demo, (COULOMB, [3.0])), fitted(demo, (ChosenEffect("torque_offset", 1), [0.1]))
+    need = Necessity(50.0, 2.0, 0.1, 0.5, 0.5, credible=True, quiet=True, at_noise=True)
+    both = RichModel(whole, {COULOMB: need, SPRING: need})
+    assert many.useful(both) is both
+    assert many.useful(RichModel(whole, {COULOMB: need})) is None
+    assert many.useful(RichModel(without, {COULOMB: need, SPRING: need})) is None

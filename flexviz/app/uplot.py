@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,8 @@ class UplotChart:
 
     def __init__(self, server: viser.ViserServer, chart: Chart, order: float) -> None:
         self._server, self._chart = server, chart
-        self._columns, self._look = columns(chart), _look(chart)
+        self._columns = columns(chart)
+        self._look = _look(chart, self._columns[0])
         self._at: int | None = None  # row of the playhead
         self._level = LEVELS[0]
         self._handle = server.gui.add_uplot(
@@ -45,7 +47,7 @@ class UplotChart:
         """Replace the chart, whose columns are `drawn`."""
         before, self._chart = self._chart, chart
         self._columns, self._at, self._level = drawn, None, LEVELS[0]
-        look, self._look = self._look, _look(chart)
+        look, self._look = self._look, _look(chart, drawn[0])
         with self._server.atomic():
             for name, value in self._look.items():
                 if value != look[name]:
@@ -145,12 +147,12 @@ def nearest(x: Array, value: float) -> int:
     return int(np.argmin(np.abs(x - value))) if len(x) else 0
 
 
-def _look(chart: Chart) -> dict[str, Any]:
-    """All options of a uPlot except data, title and size."""
+def _look(chart: Chart, drawn: Array) -> dict[str, Any]:
+    """All options of a uPlot at `drawn` (M,) except data, title and size."""
     x: dict[str, Any] = {"scale": "x", "size": 42, "space": 60}
     if chart.x.whole:
         x |= {"incrs": [1, 2, 5, 10, 20, 50], "space": 30}
-    y: dict[str, Any] = {"scale": "y", "size": 58}
+    y: dict[str, Any] = {"scale": "y", "size": 58, "space": 20}
     if chart.y.logarithmic:  # over many decades the marks and grid lines would be solid blocks
         y |= {"ticks": {"show": False}, "grid": {"width": 0.5}}
     first = 1 + len(chart.series)  # of the ribbons' edges
@@ -163,7 +165,7 @@ def _look(chart: Chart) -> dict[str, Any]:
     ]
     return {
         "series": _series(chart),
-        "scales": _scales(chart),
+        "scales": _scales(chart, drawn),
         "axes": (x, y),
         "bands": tuple(bands) or None,
     }
@@ -193,9 +195,13 @@ def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
     return tuple(entries)
 
 
-def _scales(chart: Chart) -> dict[str, Any]:
+def _scales(chart: Chart, drawn: Array) -> dict[str, Any]:
+    x = chart.x
+    if x.limits is None and x.text != TIME.text and not x.whole and not x.logarithmic and len(drawn):
+        # the page keeps the range of a chart that is built anew with other data, such as another joint's
+        x = replace(x, limits=(float(drawn.min()), float(drawn.max())))
     # of base 10 uPlot would write only the powers of ten at a horizontal axis
-    scales: dict[str, Any] = {"x": {"time": False} | _scale(chart.x, base=2), "y": _scale(chart.y, base=10)}
+    scales: dict[str, Any] = {"x": {"time": False} | _scale(x, base=2), "y": _scale(chart.y, base=10)}
     if chart.playhead or chart.marker is not None or chart.highlights is not None or chart.stages:
         # its zeros lie below the chart; its top is as high as what is drawn (see `UplotChart.move`)
         top = {"pad": 0, "soft": min(LEVELS), "mode": 1}

@@ -136,6 +136,8 @@ def record(
     from flexviz.workflows import record as record_analysis
 
     terminal.check_output_file(out, ".rrd")
+    if out.suffix not in ("", ".rrd"):
+        raise InputError(f"ends in {out.suffix}, expected a name that ends in .rrd", file=out)
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         measurements = read_selected(measurement_set, options)
         done = record_analysis(

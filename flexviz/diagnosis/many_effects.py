@@ -92,16 +92,17 @@ class ManyEffects:
         return self.useful(self.search.run(survey))
 
     def useful(self, rich: RichModel) -> RichModel | None:
-        """The model, if the set hides many effects."""
-        added = rich.added(self.layout)
-        if len(added) >= LIMITS.many:
+        """The model, if the set hides many effects, or if two that are found together explain everything."""
+        added, noise = rich.added(self.layout), self.context.noise_floor
+        complete = not rich.curves and bool(np.all(rich.fit.rms < LIMITS.small_left * noise))
+        if len(added) >= LIMITS.many or (complete and len(added) > 1):
             return rich
         unknown = {curve.joint for curve in rich.curves}
         if not unknown or not all(effect.joint in unknown for effect in added):
             return None
         # what little else is on those joints mends the form of their curves
         alone = self.search.with_curves_only(rich) if added else rich
-        noise, spread = self.context.noise_floor, self.context.spread
+        spread = self.context.spread
         little = np.maximum(LIMITS.little * spread, LIMITS.little_left * self.search.bare.rms)
         return alone if np.all(alone.fit.rms < np.maximum(LIMITS.near_noise * noise, little)) else None
 

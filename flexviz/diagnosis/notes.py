@@ -44,12 +44,11 @@ def notes(
         out.append(Note("model-error", text))
     floor = np.maximum(np.array(errors.noise_floor), 1e-300)
     rms = np.array(errors.rms_validation or errors.rms)
-    largest = np.maximum(rms, errors.rms)
-    j = int(np.argmax(largest / floor))
+    j = int(np.argmax(rms / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
+    if verdict == "nothing-missing" and pulses and rms[j] > RMS_RATIO_EXPLAINED * floor[j]:
         text = (
-            f"the error of {joints[j]} ({largest[j]:.3g} Nm) arises at motion reversals and backlash "
+            f"the error of {joints[j]} ({rms[j]:.3g} Nm) arises at motion reversals and backlash "
             "crossings: it includes their unknown torque, which the fit treats as pulses of unknown size"
         )
         out.append(Note("pulses", text))

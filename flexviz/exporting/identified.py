@@ -20,7 +20,7 @@ from flexviz.estimation import pseudo_inertia
 from flexviz.exporting.coverage import UNREGISTERED, LeftOut, entry_of
 from flexviz.exporting.laws import Laws, laws, not_of_robot
 from flexviz.model import EffectValue, FlexibleModel
-from flexviz.results import ResultDocument, Verdict
+from flexviz.results import ResultDocument, Verdict, lacks_effects
 from flexviz.robot import PayloadBody, Robot
 
 if TYPE_CHECKING:
@@ -187,6 +187,8 @@ def identified_robot(
         warnings.append("The identification was stopped early.")
     if document.set_sha256 is not None and document.set_sha256 != found.sha256:
         warnings.append("The measurement set has changed since this identification.")
+    if verdict is None and (lacking := lacks_effects(document)):
+        warnings.append(lacking)
     found = replace(found, remarks=tuple(warnings))
     assert found.laws  # checks the values, whatever the format
     return found

@@ -75,9 +75,10 @@ def inspect_logs(
         together = f"; columns that belong together: {known}" if known else ""
         draft.missing.append(f"no columns were recognised as {TITLES[name]}{together}")
     used = [column for family in roles.values() for column in family.columns.values()]
+    clock = fill_time(draft, logs[0], used)
     if draft.missing:
-        draft.seen += describe_unused(logs[0], used)
-    fill_joints(draft, roles, whole, fill_time(draft, logs[0], used), logs[0])
+        draft.seen += describe_unused(logs[0], [*used, str(draft.time.get("column", ""))])
+    fill_joints(draft, roles, whole, clock, logs[0])
     ask_for_constants(draft, roles, asked)
     if len(sources) > 1:
         chosen = asked.several("Which groups are kept for validation, never fitted?", draft.groups)

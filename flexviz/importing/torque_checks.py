@@ -14,6 +14,7 @@ from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueModel
 from flexviz.measurements import Array
+from flexviz.wording import listed
 
 LARGEST_FAULT_COUNT = 6  # changes that are searched one after the other
 
@@ -54,9 +55,12 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     shares = zip(mapping.names, result.shares, strict=True)
     poor = {joint: share for joint, share in shares if share < LIMITS.unexplained and joint not in known}
     if poor:
+        texts = list(map(percent, poor.values()))
+        if len(set(texts)) > 1:
+            texts = [f"{text} ({joint})" for joint, text in zip(poor, texts, strict=True)]
         message = (
-            f"the robot's masses explain {', '.join(percent(s) for s in poor.values())} of it: are robot, "
-            "payload, units, signs and zero positions right, and does the base stand upright?"
+            f"the robot's masses explain {listed(list(dict.fromkeys(texts)))} of it: are robot, payload, "
+            "order of the joints, units, signs and zero positions right, and does the base stand upright?"
         )
         found.append(Issue("unexplained", "odd", tuple(poor), "tau", message))
     return merged(found, mapping)
@@ -188,8 +192,8 @@ def issue_of(best: Hypothesis, before: Array, after: Array, mapping: Mapping) ->
     worst = int(np.argmax(after - before))
     whose = "its torque" if joints == (mapping.names[worst],) else f"the torque of {mapping.names[worst]}"
     message = (
-        f"with {best.reason} the robot's masses explain {percent(after[worst])} of {whose}, "
-        f"without {percent(before[worst])}"
+        f"with {best.reason} the robot's masses explain {percent(after[worst])} of {whose} "
+        f"instead of {percent(before[worst])}"
     )
     signals = " and ".join(dict.fromkeys(fix.signal for fix in best.fixes))
     key = best.fixes[0].key

@@ -18,6 +18,7 @@ from flexviz.wording import (
     share_text,
     tie_text,
     total_rms,
+    unit_text,
     values_text,
     verdict_text,
 )
@@ -120,13 +121,15 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     ]
     lines += ["## Errors step by step", ""]
     lines += table(["model", "rms fit [Nm]", "rms validation [Nm]", "verdict"], rows)
+    units = {(one.joint, one.variable): one.unit for one in diagnosis.maps}
     places = [place for place in diagnosis.where if place.explained > NOTABLE_SHARE][:MAX_LOCATIONS]
     if places:
         lines += ["", "## Where the final model fails", ""]
     for place in places:
         low, high = (number(value, 3) for value in place.range)
-        share = share_text(place.explained)
-        lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {low} … {high}")
+        share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
+        span = f"{low} … {high} {unit_text(unit)}".rstrip()
+        lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
     return "\n".join([*lines, "", *(f"- {as_markdown(note.text)}" for note in diagnosis.notes)])
 
 

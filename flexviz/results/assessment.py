@@ -76,18 +76,7 @@ def _grades(result: ResultFields) -> list[str]:
 def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
     if _torque_behind_the_gear(result):
         return [BEHIND_THE_GEAR]
-    out = []
-    rows = zip(residual.rms, residual.noise_floor, _shares(residual, residual.rms), strict=True)
-    far = [
-        error / noise
-        for error, noise, share in rows
-        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
-    ]
-    if far:
-        out.append(
-            f"The error is up to {max(far):.0f} times the noise: the model lacks effects, and stiffness, "
-            "inertia and friction stand in for them. Next: diagnose with --apply."
-        )
+    out = [lacking] if (lacking := lacks_effects(result)) else []
     record = []
     if not residual.rms_validation:
         record.append("another motion as a held-out group (validation = true)")
@@ -98,6 +87,25 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
         which = "all joints" if len(joints) == len(residual.joints) else listed(joints)
         record.append(f"faster reversals of {which}, with and without a payload of known mass")
     return [*out, f"Record {listed(record)}."] if record else out
+
+
+def lacks_effects(result: ResultFields) -> str:
+    """That the model lacks effects, for which its parameters stand in; empty if it does not."""
+    residual = result.residual
+    if residual is None:
+        return ""
+    rows = zip(residual.rms, residual.noise_floor, _shares(residual, residual.rms), strict=True)
+    far = [
+        error / noise
+        for error, noise, share in rows
+        if error > FAR_FROM_NOISE * noise > 0 and not share <= LEAST_SHARE
+    ]
+    if not far:
+        return ""
+    return (
+        f"The error is up to {max(far):.0f} times the noise: the model lacks effects, and stiffness, "
+        "inertia and friction stand in for them. Next: diagnose with --apply."
+    )
 
 
 def _torque_behind_the_gear(result: ResultFields) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from rich.table import Table
 
 from flexviz.model import EffectValue
-from flexviz.results.entries import CandidateEntry, ResultFields, StepEntry
+from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
 from flexviz.results.tables import in_ascii, interval, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
@@ -44,6 +44,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     out: list[Table | str] = [verdict_text(result, joints=joints, worst=worst)]
     for rank, family in enumerate(families(result.candidates), 1):
         out += candidate_lines(rank, family, joints)
+    out += added_lines(result)
     if last is not None:
         out += steps_parts(result, joints, spread, width)
         if absorbed := moved(step.added for step in result.steps if step.added is not None):
@@ -55,7 +56,9 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
     place = location(result.where)
     if result.final_verdict == "unknown" and place is not None:
         low, high = (f"{value:.3g}" if value is not None else "–" for value in place.range)
-        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {low} … {high}")
+        units = {(one.joint, one.variable): one.unit for one in result.maps}
+        span = f"{low} … {high} {unit_text(units.get((place.joint, place.variable), ''))}".rstrip()
+        out.append(f"what is left on {place.joint} follows {place.variable}, mostly {span}")
     skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
     out += [f"note: {note}" for note in result.notes if note not in skipped]
     return [*out, "stopped; this is what was found so far"] if result.stopped else out
@@ -69,6 +72,21 @@ def joints_of(result: ResultFields) -> tuple[str, ...]:
 
 
 # -- candidates ----------------------------------------------------------------------------------------------
+
+
+def added_lines(result: ResultFields) -> Iterator[str]:
+    """Effects of the last model that are not among the candidates: these stand beside the set's own model."""
+
+    def key(one: PlaceEntry | EffectEntry) -> tuple[str | None, ...]:
+        return one.effect, one.joint, one.group, one.payload
+
+    listed = {(key(candidate), candidate.confidence) for candidate in result.candidates}
+    last = {key(effect): effect for effect in result.model.effects} if result.model is not None else {}
+    for added in (step.added for step in result.steps if step.added is not None):
+        if (key(added), added.confidence) not in listed:
+            found = f": {values(last[key(added)])}" if key(added) in last else ""
+            sure = f"; confidence {added.confidence:.2f}" if added.confidence is not None else ""
+            yield f"then added: {added.effect} on {place_text(added)}{found}{sure}"
 
 
 def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[str]) -> Iterator[str]:
@@ -102,15 +120,19 @@ def candidate_lines(rank: int, family: Family[CandidateEntry], joints: Sequence[
 
 def described(candidate: CandidateEntry) -> str:
     """A candidate with its place, values, share and confidence."""
-    place = candidate.joint or candidate.payload or "the whole robot"
-    group = f" in group {candidate.group}" if candidate.group else ""
     return (
-        f"{candidate.effect} on {place}{group}: {values(candidate)}; explains {100 * candidate.score:.0f} % "
-        f"of the held-out excess, confidence {candidate.confidence:.2f}"
+        f"{candidate.effect} on {place_text(candidate)}: {values(candidate)}; explains "
+        f"{100 * candidate.score:.0f} % of the held-out excess, confidence {candidate.confidence:.2f}"
     )
 
 
-def values(candidate: CandidateEntry) -> str:
+def place_text(one: PlaceEntry) -> str:
+    """The joint, payload or whole robot, and the group of an episode."""
+    place = one.joint or one.payload or "the whole robot"
+    return f"{place} in group {one.group}" if one.group else place
+
+
+def values(candidate: CandidateEntry | EffectEntry) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"."""
     return ", ".join(
         f"{name} {' ± '.join(interval(v.value, v.std))} {unit_text(v.unit)}".rstrip()
