@@ -126,3 +126,36 @@ def test_the_public_names_exist_and_open_a_session(tmp_path: Path) -> None:
     session = flexviz.Session.open(sessions_dir() / "planar-2r-demo")
     folder = session.save(tmp_path / "kept")
     assert flexviz.Session.open(folder).session.analysis.roles == session.session.analysis.roles
+
+
+def test_the_values_of_what_was_added_after_the_first_effect_are_told() -> None:
+    """They are not among the candidates, which stand beside the set's own model."""
+
+    def value(number: float, unit: str) -> dict[str, object]:
+        return {"value": number, "std": 0.001, "unit": unit}
+
+    friction = {"effect": "coulomb_friction", "joint": "joint1", "confidence": 0.99}
+    backlash = {"effect": "backlash", "joint": "joint2", "confidence": 0.95}
+    values = {"coulomb": value(3.0, "Nm")}, {"half_width": value(0.25, "rad")}
+    rival = backlash | {"confidence": 0.0, "score": 0.1, "parameters": {"half_width": value(0.5, "rad")}}
+    errors = {"rms": [1.0, 1.0], "verdict": "missing"}
+    document = ResultDocument.from_dict(
+        {
+            "format": 1,
+            "set": "s",
+            "verdict": "missing",
+            "candidates": [friction | {"score": 0.9, "parameters": values[0]}, rival],
+            "steps": [errors, errors | {"added": friction}, errors | {"added": backlash}],
+            "model": {
+                "effects": [
+                    {"effect": one["effect"], "joint": one["joint"], "parameters": found}
+                    for one, found in zip((friction, backlash), values, strict=True)
+                ],
+                "parameters": [],
+            },
+        }
+    )
+    text = document.summary()
+    assert text.count("then added:") == 1
+    assert "then added: backlash on joint2: half_width 0.2500 ± 0.0020 rad; confidence 0.95" in text
+    assert "2. backlash on joint2: half_width 0.5000 ± 0.0020 rad" in text

@@ -16,9 +16,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexviz.app.uplot import columns, nearest
+from flexviz.app.uplot import _scales, columns, nearest
 from flexviz.charts import Chart, ChartAxis, ChartSeries, Ribbon, chart_csv, charts_zip, no_chart
-from flexviz.charts.chart import MAX_POINTS, finite, thin, time_chart
+from flexviz.charts.chart import MAX_POINTS, TIME, finite, thin, time_chart
 from flexviz.measurements import MeasurementSet, read_set
 from flexviz.observers import OBSERVERS, make_observer
 from flexviz.scene.motion import RobotMotion, measured_motion, nice_factor, scene_labels, with_replay
@@ -329,3 +329,19 @@ def test_plots_are_saved_as_pictures_and_tables() -> None:
     with zipfile.ZipFile(io.BytesIO(charts_zip([no_chart("empty"), chart]))) as file:
         assert file.namelist() == ["1-torque-joint-1.svg", "1-torque-joint-1.csv"]
         assert ElementTree.fromstring(file.read("1-torque-joint-1.svg")).tag.endswith("svg")
+
+
+def test_the_range_of_a_chart_over_other_than_time_is_that_of_its_data() -> None:
+    """Viser keeps the range that a chart showed before it was built anew: another joint's data were cut."""
+
+    def range_of(axis: ChartAxis, *ends: float) -> Any:
+        series = ChartSeries("torque", "#000", np.array(ends), np.zeros(len(ends)))
+        chart = Chart("key", "title", axis, series=(series,))
+        return _scales(chart, columns(chart)[0])["x"].get("range")
+
+    angle = ChartAxis("position", "rad")
+    assert range_of(angle, -1.9, 0.4) == (-1.9, 0.4) and range_of(angle, -0.6, 1.4) == (-0.6, 1.4)
+    assert range_of(replace(angle, limits=(0.0, 1.0)), -1.9, 0.4) == (0.0, 1.0)
+    # a zoom is kept while these grow or are played
+    for axis in (TIME, ChartAxis("iteration", whole=True), ChartAxis("frequency", "Hz", logarithmic=True)):
+        assert range_of(axis, 1.0, 2.0) is None
