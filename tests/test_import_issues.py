@@ -113,6 +113,21 @@ def test_fault_is_named_and_undone(fault: str) -> None:
     assert getattr(getattr(mapping.joints[joint], signal), key) == value
 
 
+@pytest.mark.parametrize(("signals", "exchanged"), [("tau", ("tau",)), ("theta and tau", ("theta", "tau"))])
+def test_exchanged_joints(signals: str, exchanged: tuple[str, ...]) -> None:
+    """Told instead of what else would explain a little more of their torques."""
+    turned = [
+        (bodies, replace(t, q=None, **{name: getattr(t, name)[:, ::-1] for name in exchanged}))
+        for bodies, t in tables()
+    ]
+    (issue,) = found(turned)
+    assert (issue.kind, issue.severity, issue.signal) == ("order", "wrong", signals)
+    assert issue.joints == JOINTS and not issue.fixes
+    assert issue.message.startswith(
+        "with the columns of joint1 and joint2 exchanged the robot's masses explain"
+    )
+
+
 def test_current_without_a_constant_is_named_by_its_size() -> None:
     (issue,) = found(tables(tau=1 / 9.0))
     assert issue.severity == "wrong" and issue.joints == JOINTS and not issue.fixes

@@ -15,8 +15,8 @@ import numpy as np
 
 from flexviz.importing.mapping import Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
-from flexviz.importing.torque_checks import Hypothesis, improvement, opposite_signs, other_zeros
-from flexviz.importing.torque_model import Reading, TorqueModel
+from flexviz.importing.torque_checks import Hypothesis, opposite_signs, other_zeros
+from flexviz.importing.torque_model import Reading, TorqueModel, improvement
 from flexviz.measurements import Array
 
 WRIST = 3  # last joints, of which neighbours may be coupled

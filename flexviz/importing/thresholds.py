@@ -44,6 +44,9 @@ class ImportThresholds:
     gain: float = 0.4  # sum of shares that a change must add, enough to exclude chance
     free_gain: float = 0.2  # the same where τ may have any scale, which hides much of a wrong sign
     clear: float = 0.7  # improvement (log of the unexplained part) that is clear: it halves
+    # the same that makes exchanged columns of two joints certain; at most 0.07 in eight good sets
+    exchanged: float = 2.0
+    order_checked: float = 0.9  # share of every torque above which no exchange is tried
     model_error: float = 3e-3  # unexplained share of a torque below which nothing is told
     stated_gear: float = 0.1  # gain granted to a gear that the mapping states and does not use
     smallest_share: float = 0.5  # share that the changed joints must reach

@@ -11,8 +11,9 @@ import numpy as np
 from flexviz.importing.column_names import CURRENT
 from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
 from flexviz.importing.mapping import Fix, Issue, Mapping
+from flexviz.importing.order_check import check_order
 from flexviz.importing.thresholds import LIMITS
-from flexviz.importing.torque_model import Reading, TorqueModel
+from flexviz.importing.torque_model import Reading, TorqueModel, improvement
 from flexviz.measurements import Array
 from flexviz.wording import listed
 
@@ -50,7 +51,10 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
         other = search(mapping, model, start, any_scale=True)
         if np.sum(other.shares) > np.sum(result.shares) + LIMITS.gain:
             result = replace(other, shares=model.shares(other.reading, any_scale=False))
-    found = [*result.issues, *by_q, *check_scale(mapping, model, result)]
+    order = check_order(mapping, model, result.shares)
+    if order is not None and order.severity == "wrong":  # whatever else would explain a little more
+        return merged([*by_q, order], mapping)
+    found = [*result.issues, *by_q, *check_scale(mapping, model, result), *([order] if order else [])]
     known = {joint for issue in found for joint in issue.joints}
     shares = zip(mapping.names, result.shares, strict=True)
     poor = {joint: share for joint, share in shares if share < LIMITS.unexplained and joint not in known}
@@ -152,11 +156,6 @@ def torque_sign_instead(
     if improvement(shares, others_shares) > max(LIMITS.clear, improvement(shares, with_zero(best)[1])):
         return other, others_shares
     return best, shares
-
-
-def improvement(before: Array, after: Array) -> float:
-    """By how much the unexplained parts of the torques shrink: Σ log of their ratios."""
-    return float(np.sum(np.log((1 - before + LIMITS.model_error) / (1 - after + LIMITS.model_error))))
 
 
 def opposite_signs(mapping: Mapping, now: Reading, joints: Sequence[str]) -> list[Hypothesis]:

@@ -8,6 +8,7 @@ so, whatever the masses and the friction really are.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,6 +79,18 @@ class TorqueModel:
             rigid = np.zeros(0)
         has_masses = bool(np.isfinite(rigid).all() and rigid.any())
         self.usable = seconds >= LIMITS.shortest_motion and has_masses
+
+    def exchanged(self, one: int, other: int, *, theta_too: bool) -> TorqueModel:
+        """The same with the torques of two joints exchanged; `theta_too`: also their motions."""
+        model, order = copy(self), np.arange(self.robot.n)
+        order[[one, other]] = order[[other, one]]
+        moving = order if theta_too else slice(None)
+        model.samples = [
+            (bodies, SampledMotion(m.q[:, moving], m.v[:, moving], m.a[:, moving], m.torque[:, order]))
+            for bodies, m in self.samples
+        ]
+        model.torque = self.torque[:, order]
+        return model
 
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
         """(M, n) torques of the CAD model, velocities and accelerations, all at the side of τ."""
@@ -177,3 +190,8 @@ def fit_joint(
     x = lower + bounded_minimum(r.T @ (r @ lower - projected), r.T @ r, lower, Bounds(lower, upper))[0]
     unexplained = float(np.sum((r @ x - projected) ** 2)) + total - float(projected @ projected)
     return TorqueFit(1.0 - unexplained / total, float(x[0] / scale[0]))
+
+
+def improvement(before: Array, after: Array) -> float:
+    """By how much the unexplained parts of the torques shrink: Σ log of their ratios."""
+    return float(np.sum(np.log((1 - before + LIMITS.model_error) / (1 - after + LIMITS.model_error))))
