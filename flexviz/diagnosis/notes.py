@@ -44,12 +44,15 @@ def notes(
         out.append(Note("model-error", text))
     floor = np.maximum(np.array(errors.noise_floor), 1e-300)
     rms = np.array(errors.rms_validation or errors.rms)
-    j = int(np.argmax(rms / floor))
+    largest = np.maximum(rms, errors.rms)
+    j = int(np.argmax(largest / floor))
     pulses = any(weighting.unknown for weighting in final.point.weightings)
-    if verdict == "nothing-missing" and pulses and rms[j] > RMS_RATIO_EXPLAINED * floor[j]:
+    if verdict == "nothing-missing" and pulses and largest[j] > RMS_RATIO_EXPLAINED * floor[j]:
+        kind = "fitted" if largest[j] > rms[j] or errors.rms_validation is None else "held-out"
         text = (
-            f"the error of {joints[j]} ({rms[j]:.3g} Nm) arises at motion reversals and backlash "
-            "crossings: it includes their unknown torque, which the fit treats as pulses of unknown size"
+            f"the error of {joints[j]} ({largest[j]:.3g} Nm in the {kind} groups) arises at motion "
+            "reversals and backlash crossings: it includes their unknown torque, which the fit treats as "
+            "pulses of unknown size"
         )
         out.append(Note("pulses", text))
     if verdict == "unknown":

@@ -38,8 +38,8 @@ def test_the_trade_is_seen_while_dragging(page: Any, shot: Any) -> None:
     button(page, "Identify").click()
     button(page, "Run").click()
     until(lambda: not button(page, "Stop").is_enabled() and "converged" in page.inner_text(".fv-status"))
-    button(page, "Observer").click()
-    first = until(lambda: cards(page), 60, "the residuals")
+    # a click is lost where the page is just drawn anew with the result
+    first = until(lambda: cards(page) or button(page, "Observer").click(), 60, "the residuals")
     assert list(first) == ["joint1", "joint2"]
     for times, rms, floor in first.values():
         assert times == pytest.approx(rms / floor, rel=0.02)
