@@ -25,7 +25,7 @@ from flexviz.equation.residual import OperatingPoint
 Array = NDArray[np.float64]
 
 PULSE_SPACING = 0.01  # [s]
-MAX_PULSES = 12  # per interval: friction changes slowly during a long rest
+MAX_PULSES = 30  # per interval: friction changes slowly during a long rest
 UNKNOWN_SHARE = 0.15  # of the change of u that is unknown on average between two pulses
 SETTLED_SHARE = 0.99  # of the full size of u on either side of a jump
 # half-width of a jump in each signal: [rad/s], [rad/s], share of the rms torque
@@ -151,4 +151,10 @@ def _jumps(law: LawEffect, motion: JointMotion, values: Array) -> tuple[NDArray[
         between = distance > (1 - SETTLED_SHARE) * np.maximum(swing, 1e-12)
         region |= steep & between
         size = np.maximum(size, np.where(steep, swing, 0.0))
+        # a quick reversal lies between two samples, of which neither is near zero
+        leap = np.abs(np.diff(u)) * (signal[1:] * signal[:-1] < 0)
+        crossed = leap > 0.5 * full
+        for side in (slice(None, -1), slice(1, None)):
+            region[side] |= crossed
+            size[side] = np.maximum(size[side], np.where(crossed, leap, 0.0))
     return region, size
