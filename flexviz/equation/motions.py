@@ -69,6 +69,7 @@ class WideMotions:
         self._signals, self._layout, self._x, self._shared = signals, layout, x, shared
         self._wide: dict[int, list[Level]] = {}
         self._smooth: dict[int, list[Level]] = {}
+        self._above: dict[int, list[Level | None]] = {}
 
     def of(self, joint: int, s: Array | None) -> list[JointMotion]:
         """Motions of a joint in every stretch.
@@ -133,25 +134,40 @@ class WideMotions:
     def _levels(self, joint: int, s: Array) -> list[Level]:
         """The transmission torque s of the equation, continued by the wide-band torque without friction.
 
-        s is known between the first and last sample of the equation in the stretch; beyond, the wide-band
-        torque, also without friction, is continued from there: a damped joint would respond to a step of
-        friction that is subtracted on one side only.
+        s is known between the first and last sample of the equation in the stretch, and in its band. Beyond
+        both it is continued by the wide-band torque, also without friction: a damped joint would respond to a
+        step of friction that is subtracted on one side only. What is above the band is added where the
+        residual is compared with the noise: without it, the link's reversals are milliseconds off. A plain
+        fit starts from values too rough for that.
         """
         if joint not in self._smooth:
             self._smooth[joint] = self._without_friction(joint)
-        out = []
-        for fine, block, smooth in zip(self.fine, self._signals.blocks, self._smooth[joint], strict=True):
+            parts = zip(self.fine, self._smooth[joint], strict=True)
+            self._above[joint] = [self._above_band(joint, fine.step, level) for fine, level in parts]
+        out, wide = [], zip(self._smooth[joint], self._above[joint], strict=True)
+        for fine, block, (smooth, above) in zip(self.fine, self._signals.blocks, wide, strict=True):
             torque, rate = (level.copy() for level in smooth)
             between, inside, near = self._known(fine, block)
             found, slope = between.read(s[block.rows, joint])
             torque[: inside.start] += np.median((found - torque[inside])[:near])
             torque[inside.stop :] += np.median((found - torque[inside])[-near:])
             torque[inside], rate[inside] = found, slope
+            if above is not None:
+                torque[inside] += above[0][inside]
+                rate[inside] += above[1][inside]
             out.append((torque, rate))
         return out
 
+    def _above_band(self, joint: int, step: float, level: Level) -> Level | None:
+        """What a wide-band torque has above the band of the equation; None unless that is flat."""
+        observer = self._signals.observer_of(joint)
+        if not observer.flat:
+            return None
+        torque, rate = observer.derivatives(level[0][:, None], step, 2)[..., 0]
+        return level[0] - torque, level[1] - rate
+
     def _without_friction(self, joint: int) -> list[Level]:
-        """The wide-band torque, without friction before and after the samples of the equation.
+        """The wide-band torque without friction; unless the equation's band is flat, at both ends only.
 
         Only laws of the joint's own motion are subtracted: with a torque gain, a delay or coupling beside
         damping, the residual still errs at both ends of a stretch.
@@ -168,7 +184,9 @@ class WideMotions:
             friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
             band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[joint]))
             reach = round(band.memory() / motion.step)
-            for used, taken in _ends(inside.start + near, inside.stop - near, len(torque), reach):
+            ends = inside.start + near, inside.stop - near
+            head, tail = (len(torque), len(torque)) if self._signals.observer.flat else ends
+            for used, taken in _ends(head, tail, len(torque), reach):
                 slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
                 torque[taken][used] -= slow[0]
                 rate[taken][used] -= slow[1]
