@@ -57,6 +57,7 @@ class Point:
         torque: shape (N, n), transmission torque of the narrow band [Nm].
         narrow_point: operating point of the narrow band.
         bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
+        transients: Σ_j N log max(χ_j, 1) of the unused samples.
     """
 
     two_band: TwoBandData
@@ -67,6 +68,7 @@ class Point:
     torque: Array
     narrow_point: OperatingPoint
     bias: list[Array]
+    transients: float = 0.0
     _instruments: Recent[Array] = field(default_factory=INSTRUMENTS, init=False)
     _link: Recent[LinkTerms] = field(default_factory=partial(Recent, "link", 4), init=False)
 
@@ -111,8 +113,11 @@ class Point:
 
     @property
     def noise_objective(self) -> float:
-        """Σ_j N log max(χ_j, 1): twice the negative log likelihood of residuals above their noise."""
-        return np.count_nonzero(self.used) * float(np.log(np.maximum(self.chi, 1.0)).sum())
+        """Σ_j N log max(χ_j, 1): twice the negative log likelihood of residuals above their noise.
+
+        Transients have a level of their own. They count: another model may have none there.
+        """
+        return _above_noise(self.chi, np.count_nonzero(self.used)) + self.transients
 
     @property
     def objective(self) -> float:
@@ -126,7 +131,7 @@ class Point:
 
     def within(self, window: Bools) -> Point:
         """The point restricted to the samples of a window, shape (N,)."""
-        part = replace(self, r=self.r * window[:, None], used=self.used & window)
+        part = replace(self, r=self.r * window[:, None], used=self.used & window, transients=0.0)
         part._instruments.get(lambda: self.z * window[:, None, None])
         return part
 
@@ -175,6 +180,11 @@ class Point:
         return two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
 
 
+def _above_noise(chi: Array, count: int) -> float:
+    """Σ_j N log max(χ_j, 1) of N samples with a mean square of χ (n,)."""
+    return count * float(np.log(np.maximum(chi, 1.0)).sum())
+
+
 def weighted_point(
     two_band: TwoBandData, evaluation: BandEvaluation, weightings: list[NoiseWeighting], bias: list[Array]
 ) -> Point:
@@ -182,9 +192,11 @@ def weighted_point(
     pairs = list(zip(weightings, two_band.blocks, strict=True))
     r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
     used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
+    left = np.count_nonzero(~used)
+    transients = _above_noise(np.sum(r[~used] ** 2, axis=0) / max(left, 1), left)
     r[~used] = 0.0
     at, jacobian = evaluation.narrow_point, evaluation.jacobian
-    point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias)
+    point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias, transients)
     point._link.get(lambda: evaluation.link)
     if jacobian is not None:
         point._instruments.get(lambda: point._weighted(jacobian))
