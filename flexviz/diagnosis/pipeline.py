@@ -31,7 +31,7 @@ from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS
+from flexviz.effects import EFFECTS, LawEffect
 from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -145,19 +145,17 @@ class _Pipeline:
 
     def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
-        near = rich = None
+        rich, begun = None, False
         try:
             near = many.search.near_noise()
-            complete = near is None and self.complete_as_it_is()
-            if complete:
-                near = NearNoise(self.layout, self.base.x)
             if near is not None:
                 many.search.forget()
                 self.refit.begin(near)
-                if not complete:
-                    self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+                self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+            begun = near is not None or self.quiet_between_reversals()
+            if begun:
                 self.add_effects(apply, near)
-            if near is None or verdict(self.final, self.reference) == "unknown":
+            if not begun or verdict(self.final, self.reference) == "unknown":
                 rich = many.find()
         except Interrupted:
             if (best := many.search.best) is not None:
@@ -165,12 +163,12 @@ class _Pipeline:
         if rich is not None:
             result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
-        if near is None:
+        if not begun:
             del many  # its fits take as much memory as what follows
             self.prepare(0 if self.stopped else LIMITS.first_iterations)
         try:
             self.check_stop()
-            if near is None:
+            if not begun:
                 self.add_effects(apply)
             if verdict(self.final, self.reference) == "unknown":
                 self.continue_beside_model_error(apply)
@@ -195,15 +193,17 @@ class _Pipeline:
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 
-    def complete_as_it_is(self) -> bool:
-        """Whether a model with a hidden state leaves only noise.
+    def quiet_between_reversals(self) -> bool:
+        """Whether the set's own model with friction leaves little but at reversals.
 
-        The motion alone does not tell: at reversals that no encoder sees, a right model leaves far more.
+        There the motion alone leaves far more than the noise, although the model may be right.
         """
-        if not any(EFFECTS[effect.effect].hidden_state for effect in self.layout.effects):
+        laws = [EFFECTS[effect.effect] for effect in self.layout.effects]
+        if not any(isinstance(law, LawEffect) and not law.smooth for law in laws):
             return False
         self.prepare()
-        return verdict(self.base, self.reference) == "nothing-missing"
+        chi = np.fmax(self.base.chi, self.base.chi_held_out)
+        return bool(np.all(chi < THRESHOLDS.motion.quiet_model**2))
 
     def start_model(self) -> FlexibleModel:
         """The start values: given, or else those of a plain identification."""

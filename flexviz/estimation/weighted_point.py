@@ -117,7 +117,7 @@ class Point:
 
         Transients have a level of their own. They count: another model may have none there.
         """
-        return _above_noise(self.chi, np.count_nonzero(self.used)) + self.transients
+        return _above_noise(self.chi, int(np.count_nonzero(self.used))) + self.transients
 
     @property
     def objective(self) -> float:
@@ -192,7 +192,7 @@ def weighted_point(
     pairs = list(zip(weightings, two_band.blocks, strict=True))
     r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
     used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
-    left = np.count_nonzero(~used)
+    left = int(np.count_nonzero(~used))
     transients = _above_noise(np.sum(r[~used] ** 2, axis=0) / max(left, 1), left)
     r[~used] = 0.0
     at, jacobian = evaluation.narrow_point, evaluation.jacobian
