@@ -1,0 +1,78 @@
+"""Reversals that a record hardly shows: quick ones, those of the link, those near its ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.diagnosis_study.cases import selected
+from benchmarks.diagnosis_study.making import case_folder, make
+from flexviz import diagnose
+from flexviz.diagnosis.fit_context import FitContext
+from flexviz.effects import EFFECTS, LawEffect
+from flexviz.equation import layout_of
+from flexviz.equation.reversal_nuisance import undecided
+from flexviz.estimation.weighted_point import weighted_point
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet, read_set
+from tests.test_equation_parts import moving
+
+SOFT = "clean-2r-009-link_coulomb_friction"  # links that stick and break loose, in the set's own model
+SOFTER = "clean-2r-069-link_coulomb_friction"
+LATE = "single-2r-011-backlash"  # crossed once, 1.1 s after the start of a record
+
+
+def simulated(work: Path, name: str) -> MeasurementSet:
+    """A set of the diagnosis study."""
+    (case,) = selected(47, name)
+    make(work, case)
+    return read_set(case_folder(work, name))
+
+
+@pytest.mark.parametrize("acceleration", [3.0, 16.0, 80.0])
+def test_a_reversal_between_two_samples_has_its_pulses(acceleration: float) -> None:
+    """However quick: between two samples the velocity passes all that friction needs to change sign."""
+    motion = moving(acceleration * (np.arange(1001) / 500.0 - 1.0007))
+    for name, per_sample in (("coulomb_friction", 1.0), ("quadratic_friction", 0.0)):
+        law = EFFECTS[name]
+        assert isinstance(law, LawEffect)
+        times, sizes = undecided(law, motion, np.array([2.0]))
+        assert bool(len(times)) == bool(per_sample)
+        if len(times):
+            assert times[0] < 1.0007 < times[-1] and np.ptp(times) < 0.025
+            np.testing.assert_allclose(sizes, 0.15 * 4.0 * np.ptp(times) / (len(times) - 1), rtol=0.35)
+
+
+@pytest.mark.parametrize("name", [SOFT, SOFTER])
+def test_a_right_model_of_links_that_stick_leaves_only_noise(tmp_path: Path, name: str) -> None:
+    measurements = simulated(tmp_path, name)
+    layout = layout_of(measurements)
+    context = FitContext(measurements, layout)
+    fit = context.fit(layout, layout.vector(identify(measurements).model), iterations=6)
+    assert fit.chi.max() < 1.8 and fit.chi_held_out.max() < 2.2  # 7.5 and 64 without the reversals' detail
+    assert diagnose(measurements, apply=True).verdict == "nothing-missing"
+
+
+def test_what_a_model_leaves_near_the_ends_counts(tmp_path: Path) -> None:
+    """A tilted base imitates a backlash until it is crossed, which looks like a transient."""
+    measurements = simulated(tmp_path, LATE)
+    layout = layout_of(measurements)
+    context = FitContext(measurements, layout)
+    bare = context.fit(layout, layout.vector(identify(measurements).model), iterations=10)
+    point, left = bare.point, ~bare.point.used
+    assert 10 < np.count_nonzero(left) < 0.1 * len(left)
+    again = weighted_point(point.two_band, point.two_band.evaluate(point.x), point.weightings, point.bias)
+    rows = np.concatenate(
+        [
+            m.apply(point.two_band.wide.at(point.x).residual(point.x)[b.rows])
+            for m, b in zip(point.weightings, point.two_band.blocks, strict=True)
+        ]
+    )
+    above = np.log(np.maximum(np.mean(rows[left] ** 2, axis=0), 1.0)).sum()
+    assert again.transients == pytest.approx(np.count_nonzero(left) * above, rel=1e-6) and above > 1.0
+    whole = point.noise_objective - point.transients
+    assert point.within(np.ones(len(left), bool)).noise_objective == pytest.approx(whole)
+    first = diagnose(measurements, apply=True).findings[0]
+    assert (first.effect, first.joint) == ("backlash", "joint1")
