@@ -23,6 +23,8 @@ def test_a_complete_model_is_good_and_needs_nothing(clean):
     assert text.startswith("Good: held-out error of all joints, at most ")
     assert "stiffness 2 of 2" in text
     assert "Weak" not in text and "diagnose" not in text and "Record" not in text
+    assert "not the observer's bias" in text
+    assert "bias" not in assessment(identify(clean, refine=True).document())
 
 
 def test_a_missing_effect_is_weak_and_sends_to_the_diagnosis(demo):

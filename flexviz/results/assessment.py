@@ -19,6 +19,10 @@ BEHIND_THE_GEAR = (
     "torque sensor) or computed by the controller. Import it as tau_joint, and the motor's torque or current "
     "as tau; without that, stiffness and motor inertia mean nothing here."
 )
+NOT_REFINED = (
+    "The intervals cover the measurement noise, not the observer's bias, which may be larger: refine "
+    "(--refine, in the app Refine) to remove it."
+)
 GRADED = {
     "stiffness": "stiffness",
     "motor_inertia": "motor inertia",
@@ -77,6 +81,8 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
     if _torque_behind_the_gear(result):
         return [BEHIND_THE_GEAR]
     out = [lacking] if (lacking := lacks_effects(result)) else []
+    if not out and not result.refined and result.observer is not None:
+        out.append(NOT_REFINED)
     record = []
     if not residual.rms_validation:
         record.append("another motion as a held-out group (validation = true)")

@@ -47,6 +47,10 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     parts = [f'<div class="fv"><table class="fv-table">{head}{_rows(main, truth)}</table>']
     legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
+    if not result.refined:
+        parts.append(
+            '<div class="fv-dim">± 95 % covers the noise, not the observer\'s bias: Refine removes it.</div>'
+        )
     if len(main) + len(inertial) < len(result.parameters):
         parts.append('<div class="fv-dim">Free curves (not physics): see the plots, Where it fails.</div>')
     if inertial:
