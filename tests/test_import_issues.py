@@ -113,6 +113,20 @@ def test_fault_is_named_and_undone(fault: str) -> None:
     assert getattr(getattr(mapping.joints[joint], signal), key) == value
 
 
+def test_gears_that_are_stated_and_not_used_are_one_issue() -> None:
+    """Also where motor and joint turn opposite ways, and without q."""
+    groups = [(bodies, replace(t, q=None)) for bodies, t in tables(theta=-80.0, tau=-1 / 80.0)]
+    (issue,) = found(groups, gear=-80.0)
+    assert (issue.severity, issue.joints, issue.signal) == ("wrong", JOINTS, "theta and tau")
+    assert {(f.joint, f.signal, f.key, f.value) for f in issue.fixes} == {
+        (joint, signal, "side", "motor") for joint in JOINTS for signal in ("theta", "tau")
+    }
+    assert "their gears are stated, but not used" in issue.message
+    used = with_fixes(mapping_of(JOINTS, gear=-80.0), issue.fixes)
+    assert check_groups(used, arm()[0], [(b, replace(t, q=None)) for b, t in tables()]) == []
+    assert found([(b, replace(t, q=None)) for b, t in tables()], gear=-80.0) == []  # behind the gears already
+
+
 @pytest.mark.parametrize(("signals", "exchanged"), [("tau", ("tau",)), ("theta and tau", ("theta", "tau"))])
 def test_exchanged_joints(signals: str, exchanged: tuple[str, ...]) -> None:
     """Told instead of what else would explain a little more of their torques."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexviz.importing.column_names import CURRENT
 from flexviz.importing.cross_checks import ColumnChange, angle_changes, change_of, conversions
+from flexviz.importing.gear_check import check_gears
 from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.order_check import check_order
 from flexviz.importing.thresholds import LIMITS
@@ -44,6 +45,8 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     if not model.usable:
         return merged(by_q, mapping)
     start = Reading.unchanged(model.robot.n)
+    if gears := check_gears(mapping, model, model.shares(start, any_scale=False)):
+        return [gears]
     for j, factor in factors.items():
         start.factor[j] = factor
     result = search(mapping, model, start, any_scale=False)

@@ -92,6 +92,16 @@ class TorqueModel:
         model.torque = self.torque[:, order]
         return model
 
+    def behind(self, gears: Array) -> TorqueModel:
+        """The same with angles and torques from before these gears, shape (n,)."""
+        model = copy(self)
+        model.samples = [
+            (bodies, SampledMotion(m.q / gears, m.v / gears, m.a / gears, m.torque * gears))
+            for bodies, m in self.samples
+        ]
+        model.torque = self.torque * gears
+        return model
+
     def rigid(self, reading: Reading) -> tuple[Array, Array, Array]:
         """(M, n) torques of the CAD model, velocities and accelerations, all at the side of τ."""
         turn = np.diag(reading.factor)
