@@ -12,7 +12,7 @@ from flexviz.errors import InputError
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.estimation.covariance import sandwich, score_covariance
 from flexviz.estimation.least_squares import Bounds, bounded_step, gauss_newton
-from flexviz.estimation.weighted_point import outside_transients
+from flexviz.estimation.transients import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
 from flexviz.measurements import read_set

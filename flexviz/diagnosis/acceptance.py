@@ -21,6 +21,11 @@ def excess(fit: Fit) -> float:
     return float(np.mean(np.maximum(values - 1.0, 0.0)))
 
 
+def quiet(fit: Fit) -> bool:
+    """Whether every joint is near its noise, in the fit and the validation groups."""
+    return bool(np.all(np.fmax(fit.chi, fit.chi_held_out) < THRESHOLDS.motion.quiet_model**2))
+
+
 def removed_share(before: Fit, after: Fit) -> float:
     """Share of the excess that a refit removed."""
     return 1 - excess(after) / max(excess(before), 1e-9)

@@ -138,3 +138,18 @@ def _stretches(point: Point, length: int) -> Array:
     count = len(point.r) // length
     squares = point.r[: count * length] ** 2
     return squares.reshape(count, length, -1).sum(axis=1)
+
+
+def imitates(search: Search, step: SearchStep, final: Fit) -> bool:
+    """Whether an effect is too uncertain or explains much less than a free curve of its joint.
+
+    Args:
+        search: the search that added it.
+        step: of that search.
+        final: its last model.
+    """
+    if uncertain(search.context, step, final):
+        return True
+    if step.chosen.effect.joint is None or step.scores is None:
+        return False
+    return not FreeCurveTest(search, step.before, step.scores).passed(step.chosen.effect)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import evidence, stages
-from flexviz.diagnosis.acceptance import excess, verdict
+from flexviz.diagnosis.acceptance import excess, quiet, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
@@ -21,9 +21,8 @@ from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.final_refit import Conclusion, EarlyRefit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
-from flexviz.diagnosis.free_curve_test import FreeCurveTest
 from flexviz.diagnosis.many_effects import ManyEffects
-from flexviz.diagnosis.model_error import ModelErrorSearch
+from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
@@ -152,8 +151,7 @@ class _Pipeline:
                 many.search.forget()
                 self.refit.begin(near)
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
-            begun = near is not None or self.quiet_between_reversals()
-            if begun:
+            if begun := near is not None or self.quiet_between_reversals():
                 self.add_effects(apply, near)
             if not begun or verdict(self.final, self.reference) == "unknown":
                 rich = many.find()
@@ -194,16 +192,12 @@ class _Pipeline:
         self.reference = self.context.without_effects(self.base)
 
     def quiet_between_reversals(self) -> bool:
-        """Whether the set's own model with friction leaves little but at reversals.
-
-        There the motion alone leaves far more than the noise, although the model may be right.
-        """
+        """Whether a model with friction is near the noise, though the motion with its reversals is not."""
         laws = [EFFECTS[effect.effect] for effect in self.layout.effects]
         if not any(isinstance(law, LawEffect) and not law.smooth for law in laws):
             return False
         self.prepare()
-        chi = np.fmax(self.base.chi, self.base.chi_held_out)
-        return bool(np.all(chi < THRESHOLDS.motion.quiet_model**2))
+        return quiet(self.base)
 
     def start_model(self) -> FlexibleModel:
         """The start values: given, or else those of a plain identification."""
@@ -275,21 +269,13 @@ class _Pipeline:
     def continue_beside_model_error(self, apply: bool) -> None:
         """Withdraw imitations, then add effects that held-out groups confirm, allowing for a model error."""
         limits = THRESHOLDS.model_error
-        self.steps = list(takewhile(lambda step: not self.imitates(step), self.steps))
+        self.steps = list(takewhile(lambda s: not imitates(self.search, s, self.final), self.steps))
         if excess(self.final) < limits.needed_excess or (not apply and self.steps):
             return
         search = ModelErrorSearch(self.search, limits.effects if apply else 1)
         if steps := search.run(self.final):
             self.steps += steps
             self.model_error_variance = search.variance
-
-    def imitates(self, step: SearchStep) -> bool:
-        """Whether an effect is too uncertain or explains much less than a free curve of its joint."""
-        if evidence.uncertain(self.context, step, self.final):
-            return True
-        if step.chosen.effect.joint is None or step.scores is None:
-            return False
-        return not FreeCurveTest(self.search, step.before, step.scores).passed(step.chosen.effect)
 
     # -- the result -------------------------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ from flexviz.estimation.covariance import score_covariance
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
+from flexviz.estimation.transients import above_noise, outside_transients
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.whitening import Whitener
 from flexviz.recent import Recent
@@ -117,7 +118,7 @@ class Point:
 
         Transients have a level of their own. They count: another model may have none there.
         """
-        return _above_noise(self.chi, int(np.count_nonzero(self.used))) + self.transients
+        return above_noise(self.chi, int(np.count_nonzero(self.used))) + self.transients
 
     @property
     def objective(self) -> float:
@@ -180,11 +181,6 @@ class Point:
         return two_band.noise_score_covariance(self.x, self.link, self.z, self.weightings) * raised
 
 
-def _above_noise(chi: Array, count: int) -> float:
-    """Σ_j N log max(χ_j, 1) of N samples with a mean square of χ (n,)."""
-    return count * float(np.log(np.maximum(chi, 1.0)).sum())
-
-
 def weighted_point(
     two_band: TwoBandData, evaluation: BandEvaluation, weightings: list[NoiseWeighting], bias: list[Array]
 ) -> Point:
@@ -193,7 +189,7 @@ def weighted_point(
     r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
     used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
     left = int(np.count_nonzero(~used))
-    transients = _above_noise(np.sum(r[~used] ** 2, axis=0) / max(left, 1), left)
+    transients = above_noise(np.sum(r[~used] ** 2, axis=0) / max(left, 1), left)
     r[~used] = 0.0
     at, jacobian = evaluation.narrow_point, evaluation.jacobian
     point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias, transients)
@@ -201,27 +197,6 @@ def weighted_point(
     if jacobian is not None:
         point._instruments.get(lambda: point._weighted(jacobian))
     return point
-
-
-def outside_transients(r: Array) -> Bools:
-    """Samples of one stretch outside the transients at its ends, shape (N,).
-
-    The length of a transient depends on how the record starts. Windows of 1/80 of the stretch are dropped at
-    both ends up to the innermost one, within an eighth of the stretch, whose energy exceeds
-    `ESTIMATION.transient` times the median.
-    """
-    window = max(3, len(r) // 80)
-    count = len(r) // window
-    energy = (r[: count * window] ** 2).reshape(count, -1).mean(axis=1)
-    loud = energy > ESTIMATION.transient * np.median(energy)
-    used = np.ones(len(r), bool)
-    edge = count // 8
-    first, last = np.flatnonzero(loud[:edge]), np.flatnonzero(loud[::-1][:edge])
-    if first.size:
-        used[: (first[-1] + 1) * window] = False
-    if last.size:
-        used[(count - last[-1] - 1) * window :] = False
-    return used
 
 
 class Whitening:
