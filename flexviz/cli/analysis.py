@@ -76,7 +76,7 @@ def diagnose(
     if free_curve and not apply:
         raise InputError("--free-curve adds a step to the model, expected --apply beside it")
     terminal.check_output_file(json_file, ".json")
-    check_draft_file(draft_effect)
+    terminal.check_output_file(draft_effect, ".py", new=True)
     cores = on_cores(usable_cores())
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
         measurements = with_plausibility_warnings(read_set(measurement_set))
@@ -97,15 +97,6 @@ def diagnose(
     if draft_effect is not None:
         write_draft(result, draft_effect)
     return 130 if result.stopped else 0
-
-
-def check_draft_file(file: Path | None) -> None:
-    """Refuse an unusable file for a drafted effect: an existing one may have been edited."""
-    terminal.check_output_file(file)
-    if file is not None and file.suffix != ".py":
-        raise InputError("expected a file name that ends in .py", file=file)
-    if file is not None and file.exists():
-        raise InputError("exists already, expected a new file", file=file)
 
 
 def write_draft(result: Diagnosis, file: Path) -> None:
@@ -135,9 +126,7 @@ def record(
     from flexviz.results import run_lines
     from flexviz.workflows import record as record_analysis
 
-    terminal.check_output_file(out, ".rrd")
-    if out.suffix not in ("", ".rrd"):
-        raise InputError(f"ends in {out.suffix}, expected a name that ends in .rrd", file=out)
+    terminal.check_output_file(out, ".rrd", named=True)
     with Reporter(f"reading {measurement_set}") as report, interruptible("the recording is kept") as stop:
         measurements = read_selected(measurement_set, options)
         done = record_analysis(

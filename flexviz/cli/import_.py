@@ -98,11 +98,7 @@ def check_source(source: list[Path], robot: str | None, mapping: Path | None) ->
         raise InputError(
             "--robot is missing, expected with logs: a URDF, example-robot-data:NAME or robots:NAME"
         )
-    terminal.check_output_file(mapping)
-    if mapping is not None and mapping.exists():  # it may have been corrected
-        raise InputError("exists already, expected a new name", file=mapping)
-    if mapping is not None and mapping.suffix != ".toml":
-        raise InputError("not a name for a mapping, expected *.toml", file=mapping)
+    terminal.check_output_file(mapping, ".toml", new=True)
 
 
 def show_draft(inspection: Inspection, file: Path | None, checked_only: bool) -> None:

@@ -63,10 +63,14 @@ def write_json(path: Path | None, data: Any) -> None:
         write_file(path, as_json(data))
 
 
-def check_output_file(path: Path | None, suffix: str = "") -> None:
+def check_output_file(path: Path | None, suffix: str = "", *, named: bool = False, new: bool = False) -> None:
     """Refuse an unusable output file before the work starts.
 
-    With `suffix`, an existing file of another kind is not overwritten: it may be part of a set.
+    Args:
+        path: the file; None: nothing is written.
+        suffix: an existing file of another kind is not overwritten: it may be part of a set.
+        named: a new file has to have this suffix, or none.
+        new: the file must not exist, because it may have been edited, and has to have the suffix.
     """
     if path is None:
         return
@@ -74,8 +78,13 @@ def check_output_file(path: Path | None, suffix: str = "") -> None:
         raise InputError("is a folder, expected a file name", file=path)
     if not path.absolute().parent.is_dir():
         raise InputError(f"the folder {path.absolute().parent} does not exist", file=path)
-    if suffix and path.is_file() and path.suffix not in ("", suffix):
+    other = bool(suffix) and path.suffix not in (("", suffix) if not new else (suffix,))
+    if other and path.is_file():
         raise InputError(f"exists and is not a {suffix} file, expected another name", file=path)
+    if other and (named or new):
+        raise InputError(f"expected a name that ends in {suffix}", file=path)
+    if new and path.exists():
+        raise InputError("exists already, expected a new name", file=path)
 
 
 def check_new_folder(folder: Path, table_format: str) -> None:

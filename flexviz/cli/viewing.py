@@ -36,7 +36,7 @@ def review(
     """Open a recording in Rerun's viewer, on this machine only; a truncated one is repaired first."""
     from flexviz.recording import ending_tidily
 
-    terminal.check_output_file(out, ".rrd")
+    terminal.check_output_file(out, ".rrd", named=True)
     with temporary_folder("review") as temporary, ending_tidily():
         sources = [source] if other is None else [source, other]
         if out is not None and other is None and source.is_file() and source.suffix == ".rrd":
