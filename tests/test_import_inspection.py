@@ -320,7 +320,7 @@ def test_what_is_missing_is_written_down(tmp_path: Path) -> None:
     }
     inspection = inspect_logs([csv_of(tmp_path, nameless, "other.csv")], str(tmp_path / "robot.urdf"))
     assert "no columns were recognised as the motor torque τ" in inspection.draft.missing[0]
-    assert 'missing: { from = "column" }' in inspection.draft.text(None)
+    assert 'missing: { from = "column" }; unit = "A" and torque_constant' in inspection.draft.text(None)
     timeless = {name: np.tile(values, 2) for name, values in columns.items() if name != "t"}
     inspection = inspect_logs([csv_of(tmp_path, timeless, "timeless.csv")], str(tmp_path / "robot.urdf"))
     assert any("step = seconds from row to row" in line for line in inspection.draft.missing)

@@ -224,6 +224,11 @@ def test_the_fingerprint_is_that_of_the_files(kept: Kept) -> None:
     assert json.loads((folder / SESSION_FILE).read_text())["set"]["sha256"] == found.sha256
 
 
+def test_a_session_is_not_taken_for_a_set(made: Kept) -> None:
+    with pytest.raises(InputError, match=r"kept: is a saved session, expected the measurement set"):
+        read_set(made[2])
+
+
 # -- versions ------------------------------------------------------------------------------------------------
 
 

@@ -36,6 +36,10 @@ TITLES = {
     "tau_joint": "the joint torque sensor (for comparison only)",
     "theta_ref": "the reference of θ (for replay only)",
 }
+STUBS = {  # what else its line may need
+    "theta": 'unit = "deg" if not rad; from before the gear: side = "motor", and gear = its ratio',
+    "tau": 'unit = "A" and torque_constant if a current; from before the gear: side = "motor", and gear',
+}
 
 
 @dataclass(frozen=True)
@@ -219,7 +223,7 @@ def fill_joints(
             entry.signals[name] = signal
             entry.comment(name, f"{range_text(every[column].columns[column])}; {reason(family)}")
         for name in (name for name in NEEDED if name not in roles):
-            entry.comment(name, 'missing: { from = "column" }')
+            entry.comment(name, f'missing: {{ from = "column" }}; {STUBS[name]}')
     if not draft.joints:
         draft.missing.append("no joint has both θ and τ")
 

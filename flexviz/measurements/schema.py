@@ -132,6 +132,11 @@ def locate(path: str | Path) -> Path:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be opened ({reason})", file=file) from None
+    if not found and (file.parent / "session.json").is_file():
+        raise InputError(
+            "is a saved session, expected the measurement set it was made from; flexviz serve opens sessions",
+            file=file.parent,
+        )
     if not found:
         raise InputError(f"file not found; a measurement set is a folder with {FILE_NAME}", file=file)
     if file.suffix != ".toml":
