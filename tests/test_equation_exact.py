@@ -28,18 +28,19 @@ LATE = 4.0  # [s] start of a record
 
 @pytest.mark.parametrize("length", [1, 3, 10, 200])
 @pytest.mark.parametrize("where", ["first", "middle", "last"])
-def test_instants_and_sizes_of_pulses(where: str, length: int) -> None:
-    """Every 10 ms, from 5 ms before to 5 ms after, 30 at most, on the fine grid, within the record."""
+@pytest.mark.parametrize(("entry", "most"), [("torque", 12), ("residual", 30)])
+def test_instants_and_sizes_of_pulses(where: str, length: int, entry: str, most: int) -> None:
+    """Every 10 ms, from 5 ms before to 5 ms after, so many at most, on the fine grid, within the record."""
     time = LATE + np.arange(1001) / 512.0  # exact in binary
     motion, count = replace(moving(np.zeros(1001)), time=time), len(time)
     a = {"first": 0, "middle": 400, "last": count - length}[where]
     region = np.zeros(count, bool)
     region[a : a + length] = True
     size = 2.0 + np.sin(np.arange(count))
-    law: Any = SimpleNamespace(undecided=lambda *_: (region, size))
+    law: Any = SimpleNamespace(undecided=lambda *_: (region, size), entry=entry)
     times, sizes = undecided(law, motion, np.ones(1))
     ends = time[a] - 0.005, time[a + length - 1] + 0.005
-    number = min(int(np.ceil(round((ends[1] - ends[0]) / 0.01, 9))) + 1, 30)
+    number = min(int(np.ceil(round((ends[1] - ends[0]) / 0.01, 9))) + 1, most)
     grid = np.linspace(*ends, number)
     kept = grid[(grid > time[0]) & (grid < time[-1])]
     np.testing.assert_allclose(times, np.round(kept * 512) / 512, rtol=1e-12)
@@ -111,13 +112,14 @@ def own_friction(equation: Equation, x: np.ndarray, motion: Any, joint: int) -> 
     return out
 
 
+@pytest.mark.parametrize("sharp", [False, True])
 @pytest.mark.parametrize("friction", [False, True])
-def test_wide_band_motion_with_the_torque_of_the_equation(friction: bool) -> None:
-    """s of the equation in its band and where it is known; beyond, the wide-band torque without friction."""
+def test_wide_band_motion_with_the_torque_of_the_equation(friction: bool, sharp: bool) -> None:
+    """s of the equation where it is known and, if sharp, in its band; beyond, the wide-band torque."""
     hidden: Any = {("cable_spring", 0): (3.0, 0.2), ("stiffness_hardening", 0): (2e4,)}
     hidden |= {("quadratic_friction", 0): (3.0,)} if friction else {}
     equation, x = at_the_truth(hidden, 14.0, 1.2)
-    lay, signals = equation.layout, equation.signals
+    lay, signals = equation.layout, replace(equation.signals, sharp=sharp)
     shared: dict[object, Any] = {"noise": (np.full(2, 2e-6), np.full(2, 2e-5))}
     seen = Equation(equation.robot, signals, lay, shared).at(x).context
     bare = EffectContext(equation.link, signals, lay, shared, x, np.zeros((3, signals.count, 2)))
@@ -136,9 +138,9 @@ def test_wide_band_motion_with_the_torque_of_the_equation(friction: bool) -> Non
             band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[0]))
             slow = band.derivatives(own_friction(equation, x, base, 0)[:, None], fine.step, 2)[:, :, 0]
             torque, rate = torque - slow[0], rate - slow[1]
-        assert seen.s is not None and signals.observer.flat
+        assert seen.s is not None
         slow = signals.observer.derivatives(torque[:, None], fine.step, 2)[:, :, 0]
-        above = torque - slow[0], rate - slow[1]
+        above = (torque - slow[0], rate - slow[1]) if sharp else (0.0 * torque, 0.0 * rate)
         time = signals.time[block.rows]
         known = CubicSpline(time, seen.s[block.rows, 0])
         inside = (motion.time > time[0] - 1e-9) & (motion.time < time[-1] + 1e-9)

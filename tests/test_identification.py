@@ -311,10 +311,13 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
 def test_transients_at_the_ends_are_found():
     rng = np.random.default_rng(0)
     r = rng.standard_normal((800, 2))
-    assert outside_transients(r).all()
+    used, cost = outside_transients(r)
+    assert used.all() and cost == 0.0
     r[:35] += 30 * np.exp(-np.arange(35) / 10)[:, None]
-    used = outside_transients(r)
+    used, cost = outside_transients(r)
     assert not used[:20].any() and used[60:].all()
+    dropped = r[~used].reshape(-1, 10, 2)  # in windows of 10 samples
+    assert cost == pytest.approx(10 * np.log(np.maximum((dropped**2).mean(axis=1), 1.0)).sum())
 
 
 def test_names_match_the_layout():

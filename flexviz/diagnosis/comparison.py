@@ -10,7 +10,7 @@ import numpy as np
 from flexviz.diagnosis.fit_context import Fit
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import ChosenEffect
-from flexviz.estimation import Projection, ScoredCandidate
+from flexviz.estimation import Covariance, Projection, ScoredCandidate
 
 LIMITS = THRESHOLDS.search
 
@@ -39,6 +39,10 @@ class RefittedCandidate:
     @property
     def effect(self) -> ChosenEffect:
         return self.scored.effect
+
+    def reported(self, covariance: Covariance) -> RefittedCandidate:
+        """The same with its covariance, without what takes memory."""
+        return RefittedCandidate(self.scored.without_signature(), self.fit.reported(covariance))
 
 
 @dataclass(frozen=True, eq=False)

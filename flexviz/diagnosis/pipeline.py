@@ -30,7 +30,6 @@ from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, LawEffect
 from flexviz.equation import layout_of
 from flexviz.identification import identify, parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -151,7 +150,7 @@ class _Pipeline:
                 many.search.forget()
                 self.refit.begin(near)
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
-            if begun := near is not None or self.quiet_between_reversals():
+            if begun := near is not None or self.near_noise_beside_reversals(many):
                 self.add_effects(apply, near)
             if not begun or verdict(self.final, self.reference) == "unknown":
                 rich = many.find()
@@ -191,13 +190,18 @@ class _Pipeline:
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 
-    def quiet_between_reversals(self) -> bool:
-        """Whether a model with friction is near the noise, though the motion with its reversals is not."""
-        laws = [EFFECTS[effect.effect] for effect in self.layout.effects]
-        if not any(isinstance(law, LawEffect) and not law.smooth for law in laws):
+    def near_noise_beside_reversals(self, many: ManyEffects) -> bool:
+        """Prepare the search on a model with friction if its fit, which knows reversals, is near noise."""
+        if not self.layout.has_reversals:
             return False
+        self.say(stages.OWN_MODEL)
         self.prepare()
-        return quiet(self.base)
+        if near := quiet(self.base):
+            many.search.forget()
+        else:
+            self.start = self.layout.model(self.base.x)
+            del self.context, self.search, self.base, self.reference  # they take memory
+        return near
 
     def start_model(self) -> FlexibleModel:
         """The start values: given, or else those of a plain identification."""
@@ -223,7 +227,7 @@ class _Pipeline:
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
             if number == 0:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
-                self.tried = [self.reported(r) for r in lower]
+                self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
             best = self.search.acceptable(fit, compared.refitted, gained)
             if best is None:
                 break
@@ -236,12 +240,6 @@ class _Pipeline:
             if not apply:
                 break
             self.drop_superfluous()
-
-    def reported(self, refitted: RefittedCandidate) -> RefittedCandidate:
-        """A refit with its covariance, without what takes memory."""
-        fit = refitted.fit
-        covariance = self.context.covariance(fit)
-        return RefittedCandidate(refitted.scored.without_signature(), fit.reported(covariance))
 
     def replace_final(self, fit: Fit) -> None:
         """Replace the fit of the final model by a better one from other start values."""

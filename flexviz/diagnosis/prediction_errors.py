@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -55,7 +55,8 @@ class PredictionErrorBand:
     def __init__(self, measurements: MeasurementSet) -> None:
         self.measurements = measurements
         observer = FlatZeroPhase(2 * np.pi * BAND_HERTZ)
-        self.signals = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
+        made = build_signals(measurements, measurements.groups, observer, longest_edge=LONGEST_EDGE)
+        self.signals = replace(made, sharp=True)
         self.noise = segments_noise([b.segment for b in self.signals.blocks])
         self._shared: dict[object, Any] = {}
         self.rows = {

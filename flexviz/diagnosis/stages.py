@@ -2,6 +2,7 @@
 
 from flexviz.progress import Pace
 
+OWN_MODEL = "fitting the set's own model to the noise"
 NEED = "checking that the effect is needed"
 STAIRS = "fitting the models on the way"
 FINAL_REFIT = "refining the final parameters"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.effects import EFFECTS, ChosenEffect, choose_effects
+from flexviz.effects import EFFECTS, ChosenEffect, LawEffect, choose_effects
 from flexviz.measurements import MeasurementSet
 from flexviz.model import EffectValue, FlexibleModel
 
@@ -61,6 +61,12 @@ class Layout:
     @property
     def effect_start(self) -> int:
         return 14 * self.n
+
+    @property
+    def has_reversals(self) -> bool:
+        """Whether the torque of an effect jumps where a velocity or a torque changes sign."""
+        laws = (EFFECTS[effect.effect] for effect in self.effects)
+        return any(isinstance(law, LawEffect) and not law.smooth for law in laws)
 
     def joint_name(self, effect: ChosenEffect) -> str | None:
         """Name of an effect's joint; None for effects without a joint."""

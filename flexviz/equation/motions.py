@@ -134,11 +134,10 @@ class WideMotions:
     def _levels(self, joint: int, s: Array) -> list[Level]:
         """The transmission torque s of the equation, continued by the wide-band torque without friction.
 
-        s is known between the first and last sample of the equation in the stretch, and in its band. Beyond
-        both it is continued by the wide-band torque, also without friction: a damped joint would respond to a
-        step of friction that is subtracted on one side only. What is above the band is added where the
-        residual is compared with the noise: without it, the link's reversals are milliseconds off. A plain
-        fit starts from values too rough for that.
+        Outside the time span of the equation's samples in the stretch, the wide-band torque is used, also
+        without friction: a damped joint would respond to a step of friction that is subtracted on one side
+        only. If the signals are sharp, it is also used above the band of the equation: without it, reversals
+        of the link are milliseconds off.
         """
         if joint not in self._smooth:
             self._smooth[joint] = self._without_friction(joint)
@@ -159,15 +158,14 @@ class WideMotions:
         return out
 
     def _above_band(self, joint: int, step: float, level: Level) -> Level | None:
-        """What a wide-band torque has above the band of the equation; None unless that is flat."""
-        observer = self._signals.observer_of(joint)
-        if not observer.flat:
+        """What a wide-band torque has above the band of the equation; None unless the signals are sharp."""
+        if not self._signals.sharp:
             return None
-        torque, rate = observer.derivatives(level[0][:, None], step, 2)[..., 0]
+        torque, rate = self._signals.observer_of(joint).derivatives(level[0][:, None], step, 2)[..., 0]
         return level[0] - torque, level[1] - rate
 
     def _without_friction(self, joint: int) -> list[Level]:
-        """The wide-band torque without friction; unless the equation's band is flat, at both ends only.
+        """The wide-band torque without friction; unless the signals are sharp, at both ends only.
 
         Only laws of the joint's own motion are subtracted: with a torque gain, a delay or coupling beside
         damping, the residual still errs at both ends of a stretch.
@@ -185,7 +183,7 @@ class WideMotions:
             band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[joint]))
             reach = round(band.memory() / motion.step)
             ends = inside.start + near, inside.stop - near
-            head, tail = (len(torque), len(torque)) if self._signals.observer.flat else ends
+            head, tail = (len(torque), len(torque)) if self._signals.sharp else ends
             for used, taken in _ends(head, tail, len(torque), reach):
                 slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
                 torque[taken][used] -= slow[0]

@@ -48,6 +48,8 @@ class Signals:
         tau: shape (3, N, n) [Nm/s^k].
         observer: what made them.
         torque_hold: [s].
+        sharp: effects see the transmission torque beyond the observer's band, too. A plain fit starts from
+            values too rough for that.
     """
 
     groups: tuple[Group, ...]
@@ -58,6 +60,7 @@ class Signals:
     tau: Array
     observer: Observer
     torque_hold: float
+    sharp: bool = False
 
     @property
     def count(self) -> int:

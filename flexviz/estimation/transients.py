@@ -1,4 +1,4 @@
-"""Transients at the ends of a record, which the residual of no model describes."""
+"""Loud samples at the ends of a record: left out of a fit, but counted when models are compared."""
 
 from __future__ import annotations
 
@@ -10,12 +10,19 @@ from flexviz.estimation.thresholds import ESTIMATION
 Array = NDArray[np.float64]
 
 
-def outside_transients(r: Array) -> NDArray[np.bool_]:
-    """Samples of one stretch outside the transients at its ends, shape (N,).
+def outside_transients(r: Array) -> tuple[NDArray[np.bool_], float]:
+    """Samples of one stretch outside the transients at its ends, and what the others cost.
 
     The length of a transient depends on how the record starts. Windows of 1/80 of the stretch are dropped at
     both ends up to the innermost one, within an eighth of the stretch, whose energy exceeds
     `ESTIMATION.transient` times the median.
+
+    Args:
+        r: shape (N, n), whitened residual.
+
+    Returns:
+        shape (N,), samples to use, and Σ N log max(χ, 1) over the windows that were dropped: another model
+        may have no transient there.
     """
     window = max(3, len(r) // 80)
     count = len(r) // window
@@ -28,9 +35,8 @@ def outside_transients(r: Array) -> NDArray[np.bool_]:
         used[: (first[-1] + 1) * window] = False
     if last.size:
         used[(count - last[-1] - 1) * window :] = False
-    return used
-
-
-def above_noise(chi: Array, count: int) -> float:
-    """Σ_j N log max(χ_j, 1) of N samples with a mean square of χ (n,)."""
-    return count * float(np.log(np.maximum(chi, 1.0)).sum())
+    dropped = r[~used] ** 2
+    first_rows = np.arange(0, len(dropped), window)
+    sizes = np.diff(first_rows, append=len(dropped))[:, None]
+    chi = np.add.reduceat(dropped, first_rows) / sizes if len(dropped) else dropped
+    return used, float(np.sum(sizes * np.log(np.maximum(chi, 1.0))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -97,12 +97,13 @@ class TwoBandData:
         edge = EDGE * WIDE_HERTZ / wide_hertz
         step = 1 / (SAMPLES_PER_CYCLE * wide_hertz)
 
-        wide_signals, narrow_signals = (
+        made = (
             build_signals(
                 measurements, groups, observer, sample_step=step, exact_step=True, drop=(edge, edge)
             )
             for observer in (wide, narrow)
         )
+        wide_signals, narrow_signals = (replace(signals, sharp=True) for signals in made)
         self.robot = measurements.robot
         self.blocks = wide_signals.blocks
         self.noise = segments_noise([b.segment for b in self.blocks])

@@ -14,7 +14,7 @@ from flexviz.estimation.covariance import score_covariance
 from flexviz.estimation.noise_weighting import NoiseWeighting
 from flexviz.estimation.prior import Prior
 from flexviz.estimation.thresholds import ESTIMATION
-from flexviz.estimation.transients import above_noise, outside_transients
+from flexviz.estimation.transients import outside_transients
 from flexviz.estimation.two_band import BandEvaluation, TwoBandData
 from flexviz.estimation.whitening import Whitener
 from flexviz.recent import Recent
@@ -58,7 +58,7 @@ class Point:
         torque: shape (N, n), transmission torque of the narrow band [Nm].
         narrow_point: operating point of the narrow band.
         bias: mean of zᵀ r per sample due to shared noise, shape (P,), one per block.
-        transients: Σ_j N log max(χ_j, 1) of the unused samples.
+        transients: Σ N log max(χ_j, 1) of the unused samples, each window with its own χ_j.
     """
 
     two_band: TwoBandData
@@ -116,9 +116,10 @@ class Point:
     def noise_objective(self) -> float:
         """Σ_j N log max(χ_j, 1): twice the negative log likelihood of residuals above their noise.
 
-        Transients have a level of their own. They count: another model may have none there.
+        With that of the transients, which another model may not have.
         """
-        return above_noise(self.chi, int(np.count_nonzero(self.used))) + self.transients
+        inner = np.count_nonzero(self.used) * float(np.log(np.maximum(self.chi, 1.0)).sum())
+        return inner + self.transients
 
     @property
     def objective(self) -> float:
@@ -187,9 +188,8 @@ def weighted_point(
     """An evaluation in units of the noise; its Jacobian is used up."""
     pairs = list(zip(weightings, two_band.blocks, strict=True))
     r = np.concatenate([m.apply(evaluation.residual[b.rows]) for m, b in pairs])
-    used = np.concatenate([outside_transients(r[b.rows]) for b in two_band.blocks])
-    left = int(np.count_nonzero(~used))
-    transients = above_noise(np.sum(r[~used] ** 2, axis=0) / max(left, 1), left)
+    ends, costs = zip(*(outside_transients(r[b.rows]) for b in two_band.blocks), strict=True)
+    used, transients = np.concatenate(ends), float(sum(costs))
     r[~used] = 0.0
     at, jacobian = evaluation.narrow_point, evaluation.jacobian
     point = Point(two_band, evaluation.x, r, used, weightings, evaluation.torque, at, bias, transients)

@@ -44,7 +44,6 @@ class Observer(ABC):
     Attributes:
         bandwidth: one number for all joints or one per joint [rad/s].
         zero_phase: whether its derivatives have no lag.
-        flat: whether its gain is exactly one in its band.
         has_disturbance_state: whether it estimates a disturbance beside the derivatives.
         gains: those set by hand, at the (first joint's) bandwidth; only the extended-state observer has such.
     """
@@ -53,7 +52,6 @@ class Observer(ABC):
     title: ClassVar[str]
     default_bandwidth: ClassVar[float]
     zero_phase: ClassVar[bool] = False
-    flat: ClassVar[bool] = False
     has_disturbance_state: ClassVar[bool] = False
     gains: EsoGains | None = None
 

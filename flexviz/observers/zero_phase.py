@@ -164,7 +164,6 @@ class FlatZeroPhase(ZeroPhaseObserver):
     name = "flat-zero-phase"
     title = "Flat band, zero phase"
     default_bandwidth = 2 * np.pi * 14.0
-    flat = True
     ratio: ClassVar[float] = 1.8
 
     def gain(self, omega: Array, bandwidth: Array) -> Array:
