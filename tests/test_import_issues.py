@@ -125,6 +125,16 @@ def test_gears_that_are_stated_and_not_used_are_one_issue() -> None:
     used = with_fixes(mapping_of(JOINTS, gear=-80.0), issue.fixes)
     assert check_groups(used, arm()[0], [(b, replace(t, q=None)) for b, t in tables()]) == []
     assert found([(b, replace(t, q=None)) for b, t in tables()], gear=-80.0) == []  # behind the gears already
+    turned = [(b, replace(t, theta=t.theta * [1.0, 0.0], q=None)) for b, t in tables(tau=one)]
+    issues = found(turned, gear=100.0)  # a joint at rest says nothing of its gear
+    assert issues and all(s.signal == "tau" and "not used" not in s.message for s in issues)
+    slow = [
+        (b, replace(t, tau=0.1 * t.tau + 3.0 * np.sign(np.gradient(t.theta, axis=0)), q=None))
+        for b, t in tables()
+    ]
+    assert all(
+        "not used" not in s.message for s in found(slow, gear=100.0)
+    )  # friction explains it either way
 
 
 @pytest.mark.parametrize(("signals", "exchanged"), [("tau", ("tau",)), ("theta and tau", ("theta", "tau"))])

@@ -157,7 +157,8 @@ class MotionThresholds:
     near_noise: float = 12.0
     little: float = 0.03  # of a joint's torque spread: may be left beside a law of no library alone ...
     little_left: float = 0.2  # ... or this share of what the set's own model leaves
-    quiet_model: float = 3.0  # times the noise: the set's own model is near it without any effect
+    # times the noise: the set's own model is near it, in the band of the motion or, with friction, in its fit
+    quiet_model: float = 3.0
     stair_iterations: int = 10  # of the models of the staircase
     idle_rounds: int = 1  # without a find after which one more ends the search
 

@@ -127,7 +127,10 @@ class Point:
         return self.noise_objective + sum(m.log_determinant for m in self.weightings)
 
     def objective_after(self, decrease: float) -> float:
-        """Lower limit of the objective after a decrease of Σ r², which no joint shares with the others."""
+        """Lower limit of the objective after a decrease of Σ r², which no joint shares with the others.
+
+        Transients may be gone.
+        """
         count = max(np.count_nonzero(self.used), 1)
         return count * float(np.log(np.maximum(self.chi - decrease / count, 1.0)).sum())
 

@@ -49,6 +49,7 @@ class ImportThresholds:
     order_checked: float = 0.9  # share of every torque above which no exchange is tried
     model_error: float = 3e-3  # unexplained share of a torque below which nothing is told
     stated_gear: float = 0.1  # gain granted to a gear that the mapping states and does not use
+    same_share: float = 0.05  # difference of two shares that says nothing
     smallest_share: float = 0.5  # share that the changed joints must reach
     unexplained: float = 0.2  # share below which a joint is called unexplained
     scale_gain: float = 0.2  # share that another scale of τ must add to be called a wrong unit

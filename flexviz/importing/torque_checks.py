@@ -46,7 +46,7 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
         return merged(by_q, mapping)
     start = Reading.unchanged(model.robot.n)
     if gears := check_gears(mapping, model, model.shares(start, any_scale=False)):
-        return [gears]
+        return merged([*by_q, gears], mapping)
     for j, factor in factors.items():
         start.factor[j] = factor
     result = search(mapping, model, start, any_scale=False)

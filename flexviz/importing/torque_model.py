@@ -151,6 +151,16 @@ class TorqueModel:
             shares = [fit.share for fit in self.fit(reading)]
         return np.maximum(shares, -1.0)
 
+    def by_masses(self, reading: Reading) -> Array:
+        """(n,) the part of `shares` that friction and an offset alone do not explain."""
+        rigid, v, a = self.rigid(reading)
+        torque = self.torque * reading.sign
+        joints = zip(rigid.T, v.T, a.T, torque.T, strict=True)
+        friction = [
+            fit_joint(0.0 * r, speed, acc, tau, 0.0, (0.0, 0.0)).share for r, speed, acc, tau in joints
+        ]
+        return self.shares(reading, any_scale=False) - np.array(friction)
+
     def best_share(self) -> float:
         """How well the torques are explained with any scale and sign; the sum over the joints."""
         if not self.usable:

@@ -20,8 +20,8 @@ BEHIND_THE_GEAR = (
     "as tau; without that, stiffness and motor inertia mean nothing here."
 )
 NOT_REFINED = (
-    "The intervals cover the measurement noise, not the observer's bias, which may be larger: refine "
-    "(--refine, in the app Refine) to remove it."
+    "The intervals cover measurement noise only, not the observer's bias, which may be larger. Refining "
+    "removes the bias (--refine; Refine in the app)."
 )
 GRADED = {
     "stiffness": "stiffness",
@@ -81,7 +81,7 @@ def _advice(result: ResultFields, residual: ResidualEntry) -> list[str]:
     if _torque_behind_the_gear(result):
         return [BEHIND_THE_GEAR]
     out = [lacking] if (lacking := lacks_effects(result)) else []
-    if not out and not result.refined and result.observer is not None:
+    if not out and not result.refined:
         out.append(NOT_REFINED)
     record = []
     if not residual.rms_validation:

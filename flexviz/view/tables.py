@@ -48,9 +48,8 @@ def parameters_html(result: Identification | None, truth: Truth | None = None) -
     legend = " ".join(f'<span style="color:{GRADE_COLOURS[k]}">{MARKS[k]}</span> {k}' for k in MARKS)
     parts.append(f'<div class="fv-dim">id. = identifiable: {legend}. ⚑ at its bound.</div>')
     if not result.refined:
-        parts.append(
-            '<div class="fv-dim">± 95 % covers the noise, not the observer\'s bias: Refine removes it.</div>'
-        )
+        text = "± 95 % covers measurement noise only: Refine removes the observer's bias."
+        parts.append(f'<div class="fv-dim">{text}</div>')
     if len(main) + len(inertial) < len(result.parameters):
         parts.append('<div class="fv-dim">Free curves (not physics): see the plots, Where it fails.</div>')
     if inertial:
