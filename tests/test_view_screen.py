@@ -95,6 +95,7 @@ class Result:
     parameters: tuple[Parameter, ...]
     residual: Any = None
     residuals: Any = None
+    refined: bool = False
 
 
 def test_parameter_table_says_everything_and_escapes() -> None:
@@ -119,9 +120,10 @@ def test_parameter_table_says_everything_and_escapes() -> None:
         "all joints",
         "Inertial parameters (1)",
         "⚑",
+        "Refine removes the observer's bias",
     ):
         assert part in text
-    assert "truth" not in text
+    assert "truth" not in text and "Refine" not in parameters_html(replace(result, refined=True))
     shown = parameters_html(result, {("stiffness", evil): 1001.5})
     assert "truth" in shown and "1002" in shown
     assert "after Run" in parameters_html(None)
