@@ -42,6 +42,9 @@ class BaseTilt(Effect):
             "residual", tuple(range(context.joints())), value, np.tensordot(slopes, unit, axes=1)[:, None]
         )
 
+    def gravity(self, values: Array) -> Array:
+        return tilted_gravity(*values)[0]
+
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(2))
         return [Guess("residual", terms.joints, terms.slopes, lambda c: np.clip(c, -0.5, 0.5))]

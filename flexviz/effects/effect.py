@@ -197,6 +197,10 @@ class Effect(ABC):
         """Inverse covariance (P, P) of a prior beside the parameters' own; `torque`: the joint's rms."""
         return None
 
+    def gravity(self, values: Array) -> Array | None:
+        """Acceleration of gravity (3,) [m/s²] if it changes that; the equation takes it, not u, into Y."""
+        return None
+
     # -- judging a fit
 
     def possible(self, values: Array) -> bool:

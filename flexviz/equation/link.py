@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,7 @@ class LinkDynamics:
         v: Array,
         a: Array,
         regressor: Array | None = None,
+        gravity: Array | None = None,
     ) -> LinkTerms:
         """All terms.
 
@@ -55,18 +57,20 @@ class LinkDynamics:
                 positive.
             q, v, a: shape (N, n) [rad, rad/s, rad/s²].
             regressor: shape (N, n, 10n), where to write Y(q, q̇, q̈); None: it is not computed.
+            gravity: shape (3,), acceleration of gravity [m/s²]; default: the model's.
         """
         count, n = q.shape
         dq, dv, mass = (np.empty((count, n, n)) for _ in range(3))
         q, v, a = self._rows(q, v, a)
         model, data = self._model, self._data
         derivatives, joint_regressor = pin.computeRNEADerivatives, pin.computeJointTorqueRegressor
-        for rows, parameters in blocks:
-            self._set(parameters)
-            for k in range(*rows.indices(count)):
-                dq[k], dv[k], mass[k] = derivatives(model, data, q[k], v[k], a[k])
-                if regressor is not None:
-                    regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
+        with self._under(gravity):
+            for rows, parameters in blocks:
+                self._set(parameters)
+                for k in range(*rows.indices(count)):
+                    dq[k], dv[k], mass[k] = derivatives(model, data, q[k], v[k], a[k])
+                    if regressor is not None:
+                        regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
         if self._sorted:
             return LinkTerms(dq, dv, mass)
         if regressor is not None:
@@ -74,24 +78,18 @@ class LinkDynamics:
         i, j = np.ix_(self._order, self._order)
         return LinkTerms(dq[:, i, j], dv[:, i, j], mass[:, i, j])
 
-    def torque(self, parameters: Array, q: Array, v: Array, a: Array) -> Array:
-        """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]."""
+    def torque(self, parameters: Array, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
+        """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]; `gravity` as in `evaluate`."""
         self._set(parameters)
         model, data = self._model, self._data
         rows = zip(*self._rows(q, v, a), strict=True)
-        return self._robot.from_pin(np.array([pin.rnea(model, data, *row) for row in rows]))
+        with self._under(gravity):
+            return self._robot.from_pin(np.array([pin.rnea(model, data, *row) for row in rows]))
 
     def gravity_torque(self, parameters: Array, q: Array, axis: int) -> Array:
         """Y Γ at rest under an acceleration of 1 m/s² along a base axis, shape (N, n) [Nm]."""
-        self._set(parameters)
-        usual, still = self._model.gravity.linear.copy(), np.zeros(len(self._order))
-        try:
-            self._model.gravity.linear = np.eye(3)[axis]
-            rows = self._rows(q)[0]
-            out = np.array([pin.rnea(self._model, self._data, row, still, still) for row in rows])
-        finally:
-            self._model.gravity.linear = usual
-        return self._robot.from_pin(out)
+        still = np.zeros_like(q)
+        return self.torque(parameters, q, still, still, np.eye(3)[axis])
 
     def regressor(self, q: Array, v: Array, a: Array) -> Array:
         """Y alone, shape (N, n, 10n)."""
@@ -101,6 +99,16 @@ class LinkDynamics:
         for k in range(count):
             out[k] = pin.computeJointTorqueRegressor(self._model, self._data, q[k], v[k], a[k])
         return out if self._sorted else out[:, self._order][:, :, self._columns]
+
+    @contextmanager
+    def _under(self, gravity: Array | None) -> Iterator[None]:
+        usual = self._model.gravity.linear.copy()
+        try:
+            if gravity is not None:
+                self._model.gravity.linear = gravity
+            yield
+        finally:
+            self._model.gravity.linear = usual
 
     def _rows(self, *levels: Array) -> list[Array]:
         return [np.ascontiguousarray(self._robot.to_pin(level)) for level in levels]

@@ -167,6 +167,8 @@ class OperatingPoint:
                 continue
             if not law.linear:
                 term = self._nonlinear(effect, x[where])
+                if law.gravity(x[where]) is not None:
+                    term = replace(term, value=np.zeros_like(term.value))
                 out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:
@@ -211,7 +213,7 @@ class OperatingPoint:
     def link_terms(self, x: Array) -> LinkTerms:
         """The rigid-body terms at x."""
         q = self.motor_side(x)[1]
-        return self.equation.link.evaluate(self._bodies(x), *q)
+        return self.equation.link.evaluate(self._bodies(x), *q, gravity=self._gravity(x))
 
     def residual(self, x: Array) -> Array:
         """Residual alone at x, shape (N, n) [Nm]; three times faster than with the Jacobian."""
@@ -220,8 +222,9 @@ class OperatingPoint:
         terms = self.terms(x)
         s, q = self.motor_side(x, terms)
         residual = s[0] - x[self.layout.link_viscous] * q[1]
+        gravity = self._gravity(x)
         for rows, parameters in self._bodies(x):
-            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows])
+            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows], gravity)
         residual = _without(terms, residual)
         for stretch in self._initial or []:
             stretch.remove_from(residual)
@@ -243,7 +246,7 @@ class OperatingPoint:
         blocks = self._bodies(x)
         jacobian = np.zeros((self.signals.count, lay.n, lay.size))
         regressor = jacobian[:, :, lay.inertial]
-        link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor)
+        link = self.equation.link.evaluate(blocks, q[0], q[1], q[2], regressor, self._gravity(x))
         residual = s[0] - x[lay.link_viscous] * q[1]
         for rows, parameters in blocks:
             residual[rows] -= regressor[rows] @ parameters.ravel()
@@ -304,6 +307,11 @@ class OperatingPoint:
                     )
                 )
                 jacobian[:, :, column] += chain.torque(-product, j)
+
+    def _gravity(self, x: Array) -> Array | None:
+        """Acceleration of gravity (3,) at x; None: that of the model."""
+        changed = (EFFECTS[e.effect].gravity(x[where]) for e, where in self.layout.effect_slices())
+        return next((gravity for gravity in changed if gravity is not None), None)
 
     def _bodies(self, x: Array) -> list[tuple[slice, Array]]:
         """Rows and inertial parameters with payload, shape (n, 10), of each block."""
