@@ -160,6 +160,19 @@ def test_wide_band_motion_with_the_torque_of_the_equation(friction: bool, sharp:
     assert [m.torque_scale for m in seen.motions(0)] == pytest.approx([scale] * 3)
 
 
+def test_masses_are_felt_along_the_tilted_gravity() -> None:
+    """∂r/∂Γ of a robot on a tilted base, by finite differences of the residual."""
+    equation, x = at_the_truth({("base_tilt", None): (0.3, -0.2)}, 8.0, 1.2)
+    point = equation.at(x)
+    jacobian, steps = point.evaluate(x).jacobian, 1e-4 * np.eye(len(x))
+    for k in range(equation.layout.compliance.start):
+        change = (point.residual(x + steps[k]) - point.residual(x - steps[k])) / 2e-4
+        np.testing.assert_allclose(jacobian[:, :, k], change, atol=1e-6 * max(1.0, np.abs(change).max()))
+    level = x.copy()
+    level[equation.layout.effect_start :] = 0.0
+    assert np.abs(point.residual(x)).max() < 0.05 * np.abs(point.residual(level)).max()
+
+
 def test_coarser_grids_fold_nothing_into_the_band() -> None:
     robot = Robot.load("robots:planar_2r")
     measurements = made_up_set(robot, "link2", seconds=9.0)
