@@ -231,7 +231,7 @@ USAGE = {
         ["run.csv", "--robot", "robot.urdf", "--mapping", "m.toml"],
         r"m\.toml: exists already",
     ),
-    "mapping's name": (["run.csv", "--robot", "robot.urdf", "--mapping", "m.txt"], r"expected \*\.toml"),
+    "mapping's name": (["run.csv", "--robot", "robot.urdf", "--mapping", "m.txt"], r"ends in \.toml"),
     "set exists": (["m.toml", "--out", "full"], "the folder is not empty"),
     "format": (["m.toml", "--out", "new", "--format", "hdf5"], "--format hdf5: valid: parquet, csv"),
     "no such log": (["none.csv", "--robot", "robot.urdf"], r"none\.csv: file not found"),

@@ -224,7 +224,7 @@ class OperatingPoint:
         residual = s[0] - x[self.layout.link_viscous] * q[1]
         gravity = self._gravity(x)
         for rows, parameters in self._bodies(x):
-            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows], gravity)
+            residual[rows] -= self.equation.link.torque(parameters, *q[:, rows], gravity=gravity)
         residual = _without(terms, residual)
         for stretch in self._initial or []:
             stretch.remove_from(residual)
