@@ -171,6 +171,8 @@ def test_masses_are_felt_along_the_tilted_gravity() -> None:
     level = x.copy()
     level[equation.layout.effect_start :] = 0.0
     assert np.abs(point.residual(x)).max() < 0.05 * np.abs(point.residual(level)).max()
+    ((_, term),) = point.terms(x)  # what a design of experiments sees of it
+    np.testing.assert_allclose(term.value[0], point.residual(level) - point.residual(x), atol=1e-9)
 
 
 def test_coarser_grids_fold_nothing_into_the_band() -> None:

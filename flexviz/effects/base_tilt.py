@@ -39,7 +39,7 @@ class BaseTilt(Effect):
         level = np.array([0.0, 0.0, -GRAVITY])
         value = np.tensordot(directions - level, unit, axes=1)[None]
         return Terms(
-            "residual", tuple(range(context.joints())), value, np.tensordot(slopes, unit, axes=1)[:, None]
+            "gravity", tuple(range(context.joints())), value, np.tensordot(slopes, unit, axes=1)[:, None]
         )
 
     def gravity(self, values: Array) -> Array:
@@ -47,7 +47,7 @@ class BaseTilt(Effect):
 
     def guesses(self, context: Context, place: EffectTarget) -> list[Guess]:
         terms = self.terms(context, place, np.zeros(2))
-        return [Guess("residual", terms.joints, terms.slopes, lambda c: np.clip(c, -0.5, 0.5))]
+        return [Guess(terms.entry, terms.joints, terms.slopes, lambda c: np.clip(c, -0.5, 0.5))]
 
     def typical(self, scale: JointScale) -> tuple[float, ...]:
         return (0.02, 0.03)

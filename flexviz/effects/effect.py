@@ -198,7 +198,7 @@ class Effect(ABC):
         return None
 
     def gravity(self, values: Array) -> Array | None:
-        """Acceleration of gravity (3,) [m/s²] if it changes that; the equation takes it, not u, into Y."""
+        """Acceleration of gravity (3,) [m/s²], which enters Y; None unless the terms' entry is "gravity"."""
         return None
 
     # -- judging a fit

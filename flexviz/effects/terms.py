@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Where = Literal["motor", "link", "joint", "sensing", "load"]
-Entry = Literal["torque", "deflection", "residual"]
+Entry = Literal["torque", "deflection", "residual", "gravity"]
 Scope = Literal["joint", "set", "payload", "episode"]
 
 SIGN_VELOCITY = 0.005  # [rad/s] sign(v) is smoothed to tanh(v / 0.005 rad/s)
@@ -119,9 +119,10 @@ class Terms:
     """An effect at given parameters, filtered like all signals, at the equation's samples.
 
     Attributes:
-        entry: "torque": u is subtracted from s; "deflection": added to q; "residual": subtracted from r.
+        entry: "torque": u is subtracted from s; "deflection": added to q; "residual": subtracted from r;
+            "gravity": subtracted from r within Y Γ (`Effect.gravity`).
         joints: the m joints it acts on.
-        value: shape (D, N, m), u and its derivatives; D = 3, or 1 for "residual".
+        value: shape (D, N, m), u and its derivatives; D = 3, or 1 for the last two.
         slopes: shape (P, D, N, m), ∂u/∂p.
     """
 

@@ -212,7 +212,7 @@ class _Checks:
                 found = self._effect.terms(TRIAL, TARGET, p)
             if not isinstance(found, Terms):
                 raise self.fails("terms does not return Terms", "terms")
-            wanted = (1 if found.entry == "residual" else 3, TRIAL.count(), len(found.joints))
+            wanted = (1 if found.entry in ("residual", "gravity") else 3, TRIAL.count(), len(found.joints))
             self.shapes("terms", value=(found.value, wanted), slopes=(found.slopes, (width, *wanted)))
             return found.value[0].ravel(), found.slopes[:, 0].reshape(width, -1)
 

@@ -182,9 +182,10 @@ class WideMotions:
             friction = np.sum([law.law(motion, self._x[at])[0] for law, at in own], axis=0)
             band = ButterworthZeroPhase(2 * np.pi * float(fine.torque_hertz[joint]))
             reach = round(band.memory() / motion.step)
-            ends = inside.start + near, inside.stop - near
-            head, tail = (len(torque), len(torque)) if self._signals.sharp else ends
-            for used, taken in _ends(head, tail, len(torque), reach):
+            needed = [(slice(None), slice(None))]
+            if not self._signals.sharp:
+                needed = _ends(inside.start + near, inside.stop - near, len(torque), reach)
+            for used, taken in needed:
                 slow = band.derivatives(friction[taken, None], motion.step, 2)[:, used, 0]
                 torque[taken][used] -= slow[0]
                 rate[taken][used] -= slow[1]

@@ -167,8 +167,6 @@ class OperatingPoint:
                 continue
             if not law.linear:
                 term = self._nonlinear(effect, x[where])
-                if law.gravity(x[where]) is not None:
-                    term = replace(term, value=np.zeros_like(term.value))
                 out.append((where, self._rescaled(term, x) if law.relative else term))
                 continue
             if effect not in self._linear:

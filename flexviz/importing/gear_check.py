@@ -7,10 +7,9 @@ import numpy as np
 from flexviz.importing.mapping import Fix, Issue, Mapping
 from flexviz.importing.thresholds import LIMITS
 from flexviz.importing.torque_model import Reading, TorqueModel
-from flexviz.measurements import Array
 
 
-def check_gears(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | None:
+def check_gears(mapping: Mapping, model: TorqueModel) -> Issue | None:
     """That both signals of joints with an unused gear are those of the motor; None if they are not.
 
     Checked first: if only θ or only τ were corrected, the other would look like a wrong unit, scale or sign.
@@ -18,7 +17,6 @@ def check_gears(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | 
     Args:
         mapping: of the log.
         model: the motion and torques as the mapping reads them.
-        shares: shape (n,), share of each torque that the robot's masses explain so far.
     """
     columns = [mapping.joints[joint] for joint in mapping.names]
     unused = np.array(
@@ -27,10 +25,14 @@ def check_gears(mapping: Mapping, model: TorqueModel, shares: Array) -> Issue | 
             for c in columns
         ]
     )
-    if not unused.any() or np.min(shares) >= LIMITS.explained_well:
+    if not unused.any():
+        return None
+    as_read = Reading.unchanged(model.robot.n)
+    shares = model.shares(as_read, any_scale=False)
+    if np.min(shares) >= LIMITS.explained_well:
         return None
     gears = np.where(unused, [c.ratio for c in columns], 1.0)
-    behind, as_read = model.behind(gears), Reading.unchanged(model.robot.n)
+    behind = model.behind(gears)
     tried = behind.shares(as_read, any_scale=False)
     gained = np.where(unused, tried - shares, 0.0)
     better = gained > LIMITS.same_share

@@ -44,9 +44,9 @@ def check_torques(mapping: Mapping, model: TorqueModel) -> list[Issue]:
     by_q, factors = check_theta_by_q(mapping, model)
     if not model.usable:
         return merged(by_q, mapping)
-    start = Reading.unchanged(model.robot.n)
-    if gears := check_gears(mapping, model, model.shares(start, any_scale=False)):
+    if gears := check_gears(mapping, model):
         return merged([*by_q, gears], mapping)
+    start = Reading.unchanged(model.robot.n)
     for j, factor in factors.items():
         start.factor[j] = factor
     result = search(mapping, model, start, any_scale=False)
