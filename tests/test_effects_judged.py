@@ -124,7 +124,8 @@ def test_traits_that_a_law_shows(name: str) -> None:
         before = effect.unknown(MOTION.motions(0)[0], np.array(VALUES[name]))
         assert effect.memory == bool(len(before)) and before.shape[1] == MOTION.count()
         assert effect.depth == (1 if effect.where in ("link", "load") else 3)
-    entry = {"motor": "torque", "sensing": "torque", "joint": "deflection"}.get(effect.where, "residual")
+    link_side = "residual" if effect.gravity(np.array(VALUES[name])) is None else "gravity"
+    entry = {"motor": "torque", "sensing": "torque", "joint": "deflection"}.get(effect.where, link_side)
     assert effect.terms(MOTION, PLACE, np.array(VALUES[name])).entry == effect.entry == entry
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexviz.effects.effect import Effect, JointScale
-from flexviz.effects.terms import Array, Context, EffectTarget, Guess, ParameterSpec, Terms
+from flexviz.effects.terms import Array, Context, EffectTarget, Entry, Guess, ParameterSpec, Terms
 
 GRAVITY = 9.81  # [m/s²]
 
@@ -33,14 +33,17 @@ class BaseTilt(Effect):
     state = True
     twins = ("torque_offset",)
 
+    @property
+    def entry(self) -> Entry:
+        return "gravity"
+
     def terms(self, context: Context, place: EffectTarget, values: Array) -> Terms:
         directions, slopes = tilted_gravity(*values)
         unit = np.stack([context.gravity_torque(axis) for axis in range(3)])  # torque per unit acceleration
         level = np.array([0.0, 0.0, -GRAVITY])
         value = np.tensordot(directions - level, unit, axes=1)[None]
-        return Terms(
-            "gravity", tuple(range(context.joints())), value, np.tensordot(slopes, unit, axes=1)[:, None]
-        )
+        joints = tuple(range(context.joints()))
+        return Terms(self.entry, joints, value, np.tensordot(slopes, unit, axes=1)[:, None])
 
     def gravity(self, values: Array) -> Array:
         return tilted_gravity(*values)[0]

@@ -11,6 +11,7 @@ ENTERS = {
     "torque": "u is subtracted from the transmission torque: s = τ − Bθ̈ − f_mv θ̇ − u",
     "deflection": "u is added to the link position: q = θ − s/K + u",
     "residual": "u is a torque on the link side: r = s − Y Γ − f_lv q̇ − u",
+    "gravity": "Gravity is turned inside the regressor: r = s − Y Γ − f_lv q̇ with another g in Y",
 }
 SIMULATED = {
     "motor": "u opposes the motor: B θ̈ = τ − f_mv θ̇ − u − τ_j.",
