@@ -52,11 +52,23 @@ def credible(
 
 
 def held_to_be_zero(context: FitContext, fit: Fit, effect: ChosenEffect) -> bool:
-    """Whether the 95 % intervals of all that makes up an effect's size include zero."""
+    """Whether the 95 % intervals of all that makes up an effect's size include zero.
+
+    A size relative to the motor's viscous friction counts as a torque: of a stiff joint the data show the sum
+    of both sides' friction, so that the share alone is uncertain where the torque is not.
+    """
+    law, x = EFFECTS[effect.effect], fit.x
     first = fit.layout.effect_slice(effect).start
-    rows = [first + k for k in EFFECTS[effect.effect].size_at]
-    std = context.covariance(fit).standard_errors[rows]
-    return bool(np.all(~(np.abs(fit.x[rows]) >= NORMAL_95 * std)))  # also where no interval can be given
+    rows = [first + k for k in law.size_at]
+    size, slopes = x[rows], np.eye(len(x))[rows]
+    if law.relative and effect.joint is not None:
+        viscous = fit.layout.motor_viscous.start + effect.joint
+        slopes *= x[viscous]
+        slopes[:, viscous] += size
+        size = size * x[viscous]
+    variance = np.einsum("kp,pq,kq->k", slopes, context.covariance(fit).matrix, slopes)
+    std = np.sqrt(np.maximum(variance, 0.0))
+    return bool(np.all(~(np.abs(size) >= NORMAL_95 * std)))  # also where no interval can be given
 
 
 def only_an_offset(fit: Judged, effect: ChosenEffect, raw_step: float) -> bool:

@@ -17,13 +17,13 @@ from flexviz.diagnosis.acceptance import excess, quiet, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.constancy import changing_size, unexplained
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
 from flexviz.diagnosis.final_refit import Conclusion, EarlyRefit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
-from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
@@ -152,7 +152,7 @@ class _Pipeline:
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
             if begun := near is not None or self.near_noise_beside_reversals(many):
                 self.add_effects(apply, near)
-            if not begun or verdict(self.final, self.reference) == "unknown":
+            if not begun or unexplained(self.context, self.final, self.reference):
                 rich = many.find()
         except Interrupted:
             if (best := many.search.best) is not None:
@@ -167,7 +167,7 @@ class _Pipeline:
             self.check_stop()
             if not begun:
                 self.add_effects(apply)
-            if verdict(self.final, self.reference) == "unknown":
+            if unexplained(self.context, self.final, self.reference):
                 self.continue_beside_model_error(apply)
         except Interrupted:
             pass  # the result contains the findings so far
@@ -229,7 +229,7 @@ class _Pipeline:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
                 self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
             best = self.search.acceptable(fit, compared.refitted, gained)
-            if best is None:
+            if best is None or changing_size(self.context, fit, best.scored.gain):
                 break
             if (again := self.search.restarted(fit, best, gained)) is not None:
                 self.replace_final(again)
@@ -296,6 +296,7 @@ class _Pipeline:
             for step, before, after in zip(self.steps, errors, errors[1:], strict=False)
         ]
         last = self.conclude(in_noise_units, apply)
+        findings = last.doubted(findings)
         if last.refined:
             fits[-1], errors[-1] = last.fit, self.error_band.errors(last.fit)
         added = [None, *findings] if apply else [None]
@@ -308,7 +309,7 @@ class _Pipeline:
         reached = last.verdict != "unknown"
         if not self.stopped:
             curve = None if reached else fit_free_curve(self.context, final, where[0], parts)
-            if guarded or (guarded is None and not reached):
+            if guarded or (guarded is None and not reached and last.changing is None):
                 self.tell(stages.BANDWIDTH)
                 bandwidths = check_bandwidth(self.measurements, layout, final.x)
         return Diagnosis(
@@ -323,7 +324,7 @@ class _Pipeline:
             ),
             seconds=time.perf_counter() - self.began,
             stopped=self.stopped,
-            notes=notes(final, last.verdict, errors[-1], self.model_error_variance, curve, bandwidths),
+            notes=last.notes(errors[-1], self.model_error_variance, curve, bandwidths),
             model=layout.model(final.x),
             maps=maps,
             free_curve=curve,
@@ -335,13 +336,14 @@ class _Pipeline:
         """The final model, refitted if complete; the set's own model if effects are not applied."""
         if not apply and self.steps:
             return Conclusion(self.base, "missing", self.context.covariance(self.base))
+        if (changing := changing_size(self.context, final)) is not None:
+            return Conclusion(final, "unknown", self.context.covariance(final), changing=changing)
         last = verdict(final, self.reference)
         if last == "nothing-missing":
-            try:
+            closer = None
+            with contextlib.suppress(Interrupted):
                 self.say(stages.FINAL_REFIT)
                 closer = self.refit.of(final)
-            except Interrupted:
-                closer = None
             if closer is not None:
                 fit = self.context.fit(final.layout, closer.x, iterations=0, near=final)
                 return Conclusion(fit, last, closer.covariance, refined=True)

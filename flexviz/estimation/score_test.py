@@ -84,13 +84,15 @@ class Projection:
         gram[dead] = gram[:, dead] = along[dead] = 0.0
         return gram, along
 
+    def share(self, columns: Array, rows: slice | None = None) -> Array:
+        """Changes of the model's own parameters, shape (P, C), that imitate signatures (M_rows, C)."""
+        rows = slice(None) if rows is None else rows
+        return self._inverse @ (self.instruments[rows].T @ columns)
+
     def rest(self, columns: Array, rows: slice | None = None) -> Array:
         """Projected signatures, shape (M, C), of weighted ones (M_rows, C)."""
-        rows = slice(None) if rows is None else rows
-        instruments = self.instruments
-        share = self._inverse @ (instruments[rows].T @ columns)
-        out = -(instruments @ share)
-        out[rows] += columns
+        out = -(self.instruments @ self.share(columns, rows))
+        out[slice(None) if rows is None else rows] += columns
         return out
 
 

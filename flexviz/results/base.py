@@ -17,6 +17,7 @@ NoteKind = Literal[
     "model-error",
     "pulses",
     "unexplained",
+    "changing",
     "free-curve",
     "stopgap",
     "bandwidth",
@@ -31,10 +32,10 @@ class Note:
     """A remark on a diagnosis in one sentence.
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
-    reversals), "unexplained" (remaining error), "free-curve" (error that a free curve would absorb),
-    "stopgap" (free curves in the model), "bandwidth" (values that change with the observer bandwidth),
-    "standstill" (joints whose rest is judged apart), "explained" (share of each joint's torque that the model
-    explains), "other".
+    reversals), "unexplained" (remaining error), "changing" (the size of an effect changes with time),
+    "free-curve" (error that a free curve would absorb), "stopgap" (free curves in the model), "bandwidth"
+    (values that change with the observer bandwidth), "standstill" (joints whose rest is judged apart),
+    "explained" (share of each joint's torque that the model explains), "other".
     """
 
     kind: NoteKind
