@@ -217,6 +217,11 @@ class Diagnosis:
         found = ", ".join(finding.text for finding in self.findings[:1])
         return f"<Diagnosis of {self.set_name}: {self.verdict}{f', {found}' if found else ''}>"
 
+    @property
+    def typed_notes(self) -> tuple[Note, ...]:
+        """The notes, under their name in a results document."""
+        return self.notes
+
     def summary(self, width: int = 140) -> str:
         """Verdict, candidates, steps and notes as text."""
         return self.document().summary(width)

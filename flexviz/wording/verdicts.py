@@ -32,6 +32,15 @@ class LocationLike(Protocol):
 L = TypeVar("L", bound=LocationLike)
 
 
+class NoteLike(Protocol):
+    """A remark on a diagnosis."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+
+
 class VerdictLike(Protocol):
     """A diagnosis or a results document."""
 
@@ -41,6 +50,8 @@ class VerdictLike(Protocol):
     def findings(self) -> Sequence[FindingLike]: ...
     @property
     def where(self) -> Sequence[LocationLike]: ...
+    @property
+    def typed_notes(self) -> Sequence[NoteLike]: ...
 
 
 def verdict_text(
@@ -73,6 +84,9 @@ def verdict_text(
         return f"{beginning} an effect that could not be named."
     if diagnosis.verdict == "nothing-missing":
         return f"{beginning} the residual looks like noise, and no effect of the library explains any of it."
+    changing = next((note.text for note in diagnosis.typed_notes if note.kind == "changing"), "")
+    if changing:
+        return f"{beginning} {changing}."
     unknown = f"{beginning} no effect of the library explains the structured residual"
     place, clearest = location(diagnosis.where, worst), location(diagnosis.where)
     if place is None or clearest is None:
