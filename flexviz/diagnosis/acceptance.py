@@ -91,6 +91,13 @@ def needed_gain(effect: ChosenEffect, gained: float) -> float:
     return max(LIMITS.least_gain, share * gained)
 
 
+def exhausted(fit: Fit, gained: float) -> bool:
+    """Whether no further effect can gain enough, since all that is above the noise is less than that."""
+    points = (fit.point, fit.held_out)
+    above = sum(point.objective for point in points if point is not None)
+    return above < max(LIMITS.least_gain, LIMITS.least_gain_share * gained)
+
+
 def structured(fit: Fit, reference: Fit) -> bool:
     """Whether a residual exceeds the noise plus a small share of the residual without any effects.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import takewhile
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import evidence, stages
-from flexviz.diagnosis.acceptance import excess, quiet, verdict
+from flexviz.diagnosis.acceptance import excess, exhausted, quiet, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
@@ -24,6 +23,7 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
+from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.residual_location import locate_residual
 from flexviz.diagnosis.result import Diagnosis
@@ -31,10 +31,9 @@ from flexviz.diagnosis.search import Search
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import layout_of
-from flexviz.identification import identify, parameter_estimates
+from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.model import FlexibleModel
-from flexviz.parallel import Background, stopped_by
+from flexviz.parallel import stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
 
@@ -51,7 +50,7 @@ def diagnose(
     measurements: MeasurementSet,
     *,
     apply: bool = False,
-    start: FlexibleModel | Callable[[], FlexibleModel | None] | None = None,
+    start: GivenStart = None,
     guarded: bool | None = None,
     free_curve: bool = False,
     progress: ProgressCallback | None = None,
@@ -98,7 +97,7 @@ class _Pipeline:
     def __init__(
         self,
         measurements: MeasurementSet,
-        start: FlexibleModel | Callable[[], FlexibleModel | None] | None,
+        start: GivenStart,
         progress: ProgressCallback | None,
         should_stop: StopCallback | None,
     ) -> None:
@@ -108,11 +107,10 @@ class _Pipeline:
         self.layout = layout_of(measurements)
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
-        self.start = start
-        self.plain = Background(self.plain_model, begin=start is None)
+        self.start = OwnStart(measurements, start, should_stop)
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.beside = contextlib.ExitStack()
-        self.beside.callback(self.plain.close)
+        self.beside.callback(self.start.close)
         self.beside.callback(self.refit.foreseen.close)
         self.steps: list[SearchStep] = []
         self.tried: list[RefittedCandidate] = []
@@ -145,18 +143,24 @@ class _Pipeline:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
         rich, begun = None, False
         try:
+            if self.layout.has_reversals:
+                self.start.begin()
             near = many.search.near_noise()
             if near is not None:
+                self.start.propose(self.layout.model(many.search.bare.x))
                 many.search.forget()
                 self.refit.begin(near)
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+            else:
+                self.start.begin()
             if begun := near is not None or self.near_noise_beside_reversals(many):
                 self.add_effects(apply, near)
             if not begun or unexplained(self.context, self.final, self.reference):
                 rich = many.find()
         except Interrupted:
             if (best := many.search.best) is not None:
-                rich, self.start = many.worth_showing(best), best.fit.layout.model(best.fit.x)
+                rich = many.worth_showing(best)
+                self.start.use(best.fit.layout.model(best.fit.x))
         if rich is not None:
             result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
@@ -186,7 +190,7 @@ class _Pipeline:
         self.context = FitContext(self.measurements, self.layout)
         self.search = Search(self.context, self.say)
         self.beside.callback(self.search.restart.foreseen.close)
-        x = self.layout.vector(self.start_model())
+        x = self.layout.vector(self.start.model())
         self.base = self.context.fit(self.layout, x, iterations=iterations)
         self.reference = self.context.without_effects(self.base)
 
@@ -199,17 +203,9 @@ class _Pipeline:
         if near := quiet(self.base):
             many.search.forget()
         else:
-            self.start = self.layout.model(self.base.x)
+            self.start.use(self.layout.model(self.base.x))
             del self.context, self.search, self.base, self.reference  # they take memory
         return near
-
-    def start_model(self) -> FlexibleModel:
-        """The start values: given, or else those of a plain identification."""
-        model = self.start() if callable(self.start) else self.start
-        return model if model is not None else self.plain.result()
-
-    def plain_model(self) -> FlexibleModel:
-        return identify(self.measurements, should_stop=self.should_stop).model
 
     def check_stop(self) -> None:
         self.say("")
@@ -224,6 +220,8 @@ class _Pipeline:
             if (apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
                 self.refit.begin(ModelStart(fit.layout, fit.x))
             gained = self.reference.objective - fit.objective
+            if self.steps and exhausted(fit, gained):
+                break
             scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
             if number == 0:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
