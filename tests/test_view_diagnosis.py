@@ -104,6 +104,9 @@ def test_nothing_is_said_to_be_certain(share: float, text: str) -> None:
 
 def test_a_finding_gives_values_interval_ties_and_hiding_places() -> None:
     assert values_text(FINDING) == "coulomb 3.000 ± 0.020 Nm"
+    tilt = {"tilt_x": EffectParameter(-1e-9, 30.0, "rad"), "tilt_y": EffectParameter(0.02, 1e-4, "rad")}
+    turned = replace(FINDING, effect="base_tilt", joint=None, parameters=tilt)
+    assert values_text(turned) == "tilt x not determined, tilt y 0.02000 ± 0.00020 rad"  # bounds: ± 0.6
     text = finding_html(Family((FINDING,)), 1, full=True)
     for part in ("1. Coulomb friction on joint2", "98 %", "62 %", "twice as heavy", "12.00 → 10.10 Nm s/rad"):
         assert part in text, part

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from flexviz.model import EffectValue
 from flexviz.results.entries import CandidateEntry, EffectEntry, PlaceEntry, ResultFields, StepEntry
-from flexviz.results.tables import in_ascii, interval, plain_table
+from flexviz.results.tables import in_ascii, plain_table
 from flexviz.wording import (
     SAID_AS_SHARES,
     Family,
@@ -27,6 +27,7 @@ from flexviz.wording import (
     short_names,
     text_runs,
     unit_text,
+    value_text,
     verdict_text,
 )
 
@@ -135,8 +136,8 @@ def place_text(one: PlaceEntry) -> str:
 def values(candidate: CandidateEntry | EffectEntry) -> str:
     """ "coulomb 3.000 ± 0.012 Nm"."""
     return ", ".join(
-        f"{name} {' ± '.join(interval(v.value, v.std))} {unit_text(v.unit)}".rstrip()
-        for name, v in candidate.parameters.items()
+        in_ascii(f"{name} {value_text(candidate.effect, name, one)}")
+        for name, one in candidate.parameters.items()
     )
 
 

@@ -13,8 +13,7 @@ from flexviz import wording
 def interval(value: float, std: float | None) -> tuple[str, str]:
     """A value and half its 95 % interval, rounded to the second digit of the interval."""
     shown, half = wording.interval(value, std)
-    shown = in_ascii(shown)
-    return (shown.lstrip("-") if not shown.strip("-0.") else shown), half
+    return in_ascii(shown), half
 
 
 def plain_table(*texts: str, numbers: Sequence[str] = (), end: Sequence[str] = ()) -> Table:

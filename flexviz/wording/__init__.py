@@ -43,6 +43,7 @@ from flexviz.wording.findings import (
     moved,
     share_text,
     tie_text,
+    value_text,
     values_text,
     where_text,
 )
@@ -114,6 +115,7 @@ __all__ = [
     "torque_error_text",
     "total_rms",
     "unit_text",
+    "value_text",
     "values_text",
     "verdict_text",
     "where_text",

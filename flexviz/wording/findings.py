@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from flexviz.effects import EFFECTS, free_curve
+from flexviz.statistics import NORMAL_95
 from flexviz.wording.numbers import interval, number, plain_name, plural, unit_text
 
 ALONG = {
@@ -130,11 +131,19 @@ def values_text(finding: FindingLike) -> str:
     """ "coulomb 3.000 ± 0.012 Nm", with 95 % intervals; of a free curve its range and its extremes."""
     if free_curve(finding.effect) is not None:
         return curve_text(list(finding.parameters.values()))
-    parts = []
-    for name, found in finding.parameters.items():
-        shown, error = interval(found.value, found.std)
-        parts.append(f"{plain_name(name)} {shown} ± {error} {unit_text(found.unit)}".rstrip())
-    return ", ".join(parts)
+    values = finding.parameters.items()
+    return ", ".join(f"{plain_name(name)} {value_text(finding.effect, name, one)}" for name, one in values)
+
+
+def value_text(effect: str, name: str, found: ValueLike) -> str:
+    """ "3.000 ± 0.012 Nm", with the 95 % interval; "not determined" where that exceeds the allowed range."""
+    bounds = (
+        next((p for p in EFFECTS[effect].parameters if p.name == name), None) if effect in EFFECTS else None
+    )
+    if bounds is not None and found.std is not None and NORMAL_95 * found.std > bounds.upper - bounds.lower:
+        return "not determined"
+    shown, error = interval(found.value, found.std)
+    return f"{shown} ± {error} {unit_text(found.unit)}".rstrip()
 
 
 def curve_text(values: Sequence[ValueLike]) -> str:

@@ -44,6 +44,8 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
 
     >>> with_error(1000.234, 0.82)
     ('1000.23', '0.82')
+    >>> with_error(-0.0004, 0.02)
+    ('0.000', '0.020')
     """
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
         return number(value), "–"
@@ -52,7 +54,8 @@ def with_error(value: float, error: float | None) -> tuple[str, str]:
     if place > 4 or place < -7 or top - place > 9:
         return number(value, 5), number(error, 2)
     decimals = max(-place, 0)
-    return f"{value:.{decimals}f}".replace("-", "−"), f"{error:.{decimals}f}"
+    shown = f"{value:.{decimals}f}"
+    return shown.replace("-", "−" if float(shown) else ""), f"{error:.{decimals}f}"
 
 
 def interval(value: float, std: float | None) -> tuple[str, str]:
