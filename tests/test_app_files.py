@@ -45,7 +45,7 @@ def another(app: Application) -> AnotherSet:
 
 
 def test_save_and_reopen_with_history(app: Application) -> None:
-    use(app, "torque_offset", True)
+    use(app, "Torque offset", True)
     use(app, "Run")
     wait(app)
     error = app.store.analysis.identification.residual.rms  # type: ignore[union-attr]
@@ -200,7 +200,7 @@ def test_a_quiz_hides_what_it_hides(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_a_real_quiz_opens_and_keeps_its_secret(app: Application) -> None:
-    use(app, "Hide", "torque_offset")
+    use(app, "Hide", "Torque offset")
     use(app, "Quiz me")
     until(app, lambda: app.store.measurements.path.name.startswith("quiz-"))
     assert "offset" not in status(app) and app.store.opened.truth is not None

@@ -47,7 +47,7 @@ def test_a_recording_grows_with_the_session(app: Application, monkeypatch: pytes
     use(app, "Record", True)  # what is known by then is in it
     until(app, lambda: "Recording" in files._note.content and "MB so far" in files._note.content)
     file = next(output_dir().glob("small-*.rrd"))
-    use(app, "torque_offset", True)
+    use(app, "Torque offset", True)
     use(app, "Run")
     wait(app)
     use(app, "Undo")

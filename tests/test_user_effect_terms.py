@@ -43,6 +43,16 @@ TERMS = (
         ),
         ("column", "", "line 18: .* terms does not return Terms"),
         (
+            'Terms("gravity", (0,), values[0] * column[:1], column[None, :1])',
+            "",
+            'belong together; found the entries "gravity" and "torque"',
+        ),
+        (
+            'Terms("residual", (0,), values[0] * column[:1], column[None, :1])',
+            "gravity = lambda self, values: np.array([0.0, 0.0, -9.0])",
+            'belong together; found the entries "residual" and "torque"',
+        ),
+        (
             'Terms("torque", (0,), values[0]**2 * column, 2 * values[0] * column[None])',
             "linear = True",
             "not linear",

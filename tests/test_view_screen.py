@@ -326,8 +326,8 @@ def test_effects_joint_by_joint() -> None:
     text = matrix_html(("torque_ripple",), one, joints)
     rows = {row[0]: row[1:] for row in (re.findall(r"<td>(.*?)</td>", row) for row in text.split("<tr>")[2:])}
     assert rows == {
-        "torque_ripple": ["●"] * 3,
-        "torque_offset": ["✓"] * 3,
-        "coulomb_friction": ["·", "✓", "·"],
+        "Torque ripple": ["●"] * 3,
+        "Torque offset": ["✓"] * 3,
+        "Coulomb friction": ["·", "✓", "·"],
     }
     assert matrix_html((), (), joints) == "" and "base_tilt" not in joint_effects()

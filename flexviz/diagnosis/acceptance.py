@@ -9,6 +9,7 @@ from flexviz.diagnosis.candidates import is_episode
 from flexviz.diagnosis.fit_context import Fit, FitContext, Judged
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, EffectEvidence
+from flexviz.equation import viscous_scale
 from flexviz.results import Verdict
 from flexviz.statistics import NORMAL_95
 
@@ -57,15 +58,16 @@ def held_to_be_zero(context: FitContext, fit: Fit, effect: ChosenEffect) -> bool
     A size relative to the motor's viscous friction counts as a torque: of a stiff joint the data show the sum
     of both sides' friction, so that the share alone is uncertain where the torque is not.
     """
-    law, x = EFFECTS[effect.effect], fit.x
-    first = fit.layout.effect_slice(effect).start
+    law, x, layout = EFFECTS[effect.effect], fit.x, fit.layout
+    first = layout.effect_slice(effect).start
     rows = [first + k for k in law.size_at]
     size, slopes = x[rows], np.eye(len(x))[rows]
     if law.relative and effect.joint is not None:
-        viscous = fit.layout.motor_viscous.start + effect.joint
-        slopes *= x[viscous]
-        slopes[:, viscous] += size
-        size = size * x[viscous]
+        scale, by_motor, by_link = viscous_scale(layout, x, effect.joint)
+        slopes *= scale
+        slopes[:, layout.motor_viscous.start + effect.joint] += by_motor * size
+        slopes[:, layout.link_viscous.start + effect.joint] += by_link * size
+        size = scale * size
     variance = np.einsum("kp,pq,kq->k", slopes, context.covariance(fit).matrix, slopes)
     std = np.sqrt(np.maximum(variance, 0.0))
     return bool(np.all(~(np.abs(size) >= NORMAL_95 * std)))  # also where no interval can be given

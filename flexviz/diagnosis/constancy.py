@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.acceptance import verdict
+from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
 from flexviz.estimation import Projection, explained
+from flexviz.wording import plain_name, unit_text
 
 Array = NDArray[np.float64]
 
@@ -27,26 +29,31 @@ class ChangingSize:
     """A size p of an effect that changes during the recordings.
 
     Attributes:
-        effect: the effect.
-        parameter: index of p among the effect's parameters.
+        named: the effect's name, joint, group and payload, as of a `Finding`.
+        size: p.
         start, end: about p at the start and at the end of a recording, in the unit of p.
         gain: decrease of the weighted sum of squares if p changes linearly with time.
+        left: weighted sum of squares above the noise.
     """
 
-    effect: ChosenEffect
-    parameter: int
+    named: tuple[str, str | None, str | None, str | None]
+    size: ParameterSpec
     start: float
     end: float
     gain: float
+    left: float
 
-    def text(self, joints: tuple[str, ...]) -> str:
+    @property
+    def text(self) -> str:
         """The finding as a sentence."""
-        law = EFFECTS[self.effect.effect]
-        spec = law.parameters[self.parameter]
-        verb = "grows" if abs(self.end) > abs(self.start) else "falls"
+        effect, *places = self.named
+        place = next((f" of {place}" for place in places if place), "")
+        same = self.start * self.end > 0 or 0.0 in (self.start, self.end)
+        verb = "changes" if not same else "grows" if abs(self.end) > abs(self.start) else "falls"
+        what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place}"
+        ends = f"{self.start:.2g} to {self.end:.2g} {unit_text(self.size.unit)}".rstrip()
         return (
-            f"{spec.name} of {self.effect.text(joints)} is not constant: it {verb} from about "
-            f"{self.start:.2g} to {self.end:.2g} {spec.unit} during a recording, "
+            f"{what} is not constant: it {verb} from about {ends} during a recording, "
             "which this effect cannot describe"
         )
 
@@ -54,13 +61,10 @@ class ChangingSize:
 def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> ChangingSize | None:
     """The size whose change with time explains most of what a model leaves; None if all are constant.
 
-    `rival`: the score of another effect, which it has to surpass clearly.
+    `rival`: the decrease of the sum of squares by another effect, which it has to surpass clearly.
     """
     sized = [
-        (effect, k, where.start + k)
-        for effect, where in fit.layout.effect_slices()
-        if EFFECTS[effect.effect].scope != "episode"
-        for k in EFFECTS[effect.effect].size_at
+        (effect, k, where.start + k) for effect, where in fit.layout.effect_slices() for k in _sizes(effect)
     ]
     if not sized:
         return None
@@ -68,24 +72,46 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
     flat = z.reshape(-1, fit.layout.size)
     hessian = flat.T @ flat + context.start(fit.layout).prior.gradient_and_hessian(fit.x)[1]
     projection = Projection(point.r.ravel(), flat, hessian)
-    left = np.count_nonzero(point.used) * float(np.maximum(point.chi - 1.0, 0.0).sum())
+    left = sum_above_noise(fit)
     least = max(LIMITS.changing_gain, LIMITS.changing_share_of_left * left, LIMITS.changing_lead * rival)
     time = _time_within_groups(context)[:, None]
     found = []
     for effect, k, column in sized:
         signature = (z[:, :, column] * time).reshape(-1, 1)
         change, gain = explained(*projection.normal(signature))
+        if gain <= least or abs(change[0]) <= LIMITS.changing_share * abs(fit.x[column]):
+            continue
         middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
         spec = EFFECTS[effect.effect].parameters[k]
-        ends = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
-        if gain > least and abs(change[0]) > LIMITS.changing_share * abs(fit.x[column]):
-            found.append(ChangingSize(effect, k, float(ends[0]), float(ends[1]), gain))
+        start, end = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
+        named = (effect.effect, fit.layout.joint_name(effect), effect.group, effect.payload)
+        if start != end:
+            found.append(ChangingSize(named, spec, float(start), float(end), gain, left))
     return max(found, key=lambda one: one.gain, default=None)
 
 
 def unexplained(context: FitContext, fit: Fit, reference: Fit) -> bool:
     """Whether a model leaves more than noise and the change of a size; `reference` has no effects at all."""
-    return verdict(fit, reference) == "unknown" and changing_size(context, fit) is None
+    if verdict(fit, reference) != "unknown":
+        return False
+    changing = changing_size(context, fit)
+    return changing is None or changing.gain < LIMITS.changing_most * changing.left
+
+
+def sum_above_noise(fit: Fit) -> float:
+    """Weighted sum of squares of the fit groups above that of the noise."""
+    return np.count_nonzero(fit.point.used) * float(np.maximum(fit.chi - 1.0, 0.0).sum())
+
+
+def removed(before: Fit, after: RefittedCandidate) -> float:
+    """Decrease of the weighted sum of squares of the fit groups by a candidate, scored or refitted."""
+    return max(after.scored.gain, sum_above_noise(before) - sum_above_noise(after.fit))
+
+
+def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
+    """Indices of the parameters that are to be constant; not of episodes and free curves."""
+    law = EFFECTS[effect.effect]
+    return () if law.scope == "episode" or law.stopgap else law.size_at
 
 
 def _time_within_groups(context: FitContext) -> Array:
@@ -94,6 +120,8 @@ def _time_within_groups(context: FitContext) -> Array:
     out = np.zeros(signals.count)
     for k in range(len(signals.groups)):
         blocks = [block.rows for block in signals.blocks if block.group == k]
+        if not blocks:
+            continue  # a group too short for any sample
         time = np.concatenate([signals.time[rows] for rows in blocks])
         for rows in blocks:
             out[rows] = 2 * (signals.time[rows] - time.min()) / max(float(np.ptp(time)), 1e-300) - 1

@@ -6,25 +6,19 @@ accuracy. A model that explains the data down to the noise does not need this to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import ModelStart
-from flexviz.diagnosis.constancy import ChangingSize
 from flexviz.diagnosis.fit_context import SEARCH_WEIGHTING, Fit, FitContext
-from flexviz.diagnosis.notes import notes
-from flexviz.diagnosis.prediction_errors import PredictionErrors
-from flexviz.diagnosis.records import BandwidthCheck, FreeCurve
-from flexviz.diagnosis.result import Finding
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Layout
 from flexviz.estimation import Covariance
 from flexviz.measurements import MeasurementSet
 from flexviz.parallel import Foreseen
-from flexviz.results import Note, Verdict
 
 Array = NDArray[np.float64]
 
@@ -41,48 +35,6 @@ class FinalRefit:
     x: Array
     covariance: Covariance
     chi: float
-
-
-@dataclass(frozen=True, eq=False)
-class Conclusion:
-    """Final model with verdict and covariance.
-
-    Attributes:
-        fit, verdict, covariance: of the final model.
-        refined: refitted with weights closer to the noise.
-        changing: a size that is not constant, so that a law of no library stands behind the effect.
-    """
-
-    fit: Fit
-    verdict: Verdict
-    covariance: Covariance
-    refined: bool = False
-    changing: ChangingSize | None = None
-
-    def doubted(self, findings: Sequence[Finding]) -> list[Finding]:
-        """Findings with little confidence in the effect whose size changes: it imitates another law."""
-        if self.changing is None:
-            return list(findings)
-        effect, most = self.changing.effect, THRESHOLDS.motion.doubtful
-        name = (effect.effect, self.fit.layout.joint_name(effect), effect.group, effect.payload)
-        return [
-            replace(f, confidence=min(f.confidence, most))
-            if (f.effect, f.joint, f.group, f.payload) == name
-            else f
-            for f in findings
-        ]
-
-    def notes(
-        self,
-        errors: PredictionErrors,
-        model_error_variance: Array | None,
-        curve: FreeCurve | None,
-        bandwidths: BandwidthCheck | None,
-    ) -> tuple[Note, ...]:
-        """Why a model that explains the data is not complete, and the other notes (`notes`)."""
-        why = self.changing
-        first = () if why is None else (Note("changing", why.text(self.fit.layout.joints)),)
-        return (*first, *notes(self.fit, self.verdict, errors, model_error_variance, curve, bandwidths))
 
 
 def final_refit(measurements: MeasurementSet, fit: Fit, check: Callable[[], None]) -> FinalRefit | None:

@@ -16,9 +16,10 @@ from flexviz.diagnosis.acceptance import excess, exhausted, quiet, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
 from flexviz.diagnosis.candidates import ModelStart, NearNoise
 from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
-from flexviz.diagnosis.constancy import changing_size, unexplained
+from flexviz.diagnosis.conclusion import Conclusion
+from flexviz.diagnosis.constancy import changing_size, removed, unexplained
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
-from flexviz.diagnosis.final_refit import Conclusion, EarlyRefit
+from flexviz.diagnosis.final_refit import EarlyRefit
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
@@ -64,7 +65,7 @@ def diagnose(
             is named and the result describes the set's own model.
         start: start values, or a function that finds them when needed; default: a plain identification.
         guarded: whether to check the parameters against the observer's bandwidth; default: only if the
-            residual stays above the noise.
+            residual stays above the noise for no known reason.
         free_curve: with `apply`, after a last verdict of "unknown": add the free curve of the residual.
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
@@ -227,7 +228,7 @@ class _Pipeline:
                 lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
                 self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
             best = self.search.acceptable(fit, compared.refitted, gained)
-            if best is None or changing_size(self.context, fit, best.scored.gain):
+            if best is None or changing_size(self.context, fit, removed(fit, best)):
                 break
             if (again := self.search.restarted(fit, best, gained)) is not None:
                 self.replace_final(again)
@@ -332,9 +333,10 @@ class _Pipeline:
 
     def conclude(self, final: Fit, apply: bool) -> Conclusion:
         """The final model, refitted if complete; the set's own model if effects are not applied."""
+        changing = None if self.stopped else changing_size(self.context, final)
         if not apply and self.steps:
-            return Conclusion(self.base, "missing", self.context.covariance(self.base))
-        if (changing := changing_size(self.context, final)) is not None:
+            return Conclusion(self.base, "missing", self.context.covariance(self.base), changing=changing)
+        if changing is not None:
             return Conclusion(final, "unknown", self.context.covariance(final), changing=changing)
         last = verdict(final, self.reference)
         if last == "nothing-missing":

@@ -26,13 +26,14 @@ class AcceptanceThresholds:
     nested_gain: float = 12.0  # required lead over the simpler effect that an effect refines
     offset_gain: float = 50.0  # required lead of backlash that is never crossed over other effects
     superfluous_gain: float = 100.0  # earlier effects with a smaller gain are dropped
-    # gain from which the size of an effect is not constant, also relative to what the model leaves, and its
-    # change relative to its mean; in right models of the study with seed 53 up to 7 and 0.03, where another
-    # law is unknown up to 0.03 of what is left, where a backlash grows from 430, 0.6 and 0.4
+    # gain from which a size changes with time, alone and relative to what the model leaves, and half of its
+    # change relative to the fitted size. In the study with seed 53: up to 7, 0.03 (where another law is
+    # unknown) and 0.03, but from 430, 0.4 and 0.6 where a backlash grows
     changing_gain: float = 100.0
     changing_share_of_left: float = 0.2
     changing_share: float = 0.25
-    changing_lead: float = 2.0  # the gain relative to the best candidate's score, which may be a drift, too
+    changing_most: float = 0.5  # share of what is left that a change explains if no other law is looked for
+    changing_lead: float = 2.0  # gain relative to that of the best candidate, which may be a drift, too
 
 
 @dataclass(frozen=True)

@@ -152,6 +152,8 @@ class _Checks:
                 raise self.fails(f'{attribute} "{value}": {meant}', attribute)
         if isinstance(effect, LawEffect) and effect.scope != "joint":
             raise self.fails(f'scope is "{effect.scope}", expected "joint" for a LawEffect', "scope")
+        if isinstance(effect, LawEffect) and type(effect).gravity is not LawEffect.gravity:
+            raise self.fails("gravity is for an Effect, a LawEffect has none", "gravity")
 
     def parameters(self) -> None:
         effect, specs = self._effect, self._effect.parameters
@@ -212,11 +214,22 @@ class _Checks:
                 found = self._effect.terms(TRIAL, TARGET, p)
             if not isinstance(found, Terms):
                 raise self.fails("terms does not return Terms", "terms")
+            self.entry(found.entry, p)
             wanted = (1 if found.entry in ("residual", "gravity") else 3, TRIAL.count(), len(found.joints))
             self.shapes("terms", value=(found.value, wanted), slopes=(found.slopes, (width, *wanted)))
             return found.value[0].ravel(), found.slopes[:, 0].reshape(width, -1)
 
         self.slopes(terms, "terms")
+
+    def entry(self, said: str, p: Array) -> None:
+        """An effect that turns gravity, and no other, says so in its terms and in the property `entry`."""
+        turns = self._effect.gravity(p) is not None
+        if turns != (said == "gravity") or turns != (self._effect.entry == "gravity"):
+            own = self._effect.entry
+            why = 'gravity(), the terms\' entry "gravity" and the property entry "gravity" belong together'
+            raise self.fails(
+                f'{why}; found the entries "{said}" and "{own}"', "gravity" if turns else "terms"
+            )
 
     def shapes(self, method: str, **arrays: tuple[Array, tuple[int, ...]]) -> None:
         for name, (array, wanted) in arrays.items():

@@ -3,6 +3,7 @@
 from flexviz.equation.chain import Chain
 from flexviz.equation.layout import INERTIAL_NAMES, INERTIAL_UNITS, Layout, layout_of
 from flexviz.equation.link import LinkDynamics, LinkTerms
+from flexviz.equation.motions import viscous_scale
 from flexviz.equation.residual import Equation, Evaluation, OperatingPoint
 from flexviz.equation.reversal_nuisance import Pulses, pulses
 from flexviz.equation.signals import Signals, build_signals, equation_stride
@@ -23,4 +24,5 @@ __all__ = [
     "equation_stride",
     "layout_of",
     "pulses",
+    "viscous_scale",
 ]

@@ -163,7 +163,7 @@ class OperatingPoint:
         out = []
         for effect, where in self.layout.effect_slices():
             law = EFFECTS[effect.effect]
-            if law.entry == "residual" and not with_residual:
+            if law.entry in ("residual", "gravity") and not with_residual:
                 continue
             if not law.linear:
                 term = self._nonlinear(effect, x[where])

@@ -61,6 +61,7 @@ def diagnosis_parts(result: ResultFields, width: int) -> list[Table | str]:
         span = f"{low} … {high} {unit_text(units.get((place.joint, place.variable), ''))}".rstrip()
         out.append(f"what is left on {place.joint} follows {place.variable}, mostly {span}")
     skipped = {note.text for note in result.typed_notes if spread and note.kind in SAID_AS_SHARES}
+    skipped |= {note.text for note in result.typed_notes if note.text in str(out[0])}  # the verdict's reason
     out += [f"note: {note}" for note in result.notes if note not in skipped]
     return [*out, "stopped; this is what was found so far"] if result.stopped else out
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from flexviz.effects import EFFECTS
 from flexviz.view.effects import addable_effects
-from flexviz.wording import escape, short_names
+from flexviz.wording import effect_title, escape, short_names
 
 OWN, ADDED = "●", "✓"
 
@@ -42,7 +42,8 @@ def matrix_html(own: Sequence[str], added: Sequence[str], joints: Sequence[str])
     for name in names:
         fixed, ticked = joints_with(name, own, joints), joints_with(name, added, joints)
         cells = (OWN if joint in fixed else ADDED if joint in ticked else "·" for joint in joints)
-        rows.append(f"<tr><td>{escape(name)}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
+        row = "".join(f"<td>{cell}</td>" for cell in cells)
+        rows.append(f"<tr><td>{escape(effect_title(name))}</td>{row}</tr>")
     head = "".join(
         f'<th title="{escape(joint)}">{escape(short)}</th>'
         for joint, short in zip(joints, short_names(tuple(joints)), strict=True)

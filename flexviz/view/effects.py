@@ -19,6 +19,7 @@ from flexviz.wording import (
     bounds_text,
     by_share,
     confidence_range,
+    effect_text_name,
     effect_title,
     enters_text,
     escape,
@@ -60,8 +61,18 @@ def more_effects() -> dict[str, tuple[str, ...]]:
 
 
 def effect_hint(effect: Effect) -> str:
-    """An effect in a few sentences."""
-    return f"{effect.title}. {effect.explanation} {effect.equation}"
+    """An effect in a few sentences, and its name in files and commands."""
+    return f"{effect.explanation} {effect.equation} (In files and commands: {effect.name}.)"
+
+
+def by_title(names: Iterable[str]) -> dict[str, str]:
+    """Title → name of each effect, for a list to choose from; with the name where two share a title."""
+    names = list(names)
+    titles = [effect_title(name) for name in names]
+    return {
+        title if titles.count(title) == 1 else f"{title} ({name})": name
+        for title, name in zip(titles, names, strict=True)
+    }
 
 
 def why_fixed(effect: str, own: Iterable[str], payloads: bool) -> str:
@@ -78,15 +89,15 @@ def effects_note(names: Iterable[str], own: Iterable[str]) -> str:
     chosen = tuple(dict.fromkeys(name.partition(":")[0] for name in (*own, *names)))
     notes = []
     if own:
-        notes.append(f"{', '.join(own)}: named by the measurement set, stays in.")
+        notes.append(f"{', '.join(map(effect_text_name, own))}: named by the measurement set, stays in.")
     for name in chosen:
         effect = EFFECTS[name]
         if effect.replaces in chosen:
-            notes.append(f"{name} takes the place of {effect.replaces}.")
+            notes.append(f"{effect.title} takes the place of {effect_title(effect.replaces)}.")
         if effect.beside is not None and not any(
             other == effect.beside or EFFECTS[other].replaces == effect.beside for other in chosen
         ):
-            notes.append(f"{name} makes sense beside {effect.beside}.")
+            notes.append(f"{effect.title} makes sense beside {effect_title(effect.beside)}.")
     return " ".join(notes)
 
 

@@ -218,18 +218,18 @@ def test_effects_are_ticked_on_all_joints_or_one(page: Any, shot: Any) -> None:
         rows = [text.split("\t") for text in matrix.all_inner_texts()[1:]]
         return {name: "".join(cells) for name, *cells in rows}
 
-    tick(page, "coulomb_friction")  # the name: on all joints
-    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the effect on both joints")
+    tick(page, "Coulomb friction")  # the name: on all joints
+    until(lambda: model() == {"Coulomb friction": "✓✓"}, 60, "the effect on both joints")
     unfold(page, "Joint by joint", page.get_by_role("button", name="joint1", exact=True))
-    press(page, "joint1", lambda: model() == {"coulomb_friction": "·✓"})  # one joint less
-    assert not row(page, "coulomb_friction").get_by_role("checkbox").is_checked()
+    press(page, "joint1", lambda: model() == {"Coulomb friction": "·✓"})  # one joint less
+    assert not row(page, "Coulomb friction").get_by_role("checkbox").is_checked()
     shot(page, "matrix")
     page.get_by_role("button", name="joint1", exact=True).click()
-    until(lambda: row(page, "coulomb_friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
-    tick(page, "coulomb_friction", False)
+    until(lambda: row(page, "Coulomb friction").get_by_role("checkbox").is_checked(), 60, "both joints again")
+    tick(page, "Coulomb friction", False)
     until(lambda: model() == {}, 60, "the model without it")
     button(page, "Undo").click()
-    until(lambda: model() == {"coulomb_friction": "✓✓"}, 60, "the undo")
+    until(lambda: model() == {"Coulomb friction": "✓✓"}, 60, "the undo")
     well_laid_out(page)
 
 

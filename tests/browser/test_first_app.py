@@ -109,13 +109,13 @@ def the_sweep_shows_residual_and_stiffness_against_bandwidth(page: Any, shot: An
 
 def more_effects_open_and_are_added(page: Any, shot: Any) -> None:
     button(page, "Identify").click()
-    until(lambda: "torque_offset" in page.inner_text("body"), what="the common effects")
-    unfold(page, "More effects", labels(page, "transmission_error"))
-    tick(page, "transmission_error")
-    until(lambda: "Also in the model: transmission_error" in page.inner_text("body"), 60, "the note")
+    until(lambda: "Torque offset" in page.inner_text("body"), what="the common effects")
+    unfold(page, "More effects", labels(page, "Transmission error"))
+    tick(page, "Transmission error")
+    until(lambda: "Also in the model: Transmission error" in page.inner_text("body"), 60, "the note")
     shot(page, "3-effects")
     well_laid_out(page)
-    tick(page, "transmission_error", False)
+    tick(page, "Transmission error", False)
     until(lambda: "Also in the model" not in page.inner_text("body"), what="the model without it")
 
 
@@ -261,7 +261,7 @@ def test_a_real_set_opens_and_runs(serve: Callable[..., str], open_page: Any, sh
     page = open_page(serve(str(KUKA)))
     button(page, "Identify").click()
     until(lambda: "Step Identify" in status(page), what="the step")
-    tick(page, "coulomb_friction")
+    tick(page, "Coulomb friction")
     button(page, "Run").click()
     until(lambda: "validation error" in status(page), what="a result")
     shot(page, "6-real")

@@ -15,6 +15,7 @@ from flexviz.app.workspace import NOTHING, PRESETS, SURPRISE, SimulateQuiz, hide
 from flexviz.errors import FlexvizError
 from flexviz.jobs import InChild, InThread, Task
 from flexviz.progress import Progress
+from flexviz.view import by_title
 from flexviz.wording import escape, plural
 
 WAITING = "A zip, or measurements.toml and its files; or a robot's URDF, to simulate it."
@@ -35,7 +36,8 @@ class AnotherSet:
             self._waiting = gui.add_html(dim(WAITING))
             hint = "an uploaded URDF can be chosen here too"
             self._robot = page.dropdown("Robot", PRESETS, hint=hint)
-            self._effect = page.dropdown("Hide", (SURPRISE, NOTHING, *hideable()))
+            self._effects = {SURPRISE: SURPRISE, NOTHING: NOTHING} | by_title(hideable())
+            self._effect = page.dropdown("Hide", tuple(self._effects))
             hint = "simulates a set with a hidden effect; the truth stays hidden until you ask for it"
             self.quiz = page.button("Quiz me", self._simulate, hint=hint)
         store.subscribe(Changed.CLOSED, self._uploads.close)
@@ -46,7 +48,7 @@ class AnotherSet:
 
         self._store.say("simulating", "busy")
         self._store.tasks.start(
-            SimulateQuiz(self._robots[self._robot.value], self._effect.value),
+            SimulateQuiz(self._robots[self._robot.value], self._effects[self._effect.value]),
             self._open,
             progress=progress,
             stopped=lambda: self._store.say("stopped simulating"),

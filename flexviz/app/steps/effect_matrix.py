@@ -7,7 +7,7 @@ from dataclasses import replace
 from flexviz.app.page import Page
 from flexviz.app.state import Changed, Turn
 from flexviz.app.store import Store
-from flexviz.view import joint_effects, joints_with, matrix_html, with_joints
+from flexviz.view import by_title, joint_effects, joints_with, matrix_html, with_joints
 from flexviz.wording import short_names
 
 
@@ -19,7 +19,8 @@ class EffectMatrix:
         gui = page.gui
         self._table = gui.add_html("")
         with gui.add_folder("Joint by joint", expand_by_default=False):
-            self._effect = page.dropdown("Effect", joint_effects())
+            self._effects = by_title(joint_effects())
+            self._effect = page.dropdown("Effect", tuple(self._effects))
             hint = "adds the effect above to this joint, or takes it away"
             self._buttons = page.choose(gui.add_button_group("on joint", ("–",), hint=hint), self._toggle)
         store.subscribe(Changed.OPENED, self._opened, Turn.CONTROLS)
@@ -38,12 +39,13 @@ class EffectMatrix:
         )
 
     def _toggle(self, short: str) -> None:
-        store, effect, joint = self._store, self._effect.value, self._names[short]
+        store, title, joint = self._store, self._effect.value, self._names[short]
+        effect = self._effects[title]
         joints, own = store.measurements.joints, store.measurements.effects
         if joint in joints_with(effect, own, joints):
-            store.say(f"{effect} on {joint} is named by the set and stays in", "bad")
+            store.say(f"{title} on {joint} is named by the set and stays in", "bad")
             return
         chosen = set(joints_with(effect, store.analysis.effects, joints)) ^ {joint}
         effects = with_joints(effect, tuple(chosen), store.analysis.effects, joints)
         what = "with" if joint in chosen else "without"
-        store.change(f"{what} {effect} on {joint}", replace(store.analysis, effects=effects))
+        store.change(f"{what} {title} on {joint}", replace(store.analysis, effects=effects))

@@ -31,7 +31,7 @@ from flexviz.view import (
     why_fixed,
     with_joints,
 )
-from flexviz.wording import escape, number, plural
+from flexviz.wording import effect_text_name, effect_title, escape, number, plural
 
 JOINT_EFFECTS = joint_effects()
 SETTLE = 0.7  # [s] without another change before the next check
@@ -145,7 +145,7 @@ class EffectList:
         store.subscribe(Changed.OPENED | Changed.ANALYSIS, self._refresh, Turn.CONTROLS)
 
     def _add(self, name: str) -> None:
-        self.boxes[name] = self._page.checkbox(name, False, partial(self._set, name))
+        self.boxes[name] = self._page.checkbox(effect_title(name), False, partial(self._set, name))
         self._page.style(wide_label, self.boxes[name])
 
     def _opened(self) -> None:
@@ -168,7 +168,7 @@ class EffectList:
         hidden += [
             name for name in chosen if name not in self.boxes and name.partition(":")[0] not in JOINT_EFFECTS
         ]
-        text = f"Also in the model: {', '.join(hidden)}." if hidden else ""
+        text = f"Also in the model: {', '.join(map(effect_text_name, hidden))}." if hidden else ""
         text = f"{text} {effects_note(added, own)}".strip()
         self._note.content = dim(escape(text))
         self._note.visible = bool(text)
@@ -179,7 +179,7 @@ class EffectList:
             joints = self._store.measurements.joints
             effects = with_joints(name, joints if on else (), analysis.effects, joints)
             analysis = replace(analysis, effects=effects)
-        self._store.change(f"{'with' if on else 'without'} {name}", analysis)
+        self._store.change(f"{'with' if on else 'without'} {effect_title(name)}", analysis)
 
 
 class ParameterCheck:
