@@ -19,6 +19,8 @@ from flexviz.estimation import Covariance
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet
 from flexviz.progress import never
+from flexviz.recording.texts import diagnosis_text
+from flexviz.view import verdict_html
 from flexviz.wording import verdict_text
 
 FRICTION = ChosenEffect("coulomb_friction", 1)
@@ -63,6 +65,12 @@ def test_a_growing_friction_is_unknown_and_said_to_grow(grown: Diagnosis) -> Non
     assert note in grown.summary()
     again = replace(grown, verdict="unknown")  # as of the set with that effect in its model
     assert verdict_text(again) == f"Unknown: {note}."
+    assert (
+        again.summary().count(note)
+        == verdict_html(again).count(note)
+        == diagnosis_text(again).count(note)
+        == 1
+    )
     assert verdict_text(again, ["it"]).endswith(f"not all of the error is explained: {note}.")
     assert grown.guard is None  # no other bandwidth is needed to see that
 

@@ -103,7 +103,8 @@ def result_text(result: Identification, count: int, label: str) -> str:
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """The verdict, the ranked findings, the staircase, where the model fails, notes."""
-    lines = [f"# {as_markdown(verdict_text(diagnosis))}", ""]
+    verdict = verdict_text(diagnosis)
+    lines = [f"# {as_markdown(verdict)}", ""]
     if diagnosis.stopped:
         lines += ["**Stopped before the end**: these are the results up to then.", ""]
     for rank, finding in enumerate(diagnosis.findings[:MAX_FINDINGS], 1):
@@ -130,7 +131,8 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
         share, unit = share_text(place.explained), units.get((place.joint, place.variable), "")
         span = f"{low} … {high} {unit_text(unit)}".rstrip()
         lines.append(f"- {as_markdown(place.joint)} along {place.variable}: {share}, mostly {span}")
-    return "\n".join([*lines, "", *(f"- {as_markdown(note.text)}" for note in diagnosis.notes)])
+    notes = [note.text for note in diagnosis.notes if note.text not in verdict]
+    return "\n".join([*lines, "", *(f"- {as_markdown(text)}" for text in notes)])
 
 
 def _finding_lines(finding: Finding, rank: int) -> list[str]:

@@ -158,7 +158,9 @@ def verdict_html(
         )
     left, worst = what_stays(diagnosis, joints, spread)
     skipped = (*(SAID_AS_SHARES if spread else ()), *(["free-curve"] if diagnosis.free_curve else []))
-    texts = [*left, *(note.text for note in diagnosis.notes if note.kind not in skipped)]
+    verdict = verdict_text(diagnosis, joints=joints, worst=worst)
+    told = [n.text for n in diagnosis.notes if n.kind not in skipped and n.text not in verdict]
+    texts = [*left, *told]
     notes = "".join(f'<div class="fv-dim">{escape(text[:1].upper() + text[1:])}.</div>' for text in texts)
     if diagnosis.stopped:
         notes += '<div class="fv-warn">Stopped before the end: these are the findings so far.</div>'
@@ -167,7 +169,6 @@ def verdict_html(
             '<div class="fv-warn">The model or the groups have changed since: press Find the missing effect.'
             "</div>"
         )
-    verdict = verdict_text(diagnosis, joints=joints, worst=worst)
     return f'<div class="fv fv-verdict {escape(diagnosis.verdict)}">{escape(verdict)}</div>' + (
         f'<div class="fv">{notes}</div>' if notes else ""
     )

@@ -28,10 +28,12 @@ TONES: dict[str, Tone] = {"missing": "missing", "nothing-missing": "good", "unkn
 def summary(content: ReportContent) -> Section:
     """Verdict, warnings and key figures."""
     diagnosis = content.diagnosis
-    verdict = Callout("Not diagnosed yet: the model may be incomplete.", "unknown")
+    verdict, notes = Callout("Not diagnosed yet: the model may be incomplete.", "unknown"), []
     if diagnosis is not None:
-        verdict = Callout(sentence(content), TONES.get(diagnosis.verdict, "unknown"))
-    notes = [note.text for note in diagnosis.notes if note.kind not in SAID_AS_SHARES] if diagnosis else []
+        said = sentence(content)
+        verdict = Callout(said, TONES.get(diagnosis.verdict, "unknown"))
+        told = (note for note in diagnosis.notes if note.kind not in SAID_AS_SHARES)
+        notes = [note.text for note in told if note.text not in said]
     if diagnosis is not None and diagnosis.verdict == "unknown" and content.steps:
         last = content.steps[-1]
         left = left_text(content.joints, judged(last), content.spread, last.noise_floor)
