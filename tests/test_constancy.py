@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexviz.diagnosis import Diagnosis, diagnose
-from flexviz.diagnosis.acceptance import exhausted, held_to_be_zero
+from flexviz.diagnosis.acceptance import exhausted, held_to_be_zero, verdict
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import ChangingSize, changing_size
 from flexviz.diagnosis.fit_context import FitContext
@@ -199,3 +199,14 @@ def test_the_start_is_given_proposed_or_found(demo: MeasurementSet, diagnosed_de
     begun.begin()
     assert begun.model().stiffness == pytest.approx(plain.stiffness)
     begun.close()
+
+
+def test_a_model_without_effects_leaves_hardly_more_than_noise(demo: MeasurementSet) -> None:
+    """Its residual has no reversals whose torques are only roughly known: less is needed to be unknown."""
+    for layout, most in ((Layout(demo.joints), 0.4), (Layout(demo.joints, (FRICTION,)), 1.5)):
+        context = FitContext(demo, layout)
+        fit = context.fit(layout, context.start(layout).x, iterations=0)
+        for excess, said in ((0.95 * most, "nothing-missing"), (1.05 * most, "unknown")):
+            level = np.full(2, 1.0 + excess)
+            left = replace(fit, chi=level, chi_held_out=level)
+            assert verdict(left, left) == said

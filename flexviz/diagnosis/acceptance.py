@@ -107,7 +107,8 @@ def structured(fit: Fit, reference: Fit) -> bool:
     """
     hidden = any(EFFECTS[e.effect].hidden_state for e in fit.layout.effects)
     share = LIMITS.trace_share_hidden_state if hidden else LIMITS.trace_share
-    return excess(fit) > LIMITS.structured_excess + share * excess(reference)
+    least = LIMITS.structured_excess if fit.layout.effects else LIMITS.structured_excess_bare
+    return excess(fit) > least + share * excess(reference)
 
 
 def verdict(fit: Fit, reference: Fit) -> Verdict:
