@@ -183,14 +183,13 @@ def test_nothing_more_is_scored_where_nothing_can_be_gained(demo: MeasurementSet
     assert exhausted(fit, gained=1.01 * above / 0.003) and not exhausted(fit, gained=0.99 * above / 0.003)
 
 
-def test_the_start_is_given_proposed_or_found(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:
+def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagnosis) -> None:
     model = diagnosed_demo.model
     assert model is not None
-    given, other = OwnStart(demo, lambda: model, None), OwnStart(demo, None, None)
-    given.propose(replace(model, motor_inertia=2 * model.motor_inertia))
-    assert given.model() is model  # what is given counts
+    assert OwnStart(demo, lambda: model, None).model() is model
+    other = OwnStart(demo, None, None)
     other.begin()
-    other.propose(model)
+    other.use(model)
     assert other.model() is model
     nothing = OwnStart(demo, lambda: None, never)
     plain = nothing.model()

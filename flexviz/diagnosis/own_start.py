@@ -38,11 +38,6 @@ class OwnStart:
         self.close()
         self.given = model
 
-    def propose(self, model: FlexibleModel) -> None:
-        """Start from this model unless another one is given."""
-        if self.given is None:
-            self.use(model)
-
     def model(self) -> FlexibleModel:
         """The start values."""
         found = self.given() if callable(self.given) else self.given

@@ -109,6 +109,7 @@ class _Pipeline:
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
         self.start = OwnStart(measurements, start, should_stop)
+        self.start.begin()
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.beside = contextlib.ExitStack()
         self.beside.callback(self.start.close)
@@ -144,16 +145,11 @@ class _Pipeline:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
         rich, begun = None, False
         try:
-            if self.layout.has_reversals:
-                self.start.begin()
             near = many.search.near_noise()
             if near is not None:
-                self.start.propose(self.layout.model(many.search.bare.x))
                 many.search.forget()
                 self.refit.begin(near)
                 self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
-            else:
-                self.start.begin()
             if begun := near is not None or self.near_noise_beside_reversals(many):
                 self.add_effects(apply, near)
             if not begun or unexplained(self.context, self.final, self.reference):
