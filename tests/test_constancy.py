@@ -188,14 +188,12 @@ def test_the_start_is_given_or_found(demo: MeasurementSet, diagnosed_demo: Diagn
     assert model is not None
     assert OwnStart(demo, lambda: model, None).model() is model
     other = OwnStart(demo, None, None)
-    other.begin()
     other.use(model)
     assert other.model() is model
     nothing = OwnStart(demo, lambda: None, never)
     plain = nothing.model()
     assert plain.stiffness == pytest.approx(identify(demo).model.stiffness) and plain is not model
     begun = OwnStart(demo, None, never)
-    begun.begin()
     assert begun.model().stiffness == pytest.approx(plain.stiffness)
     begun.close()
 

@@ -89,7 +89,10 @@ def effect_evidence(fit: Judged, effect: ChosenEffect, raw_step: float) -> Effec
 
 def needed_gain(effect: ChosenEffect, gained: float) -> float:
     """Minimum gain for accepting an effect after earlier effects gained `gained`."""
-    share = LIMITS.least_gain_share_episode if is_episode(effect) else LIMITS.least_gain_share
+    return _needed(gained, LIMITS.least_gain_share_episode if is_episode(effect) else LIMITS.least_gain_share)
+
+
+def _needed(gained: float, share: float) -> float:
     return max(LIMITS.least_gain, share * gained)
 
 
@@ -97,7 +100,7 @@ def exhausted(fit: Fit, gained: float) -> bool:
     """Whether no further effect can gain enough, since all that is above the noise is less than that."""
     points = (fit.point, fit.held_out)
     above = sum(point.objective for point in points if point is not None)
-    return above < max(LIMITS.least_gain, LIMITS.least_gain_share * gained)
+    return above < _needed(gained, LIMITS.least_gain_share)
 
 
 def structured(fit: Fit, reference: Fit) -> bool:

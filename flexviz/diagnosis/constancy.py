@@ -16,7 +16,7 @@ from flexviz.diagnosis.comparison import RefittedCandidate
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect, ParameterSpec
-from flexviz.estimation import Projection, explained
+from flexviz.estimation import explained
 from flexviz.wording import plain_name, unit_text
 
 Array = NDArray[np.float64]
@@ -68,10 +68,7 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
     ]
     if not sized:
         return None
-    point, z = fit.point, fit.point.z
-    flat = z.reshape(-1, fit.layout.size)
-    hessian = flat.T @ flat + context.start(fit.layout).prior.gradient_and_hessian(fit.x)[1]
-    projection = Projection(point.r.ravel(), flat, hessian)
+    z, projection = fit.point.z, context.projection(fit)
     left = sum_above_noise(fit)
     least = max(LIMITS.changing_gain, LIMITS.changing_share_of_left * left, LIMITS.changing_lead * rival)
     time = _time_within_groups(context)[:, None]

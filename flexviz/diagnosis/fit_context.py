@@ -16,6 +16,7 @@ from flexviz.estimation import (
     Bounds,
     Covariance,
     Point,
+    Projection,
     Solved,
     Start,
     TrackingWhitening,
@@ -262,6 +263,13 @@ class FitContext:
             return fit.covariance
         normal = fit.point.normal_equations(self.start(fit.layout).prior)
         return sandwich(normal.information, fit.point.score_covariance(), normal.prior_hessian)
+
+    def projection(self, fit: Fit) -> Projection:
+        """Projects out what the parameters of a fit can explain."""
+        point, size = fit.point, fit.layout.size
+        flat = point.z.reshape(-1, size)
+        hessian = flat.T @ flat + self.start(fit.layout).prior.gradient_and_hessian(fit.x)[1]
+        return Projection(point.r.ravel(), lambda: point.z.reshape(-1, size), hessian)
 
     def chain(self, fit: Fit) -> Chain:
         """Sensitivity of the residual to s and q at a fit."""

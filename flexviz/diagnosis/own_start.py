@@ -14,7 +14,7 @@ GivenStart = FlexibleModel | Callable[[], FlexibleModel | None] | None
 
 
 class OwnStart:
-    """A given model, or else that of a plain identification, which may work beside the search.
+    """A given model, or else that of a plain identification, which begins at once beside the search.
 
     Args:
         measurements: the set.
@@ -25,32 +25,21 @@ class OwnStart:
     def __init__(
         self, measurements: MeasurementSet, given: GivenStart, should_stop: StopCallback | None
     ) -> None:
-        self.measurements, self.given, self.should_stop = measurements, given, should_stop
-        self._begun: Background[FlexibleModel] | None = None
-
-    def begin(self) -> None:
-        """Begin the plain identification in a copy of the process, unless a model is given."""
-        if self.given is None and self._begun is None:
-            self._begun = Background(self._plain)
+        self._given = given
+        self._plain = Background(
+            lambda: identify(measurements, should_stop=should_stop).model, begin=given is None
+        )
 
     def use(self, model: FlexibleModel) -> None:
         """Start from this model."""
         self.close()
-        self.given = model
+        self._given = model
 
     def model(self) -> FlexibleModel:
         """The start values."""
-        found = self.given() if callable(self.given) else self.given
-        if found is not None:
-            return found
-        begun, self._begun = self._begun, None
-        return self._plain() if begun is None else begun.result()
+        found = self._given() if callable(self._given) else self._given
+        return found if found is not None else self._plain.result()
 
     def close(self) -> None:
         """End the plain identification."""
-        if self._begun is not None:
-            self._begun.close()
-            self._begun = None
-
-    def _plain(self) -> FlexibleModel:
-        return identify(self.measurements, should_stop=self.should_stop).model
+        self._plain.close()

@@ -109,7 +109,6 @@ class _Pipeline:
         self.error_band = PredictionErrorBand(measurements)
         self.standing = Standing(self.layout, self.error_band, self.tell_best if progress else None)
         self.start = OwnStart(measurements, start, should_stop)
-        self.start.begin()
         self.refit = EarlyRefit(measurements, self.check_stop)
         self.beside = contextlib.ExitStack()
         self.beside.callback(self.start.close)

@@ -32,7 +32,7 @@ from flexviz.diagnosis.restart import Restart, common_values
 from flexviz.diagnosis.scoring import score_by_joint
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
-from flexviz.estimation import Projection, ScoredCandidate, Weigh
+from flexviz.estimation import ScoredCandidate, Weigh
 
 Array = NDArray[np.float64]
 
@@ -61,12 +61,9 @@ class Search:
         self, fit: Fit, only: Collection[ChosenEffect] | None = None, episodes: bool = True
     ) -> CandidateScores:
         """Scores of all candidates at a fit, or of those in `only`."""
-        layout, point = fit.layout, fit.point
+        layout = fit.layout
         narrow = self.context.two_band.with_layout(layout).narrow.at(fit.x)
-        prior = self.context.start(layout).prior
-        flat = point.z.reshape(-1, layout.size)
-        hessian = flat.T @ flat + prior.gradient_and_hessian(fit.x)[1]
-        projection = Projection(point.r.ravel(), lambda: point.z.reshape(-1, layout.size), hessian)
+        projection = self.context.projection(fit)
         weigh = self.weigh(fit)
         wanted = candidates(layout, self.context.measurements.groups)
         if only is not None:
