@@ -26,7 +26,16 @@ from flexviz.wording import percent
 
 CERTAIN = 2.0  # standard errors that a curve has to explain
 # kinds of notes that are renewed
-OF_THE_LAST_MODEL = ("free-curve", "stopgap", "unexplained", "changing", "bandwidth", "model-error")
+OF_THE_LAST_MODEL = (
+    "free-curve",
+    "stopgap",
+    "unexplained",
+    "changing",
+    "place",
+    "unbiased",
+    "bandwidth",
+    "model-error",
+)
 
 
 def why_no_curve(diagnosis: Diagnosis) -> str:

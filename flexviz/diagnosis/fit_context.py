@@ -21,6 +21,7 @@ from flexviz.estimation import (
     Start,
     TrackingWhitening,
     TwoBandData,
+    UnknownInput,
     WeightingSettings,
     Whitener,
     gauss_newton,
@@ -141,6 +142,14 @@ class FitContext:
         other.two_band = self.two_band.with_model_error(variance)
         if self.validation is not None:
             other.validation = self.validation.with_model_error(variance)
+        return other
+
+    def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
+        """The same data beside a torque of unknown course at one place."""
+        other = copy(self)
+        other.two_band = self.two_band.with_unknown_input(unknown)
+        if self.validation is not None:
+            other.validation = self.validation.with_unknown_input(unknown)
         return other
 
     def start(self, layout: Layout) -> Start:

@@ -5,12 +5,15 @@ from flexviz.progress import Pace
 OWN_MODEL = "fitting the set's own model to the noise"
 NEED = "checking that the effect is needed"
 STAIRS = "fitting the models on the way"
+PLACE = "looking for the place of an unknown law"
 FINAL_REFIT = "refining the final parameters"
 FREE_CURVE = "adding a free curve"
 LOCATION = "locating the residual"
 BANDWIDTH = "checking parameters against the observer's bandwidth"
 
-LATE_STAGES = {STAIRS: 0.65, NEED: 0.75, FINAL_REFIT: 0.9, FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95}
+LATE_STAGES = {
+    STAIRS: 0.65, NEED: 0.75, PLACE: 0.8, FINAL_REFIT: 0.9, FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95,
+}  # fmt: skip
 """By runs on sets of 2 to 7 joints."""
 
 # by runs on sets of 2 to 7 joints with a single effect: the first stage takes a sixth of the time

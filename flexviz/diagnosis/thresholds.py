@@ -94,6 +94,24 @@ class ModelErrorThresholds:
 
 
 @dataclass(frozen=True)
+class UnknownPlaceThresholds:
+    """Fits beside a torque of unknown course, which find the place of a law of no library."""
+
+    joints: int = 3  # number of joints, by residual, on which it is tried
+    iterations: int = 8
+    more_iterations: int = 16  # for the best of each joint
+    reached: float = 1.0  # excess beside the input at the right place, at most ...
+    left_share: float = 1e-3  # ... or this share of the excess without it
+    # what inputs on other joints, or on another side, leave at least: this many times as much ...
+    lead: float = 3.0
+    least_lead: float = 0.3  # ... and that much more
+    imitations: int = 4  # most effects that a search backwards has put in place of one law of no library
+    told: int = 3  # parameters that a note compares at most, if the input changes them by ...
+    told_deviations: float = 4.0  # ... this many standard errors ...
+    told_share: float = 0.02  # ... and this share
+
+
+@dataclass(frozen=True)
 class MotionThresholds:
     """Fits in the band of the motion, where the model errs more than the sensors, and their selection."""
 
@@ -214,6 +232,7 @@ class Thresholds:
     acceptance: AcceptanceThresholds = AcceptanceThresholds()
     search: SearchThresholds = SearchThresholds()
     model_error: ModelErrorThresholds = ModelErrorThresholds()
+    unknown_place: UnknownPlaceThresholds = UnknownPlaceThresholds()
     motion: MotionThresholds = MotionThresholds()
     evidence: EvidenceThresholds = EvidenceThresholds()
     bandwidth: BandwidthThresholds = BandwidthThresholds()

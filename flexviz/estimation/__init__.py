@@ -12,11 +12,13 @@ from flexviz.estimation.score_test import Projection, ScoredCandidate, Weigh, be
 from flexviz.estimation.start import Start, other_effects, start_values
 from flexviz.estimation.thresholds import ESTIMATION
 from flexviz.estimation.two_band import TwoBandData, residual_noise
+from flexviz.estimation.unknown_input import SIDES, Side, UnknownInput
 from flexviz.estimation.weighted_point import ModelErrorWhitening, Point, TrackingWhitening, Whitening
 from flexviz.estimation.whitening import Whitener
 
 __all__ = [
     "ESTIMATION",
+    "SIDES",
     "TAU",
     "WIDE_HERTZ",
     "BaseParameters",
@@ -30,6 +32,7 @@ __all__ = [
     "Projection",
     "Refined",
     "ScoredCandidate",
+    "Side",
     "Solution",
     "Solved",
     "Start",
@@ -37,6 +40,7 @@ __all__ = [
     "TrackingWhitening",
     "Transfer",
     "TwoBandData",
+    "UnknownInput",
     "Weigh",
     "WeightingSettings",
     "Whitener",

@@ -9,24 +9,28 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.estimation.unknown_input import UnknownInput
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Filtered measurement noise plus a white model error.
+    """Filtered measurement noise plus a white model error, and an unknown input if any.
 
     Attributes:
         order: number of preceding samples that predict each sample.
         every: spacing of the samples at which the predictor is computed, interpolated in between; 1 is exact.
         ridge: share of the noise variance added to that of the preceding samples in the prediction.
         model_error: shape (n,), variance of the model error [Nm²].
+        unknown_input: a torque of unknown course.
     """
 
     order: int
     every: int
     ridge: float
     model_error: Array
+    unknown_input: UnknownInput | None = None
 
     def with_model_error(self, variance: Array) -> NoiseModel:
         """The same with another variance of the model error, shape (n,) [Nm²]."""

@@ -29,6 +29,7 @@ from flexviz.estimation.noise_propagation import (
     time_constants,
 )
 from flexviz.estimation.noise_weighting import NoiseWeighting
+from flexviz.estimation.unknown_input import UnknownInput
 from flexviz.estimation.whitening import (
     Whitener,
     lagged_covariance,
@@ -130,6 +131,12 @@ class TwoBandData:
         other.noise_model = self.noise_model.with_model_error(variance)
         return other
 
+    def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
+        """The same data beside a torque of unknown course."""
+        other = copy(self)
+        other.noise_model = replace(self.noise_model, unknown_input=unknown)
+        return other
+
     def evaluate(
         self, x: Array, after: BandEvaluation | None = None, jacobian: bool = True
     ) -> BandEvaluation:
@@ -146,12 +153,18 @@ class TwoBandData:
     def whiteners(self, x: Array, link: LinkTerms) -> list[Whitener]:
         """One whitener per block, at the parameters x and the rigid-body terms of the narrow band."""
         model, paths = self.noise_model, noise_paths(self.layout, x, link)
+        inputs = [] if model.unknown_input is None else [model.unknown_input.path(self.layout, x, link)]
         out = []
-        for block, kernels in zip(self.blocks, self._kernels(paths), strict=True):
-            cov = paths_covariance(paths, kernels, self.noise, block.rows)
-            size = np.trace(cov[0].mean(axis=0)) / self.layout.n
+        for block, kernels in zip(self.blocks, self._kernels([*paths, *inputs]), strict=True):
+            cov = paths_covariance(paths, kernels[: len(paths)], self.noise, block.rows)
+            size, ridge = np.trace(cov[0].mean(axis=0)) / self.layout.n, model.ridge
             cov[0] += np.diag(1e-9 * size + model.model_error)
-            out.append(whitener(cov, model.every, model.ridge))
+            if model.unknown_input is not None:  # the ridge is a share of the noise without it
+                cov[0] += ridge * size * np.eye(self.layout.n)
+                matrices, variance = inputs[0].matrices[:, block.rows], model.unknown_input.variance
+                cov += lagged_covariance(matrices, kernels[-1], variance)
+                ridge = 0.0
+            out.append(whitener(cov, model.every, ridge))
         return out
 
     def joint_whiteners(self, paths: Sequence[NoisePath]) -> list[list[Whitener]]:
@@ -237,7 +250,7 @@ class TwoBandData:
     def noise_score_covariance(
         self, x: Array, link: LinkTerms, z: Array, weightings: list[NoiseWeighting]
     ) -> Array:
-        """Covariance of Zᵀ W r due to measurement noise and model error, shape (P, P).
+        """Covariance of Zᵀ W r due to measurement noise, model error and unknown input, shape (P, P).
 
         Args:
             x: shape (P,).
@@ -245,20 +258,22 @@ class TwoBandData:
             z: shape (N, n, P), whitened instruments; zero for unused samples.
             weightings: one per block.
         """
-        paths = noise_paths(self.layout, x, link)
+        paths = [(path, path.variance(self.noise)) for path in noise_paths(self.layout, x, link)]
+        if (unknown := self.noise_model.unknown_input) is not None:
+            paths.append((unknown.path(self.layout, x, link), unknown.variance))
         deviation = np.sqrt(self.noise_model.model_error)
         total = np.zeros((self.layout.size, self.layout.size))
         for block, weighting in zip(self.blocks, weightings, strict=True):
             rows, raw = block.rows, block.segment.step
             weights = weighting.transposed(z[rows])
             steps = (raw * block.stride, raw)
-            for path in paths:
-                variance, here = path.variance(self.noise), path.rows(rows)
-                total += noise_score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
+            for path, variance in paths:
+                observer = self.wide.signals.observer
+                total += noise_score_covariance(weights, path.rows(rows), variance, observer, *steps)
             scaled = (weights * deviation[:, None]).reshape(-1, self.layout.size)
             total += scaled.T @ scaled
-            unknown = weighting.unknown_share(z[rows])
-            total += unknown @ unknown.T
+            pulses_share = weighting.unknown_share(z[rows])
+            total += pulses_share @ pulses_share.T
         return total
 
 

@@ -18,6 +18,8 @@ NoteKind = Literal[
     "pulses",
     "unexplained",
     "changing",
+    "place",
+    "unbiased",
     "free-curve",
     "stopgap",
     "bandwidth",
@@ -33,9 +35,10 @@ class Note:
 
     Kinds: "model-error" (effects were judged despite a model error), "pulses" (the error occurs at
     reversals), "unexplained" (remaining error), "changing" (the size of an effect changes with time),
-    "free-curve" (error that a free curve would absorb), "stopgap" (free curves in the model), "bandwidth"
-    (values that change with the observer bandwidth), "standstill" (joints whose rest is judged apart),
-    "explained" (share of each joint's torque that the model explains), "other".
+    "place" (where an unknown law acts), "unbiased" (parameters that it does not bias), "free-curve" (error
+    that a free curve would absorb), "stopgap" (free curves in the model), "bandwidth" (values that change
+    with the observer bandwidth), "standstill" (joints whose rest is judged apart), "explained" (share of
+    each joint's torque that the model explains), "other".
     """
 
     kind: NoteKind

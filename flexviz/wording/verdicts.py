@@ -87,13 +87,14 @@ def verdict_text(
     changing = next((note.text for note in diagnosis.typed_notes if note.kind == "changing"), "")
     if changing:
         return f"{beginning} {changing}."
+    acting = next((f"; {note.text}" for note in diagnosis.typed_notes if note.kind == "place"), "")
     unknown = f"{beginning} no effect of the library explains the structured residual"
     place, clearest = location(diagnosis.where, worst), location(diagnosis.where)
     if place is None or clearest is None:
-        return f"{unknown}."
+        return f"{unknown}{acting}."
     other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"
     share, along = share_text(clearest.explained or 0.0), ALONG.get(clearest.variable, clearest.variable)
-    return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}."
+    return f"{unknown}, mostly on{other} {clearest.joint}, where {share} follows {along}{acting}."
 
 
 def location(where: Sequence[L], worst: str = "") -> L | None:

@@ -1,0 +1,147 @@
+"""The search forwards: effects are scored, refitted and added one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import takewhile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis import stages
+from flexviz.diagnosis.acceptance import excess, exhausted, verdict
+from flexviz.diagnosis.candidates import ModelStart, NearNoise
+from flexviz.diagnosis.comparison import RefittedCandidate, SearchStep
+from flexviz.diagnosis.constancy import changing_size, removed, unexplained
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.model_error import ModelErrorSearch, imitates
+from flexviz.diagnosis.search import Search
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_place import UnknownPlace, unknown_place
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.search
+
+
+class ForwardSearch:
+    """Effects added to the set's own model.
+
+    Args:
+        context: the data.
+        base: fit of the set's own model.
+        say: called with a progress message; may raise to stop.
+        fitted: called with the fit of each model that is accepted.
+        foresee: called with a model that may be the last one.
+
+    Attributes:
+        reference: the same parameters as of `base` without any effects.
+        steps: effects added so far.
+        tried: candidates refitted for the base model.
+        model_error_variance: shape (n,) [Nm²], allowed in the later steps; None if there is none.
+        place: of a law of no library; None if there is none or it is not found.
+    """
+
+    def __init__(
+        self,
+        context: FitContext,
+        base: Fit,
+        say: Callable[[str], None],
+        fitted: Callable[[Fit], None],
+        foresee: Callable[[ModelStart], None],
+    ) -> None:
+        self.context, self.base, self.say, self.fitted, self.foresee = context, base, say, fitted, foresee
+        self.search = Search(context, say)
+        self.reference = context.without_effects(base)
+        self.steps: list[SearchStep] = []
+        self.tried: list[RefittedCandidate] = []
+        self.model_error_variance: Array | None = None
+        self.place: UnknownPlace | None = None
+
+    @property
+    def final(self) -> Fit:
+        """The last model so far."""
+        return self.steps[-1].after if self.steps else self.base
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether the final model leaves more than noise and the change of a size."""
+        return unexplained(self.context, self.final, self.reference)
+
+    def add_effects(self, apply: bool, near: NearNoise | None = None) -> None:
+        """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
+        for number in range(LIMITS.rounds):
+            fit = self.final
+            self.say("scoring candidate effects")
+            if (apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
+                self.foresee(ModelStart(fit.layout, fit.x))
+            gained = self.reference.objective - fit.objective
+            if self.steps and exhausted(fit, gained):
+                break
+            scores, compared = self.search.compare(fit, gained, near if number == 0 else None)
+            if number == 0:
+                lower = (r for r in compared.refitted if r.fit.objective < fit.objective)
+                self.tried = [r.reported(self.context.covariance(r.fit)) for r in lower]
+            best = self.search.acceptable(fit, compared.refitted, gained)
+            if best is None or changing_size(self.context, fit, removed(fit, best)):
+                break
+            if (again := self.search.restarted(fit, best, gained)) is not None:
+                self.replace_final(again)
+                continue
+            self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
+            self.fitted(best.fit)
+            del fit, best, compared, scores  # the next round needs as much memory
+            if not apply:
+                break
+            self.drop_superfluous()
+
+    def replace_final(self, fit: Fit) -> None:
+        """Replace the fit of the final model by a better one from other start values."""
+        if self.steps:
+            last = self.steps[-1]
+            self.steps[-1] = replace(last, chosen=replace(last.chosen, fit=fit))
+        else:
+            self.base, self.reference = fit, self.context.without_effects(fit)
+
+    def drop_superfluous(self) -> None:
+        """Drop earlier effects that the newest one made superfluous, and refit the steps without them."""
+        earlier = tuple(step.chosen.effect for step in self.steps[:-1])
+        simpler = self.search.without_superfluous(self.final, earlier)
+        dropped = set(self.final.layout.effects) - set(simpler.layout.effects)
+        if not dropped:
+            return
+        *kept, last = (step for step in self.steps if step.chosen.effect not in dropped)
+        before, steps = self.steps[0].before, []
+        for step in kept:
+            again = self.search.refit(before, step.chosen.scored, LIMITS.first_iterations)
+            steps.append(replace(step, before=before, chosen=again))
+            before = again.fit
+        self.steps = [*steps, replace(last, before=before, chosen=replace(last.chosen, fit=simpler))]
+
+    def explain_the_rest(self, apply: bool) -> None:
+        """Find the place of a law of no library; else add effects that held-out groups confirm.
+
+        Imitations are withdrawn. A model error is allowed for then; without `apply`, one effect is added.
+        """
+        limits = THRESHOLDS.model_error
+        self.steps = list(takewhile(lambda s: not imitates(self.search, s, self.final), self.steps))
+        if not apply and self.steps:
+            return
+        self.find_place()
+        if self.place is not None or excess(self.final) < limits.needed_excess:
+            return
+        search = ModelErrorSearch(self.search, limits.effects if apply else 1)
+        if steps := search.run(self.final):
+            self.steps += steps
+            self.model_error_variance = search.variance
+
+    def find_place(self) -> None:
+        """Find the place of a law of no library, and withdraw effects elsewhere, which imitate it."""
+        self.say(stages.PLACE)
+        self.place = unknown_place(self.context, self.base, self.search.check)
+        if self.place is not None:
+            joint = self.place.unknown.joint
+            self.steps = list(takewhile(lambda s: s.chosen.effect.joint == joint, self.steps))
+        elif self.steps:
+            self.place = unknown_place(self.context, self.final, self.search.check)

@@ -1,0 +1,53 @@
+"""Unknown input: a torque of unknown course at one place of the robot, as noise of large variance.
+
+A fit beside an unknown input relies only on what the input cannot change. If a law that no model describes
+acts at this place, everything else agrees with the noise; an input at another place leaves a residual. (The
+decoupling of unknown-input observers that isolate faults: J. Chen and R. J. Patton, Robust Model-Based Fault
+Diagnosis for Dynamic Systems, 1999.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.equation import Layout, LinkTerms
+from flexviz.estimation.noise_propagation import TAU, NoisePath, signal_sensitivity
+
+Array = NDArray[np.float64]
+
+Side = Literal["motor", "transmission", "link"]
+SIDES: tuple[Side, ...] = ("motor", "transmission", "link")
+
+
+@dataclass(frozen=True)
+class UnknownInput:
+    """A torque u of unknown course.
+
+    On the motor side, u adds to the motor torque: it passes to the link and deflects the joint. In the
+    transmission, u/K adds to the deflection alone. On the link side, u adds to the torque of the link alone.
+
+    Attributes:
+        joint: index.
+        side: of the transmission, or within it.
+        deviation: standard deviation of u per raw sample [Nm].
+    """
+
+    joint: int
+    side: Side
+    deviation: float
+
+    @property
+    def variance(self) -> Array:
+        """Variance of the raw samples, shape (1,)."""
+        return np.array([self.deviation**2])
+
+    def path(self, layout: Layout, x: Array, link: LinkTerms) -> NoisePath:
+        """Path of u through the equation."""
+        one = np.array([self.joint])
+        direct, elastic = (part[TAU][..., one] for part in signal_sensitivity(layout, x, link))
+        matrices = {"motor": direct + elastic, "transmission": elastic, "link": direct}[self.side]
+        return NoisePath(TAU, one, matrices, tuple(range(len(matrices))), (0.0,) * len(matrices))
