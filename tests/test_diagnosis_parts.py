@@ -18,6 +18,7 @@ from flexviz.diagnosis.confidence import features, probability
 from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.evidence import telling_motion
 from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.free_curve_test import best_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.pipeline import Interrupted, _Pipeline
@@ -251,13 +252,14 @@ def test_a_stop_while_effects_are_dropped_keeps_what_was_found(
         steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
     answers = iter((True, False))  # a stop that is said once
     pipeline = _Pipeline(demo, None, None, lambda: next(answers))
-    pipeline.search, pipeline.steps = Search(context, pipeline.say), list(steps)
+    search = ForwardSearch(context, base[1], pipeline.say, lambda fit: None, lambda start: None)
+    search.steps = list(steps)
     fewer = without_effect(fit.layout, fit.x, effects[0])
     smaller = replace(fit, layout=fewer.layout, x=fewer.x)
-    monkeypatch.setattr(pipeline.search, "without_superfluous", lambda *_: smaller)
+    monkeypatch.setattr(search.search, "without_superfluous", lambda *_: smaller)
     with pytest.raises(Interrupted):
-        pipeline.drop_superfluous()
-    assert pipeline.steps == steps
+        search.drop_superfluous()
+    assert search.steps == steps
     with pytest.raises(Interrupted):
         pipeline.check_stop()
 

@@ -85,6 +85,7 @@ class Fit:
         converged: the last step was negligible, or further ones would not improve the objective.
         noise_at: noise shapes for which the whiteners of `point` and `held_out` were computed.
         covariance: of the parameters, of fits that are only reported (`reported`).
+        unbiased: the parameters were estimated beside an unknown input: they do not absorb what is missing.
     """
 
     layout: Layout
@@ -98,6 +99,7 @@ class Fit:
     converged: bool
     noise_at: tuple[Array, Array]
     covariance: Covariance | None = None
+    unbiased: bool = False
 
     def reported(self, covariance: Covariance) -> Fit:
         """The fit without what another fit or its covariance would need, most of its memory."""

@@ -63,9 +63,10 @@ def fit_free_curve(
     residual = data.residual[:, joint]
     folds = make_folds(residual, data.shown, data.stretches)
     response = curve_response(data, joint, values, splines)
-    model = absorption(context, fit, parts)
-    for columns in (response.torque, response.curvature):
-        _subtract_absorbed(columns, data, joint, model, len(parts[0].shown))
+    if not fit.unbiased:
+        model = absorption(context, fit, parts)
+        for columns in (response.torque, response.curvature):
+            _subtract_absorbed(columns, data, joint, model, len(parts[0].shown))
     size = float(np.sum(response.torque**2)) / splines.size
     penalty = splines.penalty(2)
     ridge = RIDGE * size * np.eye(splines.size)

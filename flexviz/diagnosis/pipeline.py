@@ -21,8 +21,8 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.forward_search import ForwardSearch
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.many_effects import ManyEffects
-from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.model_family import RichModel
+from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import verdict_on
@@ -264,7 +264,7 @@ class _Pipeline:
             seconds=time.perf_counter() - self.began,
             stopped=self.stopped,
             notes=(
-                *(beside.notes(final, prior) if beside is not None else ()),
+                *(beside.notes(context, parts, final, prior) if beside is not None else ()),
                 *last.notes(errors[-1], search.model_error_variance, curve, bandwidths),
             ),
             model=layout.model(final.x),

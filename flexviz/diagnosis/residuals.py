@@ -246,7 +246,7 @@ def absorption(context: FitContext, fit: Fit, parts: list[JointResiduals]) -> Ab
     jacobian, residual = jacobians[0][shown], parts[0].slow[shown]
     step = np.zeros(fit.layout.size)
     chi = np.sum(parts[0].white ** 2, axis=0) / max(np.count_nonzero(parts[0].used), 1)
-    rounds = 3 if float(chi.mean()) > ESTIMATION.consistent else 0
+    rounds = 3 if float(chi.mean()) > ESTIMATION.consistent and not fit.unbiased else 0
     for done in range(rounds + 1):
         size = np.sqrt(np.mean((residual + jacobian @ step) ** 2, axis=0))
         weight: Array = 1 / np.maximum(size, 1e-12 + 1e-9 * float(size.max()))

@@ -8,7 +8,7 @@ not. The residual of a fit without an input may be larger on a neighbouring join
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.acceptance import excess
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residual_location import Located, locate_residual
-from flexviz.diagnosis.residuals import joint_residuals
+from flexviz.diagnosis.residuals import JointResiduals, joint_residuals, samples
 from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.vibration import vibration
 from flexviz.estimation import SIDES, Covariance, Prior, Side, UnknownInput
 from flexviz.identification import parameter_estimates
 from flexviz.parallel import shared
@@ -83,12 +84,19 @@ class BesideUnknown:
         starts = (context.start(fit.layout).x, fit.x)
         iterations = LIMITS.iterations + LIMITS.more_iterations
         best = min((beside.fit(fit.layout, x, iterations=iterations) for x in starts), key=excess)
-        again = context.fit(fit.layout, best.x, iterations=0, near=fit)
+        again = replace(context.fit(fit.layout, best.x, iterations=0, near=fit), unbiased=True)
         return BesideUnknown(place, again, beside.covariance(best))
 
-    def notes(self, biased: Fit, prior: Prior) -> Iterator[Note]:
+    def notes(
+        self, context: FitContext, parts: list[JointResiduals], biased: Fit, prior: Prior
+    ) -> Iterator[Note]:
         """The place, and parameters that are clearly different in a fit without the input."""
-        yield Note("place", self.place.text)
+        unknown = self.place.unknown
+        shaken = vibration(samples(context, self.fit, parts), unknown.joint)
+        form = (
+            "" if shaken is None else f"; it is a vibration of {shaken.hertz:.3g} Hz, whatever the robot does"
+        )
+        yield Note("place", self.place.text + form)
         layout, free = self.fit.layout, np.zeros(self.fit.layout.size, bool)
         here, without = (
             parameter_estimates(layout, x, prior.centre, self.covariance, free, prior)
@@ -98,7 +106,9 @@ class BesideUnknown:
         for one, other in zip(here, without, strict=True):
             change = abs(one.value - other.value)
             clear = change > max(LIMITS.told_deviations * one.std, LIMITS.told_share * abs(one.value))
-            if one.name in COMPARED and one.identifiable == "yes" and clear:
+            # what acts on its motor or within it may pass for a property of the joint
+            determined = one.joint != self.place.joint or unknown.side == "link"
+            if one.name in COMPARED and determined and one.identifiable == "yes" and clear:
                 value, half = interval(one.value, one.std)
                 text = f"{plain_name(one.name)} of {one.joint} {value} ± {half} {one.unit}"
                 told[f"{text} instead of {other.value:.4g}"] = change / abs(one.value)
