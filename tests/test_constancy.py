@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -27,11 +28,16 @@ FRICTION = ChosenEffect("coulomb_friction", 1)
 HIDDEN = 3.0  # [Nm] of joint 2 in the demonstration
 
 
-def with_growing_friction(measurements: MeasurementSet, share: float) -> MeasurementSet:
-    """The motor pays for friction that grows from 3 (1 − share) to 3 (1 + share) Nm in each group.
+def with_growing_friction(
+    measurements: MeasurementSet, share: float, along_load: bool = False
+) -> MeasurementSet:
+    """The motor pays for friction that grows from 3 (1 − share) to 3 (1 + share) Nm in a group, or with load.
 
     The motion is the same, since the torque that the friction takes is added to that of the motor.
     """
+    low, high = np.quantile(
+        np.concatenate([s.tau[:, 1] for g in measurements.groups for s in g.segments]), (0.05, 0.95)
+    )
     groups = []
     for group in measurements.groups:
         segments = []
@@ -39,6 +45,8 @@ def with_growing_friction(measurements: MeasurementSet, share: float) -> Measure
         for segment in group.segments:
             velocity = np.gradient(segment.theta[:, 1], segment.step)
             along = 2 * (segment.time - start) / (end - start) - 1
+            if along_load:  # nearly: the motor's torque includes that of its own inertia and friction
+                along = (2 * segment.tau[:, 1] - low - high) / (high - low)
             tau = segment.tau.copy()
             tau[:, 1] += HIDDEN * share * along * np.tanh(velocity / 0.005)
             segments.append(replace(segment, tau=tau))
@@ -75,15 +83,18 @@ def test_a_constant_friction_is_constant(demo: MeasurementSet, diagnosed_demo: D
     assert not any(n.kind == "changing" for n in diagnosed_demo.notes)
     layout = Layout(demo.joints, (FRICTION,))
     assert diagnosed_demo.model is not None
-    for share, changing in ((0.0, False), (0.1, False), (0.4, True), (-0.4, True)):
-        context = FitContext(with_growing_friction(demo, share), layout)
+    for share, along_load, changing in (
+        (0.0, False, False), (0.1, False, False), (0.4, False, True), (-0.4, False, True), (0.4, True, True),
+    ):  # fmt: skip
+        context = FitContext(with_growing_friction(demo, share, along_load), layout)
         fit = context.fit(layout, layout.vector(diagnosed_demo.model), iterations=3)
         found = changing_size(context, fit)
         assert (found is not None) == changing
         if found is not None:
             assert found.named == ("coulomb_friction", "joint2", None, None)
             ends = HIDDEN * (1 - share), HIDDEN * (1 + share)
-            assert (found.start, found.end) == pytest.approx(ends, rel=0.1)
+            assert found.along == ("load" if along_load else "time")
+            assert (found.start, found.end) == pytest.approx(ends, rel=0.25 if along_load else 0.1)
             assert ("grows" in found.text) == (share > 0)
             assert changing_size(context, fit, rival=found.gain) is None
 
@@ -134,7 +145,7 @@ def test_only_the_effect_that_changes_is_doubted(grown: Diagnosis, demo: Measure
         replace(grown.findings[0], effect=name, confidence=0.95) for name in ("coulomb_friction", "backlash")
     ]
     for joint, doubted in (("joint2", 0.7), ("joint1", 0.95)):
-        changing = ChangingSize(("coulomb_friction", joint, None, None), size, 1.0, 2.0, 300.0, 300.0)
+        changing = ChangingSize(("coulomb_friction", joint, None, None), size, "time", 1.0, 2.0, 300.0, 300.0)
         last = Conclusion(fit, "unknown", context.covariance(fit), changing=changing)
         assert [f.confidence for f in last.doubted(sure)] == [doubted, 0.95]
     assert Conclusion(fit, "unknown", last.covariance).doubted(sure) == sure
@@ -148,17 +159,23 @@ def test_without_apply_the_change_is_told_too(demo: MeasurementSet) -> None:
 
 
 @pytest.mark.parametrize(
-    "start, end, unit, words",
+    "start, end, unit, along, words",
     [
-        (1.0, 2.0, "Nm", "grows from about 1 to 2 Nm during"),
-        (-2.0, -1.0, "-", "falls from about -2 to -1 during"),
-        (-0.5, 0.4, "rad", "changes from about -0.5 to 0.4 rad during"),
-        (0.0, 0.4, "rad", "grows from about 0 to 0.4 rad during"),
+        (1.0, 2.0, "Nm", "time", "grows from about 1 to 2 Nm during a recording, which"),
+        (-2.0, -1.0, "-", "time", "falls from about -2 to -1 during"),
+        (
+            -0.5,
+            0.4,
+            "rad",
+            "load",
+            "changes from about -0.5 to 0.4 rad with the torque that the joint transmits",
+        ),
+        (0.0, 0.4, "rad", "time", "grows from about 0 to 0.4 rad during"),
     ],
 )
-def test_words(start: float, end: float, unit: str, words: str) -> None:
+def test_words(start: float, end: float, unit: str, along: Literal["time", "load"], words: str) -> None:
     size = ParameterSpec("half_width", unit)
-    text = ChangingSize(("backlash", "j", None, None), size, start, end, 1.0, 1.0).text
+    text = ChangingSize(("backlash", "j", None, None), size, along, start, end, 1.0, 1.0).text
     assert text.startswith("half width of the backlash of j is not constant: it ") and words in text
 
 

@@ -37,6 +37,11 @@ class Conclusion:
     refined: bool = False
     changing: ChangingSize | None = None
 
+    @property
+    def puzzling(self) -> bool:
+        """Whether the residual stays above the noise for no known reason."""
+        return self.verdict == "unknown" and self.changing is None
+
     def doubted(self, findings: Sequence[Finding]) -> list[Finding]:
         """The findings, with little confidence in an effect whose size changes: it imitates another law."""
         if self.changing is None:

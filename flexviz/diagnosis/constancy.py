@@ -1,12 +1,15 @@
-"""Whether the size of an effect is the same throughout the recordings.
+"""Whether the size of an effect is the same throughout the recordings, and at every load.
 
-A clamp that works loose looks like backlash, and a constant backlash explains most of it. The score test of a
-size that changes linearly with the time of each recording shows the difference: the law is not the library's.
+A clamp that works loose looks like backlash, and a constant backlash explains most of it; a stiffness that
+varies with the angle looks like a transmission error, whose amplitude would have to follow the load. The
+score test of a size that changes linearly with the time of each recording, or with the torque that its joint
+transmits, shows the difference: the law is not the library's.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,22 +25,26 @@ from flexviz.wording import plain_name, unit_text
 Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.acceptance
+ALONG: tuple[Literal["time", "load"], ...] = ("time", "load")
+RANGE = (0.05, 0.95)  # quantiles of a load between which a change is stated
 
 
 @dataclass(frozen=True)
 class ChangingSize:
-    """A size p of an effect that changes during the recordings.
+    """A size p of an effect that changes.
 
     Attributes:
         named: the effect's name, joint, group and payload, as of a `Finding`.
         size: p.
-        start, end: about p at the start and at the end of a recording, in the unit of p.
-        gain: decrease of the weighted sum of squares if p changes linearly with time.
+        along: "time" of each recording, or "load" of the joint.
+        start, end: about p at the start and at the end of a recording, or at low and high load, in its unit.
+        gain: decrease of the weighted sum of squares if p changes linearly.
         left: weighted sum of squares above the noise.
     """
 
     named: tuple[str, str | None, str | None, str | None]
     size: ParameterSpec
+    along: Literal["time", "load"]
     start: float
     end: float
     gain: float
@@ -52,14 +59,14 @@ class ChangingSize:
         verb = "changes" if not same else "grows" if abs(self.end) > abs(self.start) else "falls"
         what = f"{plain_name(self.size.name)} of the {EFFECTS[effect].title.lower()}{place}"
         ends = f"{self.start:.2g} to {self.end:.2g} {unit_text(self.size.unit)}".rstrip()
+        when = "during a recording" if self.along == "time" else "with the torque that the joint transmits"
         return (
-            f"{what} is not constant: it {verb} from about {ends} during a recording, "
-            "which this effect cannot describe"
+            f"{what} is not constant: it {verb} from about {ends} {when}, which this effect cannot describe"
         )
 
 
 def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> ChangingSize | None:
-    """The size whose change with time explains most of what a model leaves; None if all are constant.
+    """The size whose change explains most of what a model leaves; None if all are constant.
 
     `rival`: the decrease of the sum of squares by another effect, which it has to surpass clearly.
     """
@@ -71,28 +78,35 @@ def changing_size(context: FitContext, fit: Fit, rival: float = 0.0) -> Changing
     z, projection = fit.point.z, context.projection(fit)
     left = sum_above_noise(fit)
     least = max(LIMITS.changing_gain, LIMITS.changing_share_of_left * left, LIMITS.changing_lead * rival)
-    time = _time_within_groups(context)[:, None]
+    time = _time_within_groups(context)
     found = []
     for effect, k, column in sized:
-        signature = (z[:, :, column] * time).reshape(-1, 1)
-        change, gain = explained(*projection.normal(signature))
-        if gain <= least or abs(change[0]) <= LIMITS.changing_share * abs(fit.x[column]):
-            continue
-        middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
-        spec = EFFECTS[effect.effect].parameters[k]
-        start, end = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
-        named = (effect.effect, fit.layout.joint_name(effect), effect.group, effect.payload)
-        if start != end:
-            found.append(ChangingSize(named, spec, float(start), float(end), gain, left))
+        for along in ALONG if effect.joint is not None else ALONG[:1]:
+            variable = time if along == "time" else _standardised(fit.point.torque[:, effect.joint])
+            signature = (z[:, :, column] * variable[:, None]).reshape(-1, 1)
+            change, gain = explained(*projection.normal(signature))
+            if gain <= least or abs(change[0]) <= LIMITS.changing_share * abs(fit.x[column]):
+                continue
+            middle = fit.x[column] - projection.share(signature)[column, 0] * change[0]
+            spec = EFFECTS[effect.effect].parameters[k]
+            start, end = np.clip(middle + change[0] * np.array([-1.0, 1.0]), spec.lower, spec.upper)
+            named = (effect.effect, fit.layout.joint_name(effect), effect.group, effect.payload)
+            if start != end:
+                found.append(ChangingSize(named, spec, along, float(start), float(end), gain, left))
     return max(found, key=lambda one: one.gain, default=None)
 
 
 def unexplained(context: FitContext, fit: Fit, reference: Fit) -> bool:
-    """Whether a model leaves more than noise and the change of a size; `reference` has no effects at all."""
+    """Whether a model leaves more than noise and the drift of a size; `reference` has no effects at all.
+
+    A change with the load is no explanation: many laws follow the load.
+    """
     if verdict(fit, reference) != "unknown":
         return False
     changing = changing_size(context, fit)
-    return changing is None or changing.gain < LIMITS.changing_most * changing.left
+    if changing is None or changing.along != "time":
+        return True
+    return changing.gain < LIMITS.changing_most * changing.left
 
 
 def sum_above_noise(fit: Fit) -> float:
@@ -109,6 +123,12 @@ def _sizes(effect: ChosenEffect) -> tuple[int, ...]:
     """Indices of the parameters that are to be constant; not of episodes and free curves."""
     law = EFFECTS[effect.effect]
     return () if law.scope == "episode" or law.stopgap else law.size_at
+
+
+def _standardised(values: Array) -> Array:
+    """Values from −1 at their 5 % quantile to 1 at the 95 % one."""
+    low, high = np.quantile(values, RANGE)
+    return (2 * values - low - high) / max(float(high - low), 1e-300)
 
 
 def _time_within_groups(context: FitContext) -> Array:

@@ -25,17 +25,8 @@ from flexviz.measurements import MeasurementSet
 from flexviz.wording import percent
 
 CERTAIN = 2.0  # standard errors that a curve has to explain
-# kinds of notes that are renewed
-OF_THE_LAST_MODEL = (
-    "free-curve",
-    "stopgap",
-    "unexplained",
-    "changing",
-    "place",
-    "unbiased",
-    "bandwidth",
-    "model-error",
-)
+# kinds of notes that are renewed, or are of the model without the curve
+OLD_NOTES = ("free-curve", "stopgap", "unexplained", "changing", "unbiased", "bandwidth", "model-error")
 
 
 def why_no_curve(diagnosis: Diagnosis) -> str:
@@ -126,7 +117,7 @@ def _extended(
     places, maps, parts = locate_residual(at_noise, fit)
     left = fit_free_curve(at_noise, fit, places[0], parts)
     prior = context.start(layout).prior
-    kept = (note for note in diagnosis.notes if note.kind not in OF_THE_LAST_MODEL)
+    kept = (note for note in diagnosis.notes if note.kind not in OLD_NOTES)
     return replace(
         diagnosis,
         where=places,

@@ -147,7 +147,7 @@ class FitContext:
         return other
 
     def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
-        """The same data beside a torque of unknown course at one place."""
+        """The same data beside an arbitrary torque at one place."""
         other = copy(self)
         other.two_band = self.two_band.with_unknown_input(unknown)
         if self.validation is not None:

@@ -126,10 +126,9 @@ class ForwardSearch:
         """
         limits = THRESHOLDS.model_error
         self.steps = list(takewhile(lambda s: not imitates(self.search, s, self.final), self.steps))
-        if not apply and self.steps:
-            return
         self.find_place()
-        if self.place is not None or excess(self.final) < limits.needed_excess:
+        done = self.place is not None or (self.steps and not apply)
+        if done or excess(self.final) < limits.needed_excess:
             return
         search = ModelErrorSearch(self.search, limits.effects if apply else 1)
         if steps := search.run(self.final):
@@ -139,9 +138,10 @@ class ForwardSearch:
     def find_place(self) -> None:
         """Find the place of a law of no library, and withdraw effects elsewhere, which imitate it."""
         self.say(stages.PLACE)
-        self.place = unknown_place(self.context, self.base, self.search.check)
-        if self.place is not None:
-            joint = self.place.unknown.joint
+        place = unknown_place(self.context, self.base, self.search.check)
+        if place is not None and place.complete:
+            joint = place.unknown.joint
             self.steps = list(takewhile(lambda s: s.chosen.effect.joint == joint, self.steps))
-        elif self.steps:
-            self.place = unknown_place(self.context, self.final, self.search.check)
+        if self.steps:  # what is missing beside them may act elsewhere
+            place = unknown_place(self.context, self.final, self.search.check)
+        self.place = place

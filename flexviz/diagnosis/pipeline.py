@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 from flexviz.diagnosis import evidence, stages
 from flexviz.diagnosis.acceptance import quiet, verdict
 from flexviz.diagnosis.bandwidth_check import check_bandwidth
+from flexviz.diagnosis.beside_unknown import BesideUnknown, locate_unknown
 from flexviz.diagnosis.conclusion import Conclusion
 from flexviz.diagnosis.constancy import changing_size
 from flexviz.diagnosis.curve_step import why_no_curve, with_free_curve
@@ -28,7 +29,7 @@ from flexviz.diagnosis.result import Diagnosis
 from flexviz.diagnosis.rich_result import verdict_on
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.unknown_place import BesideUnknown, locate_unknown
+from flexviz.diagnosis.unknown_place import unknown_place
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
@@ -144,6 +145,7 @@ class _Pipeline:
                 rich = many.worth_showing(best)
                 self.start.use(best.fit.layout.model(best.fit.x))
         if rich is not None and not self.stopped and self.one_law_explains(rich, begun):
+            del many, rich
             return self.result(apply, guarded)
         if rich is not None:
             result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
@@ -170,11 +172,14 @@ class _Pipeline:
             self.prepare()
         search = self.forward
         with contextlib.suppress(Interrupted):
-            search.find_place()
-            place = search.place
-            if place is not None and (not added or any(e.joint != place.unknown.joint for e in added)):
-                search.steps = []
-                return True
+            place = unknown_place(search.context, search.base, search.search.check)
+            if place is not None and place.complete:
+                elsewhere = any(e.joint != place.unknown.joint for e in added)
+                if elsewhere or not added:
+                    search.place, search.steps = place, []
+                    return True
+        if not begun:
+            del self.forward  # it takes memory
         return False
 
     def with_curve(self, result: Diagnosis) -> Diagnosis:
@@ -243,14 +248,11 @@ class _Pipeline:
         beside = BesideUnknown.of(context, final, search.place)
         where, maps, parts = locate_unknown(context, final, beside)
         curve = bandwidths = None
-        reached = last.verdict != "unknown"
-        if not self.stopped:
-            clearest = final if beside is None else beside.fit
-            curve = None if reached else fit_free_curve(context, clearest, where[0], parts)
-            understood = reached or last.changing is not None or beside is not None
-            if guarded or (guarded is None and not understood):
-                self.tell(stages.BANDWIDTH)
-                bandwidths = check_bandwidth(self.measurements, layout, final.x)
+        if not self.stopped and last.verdict == "unknown":
+            curve = fit_free_curve(context, final if beside is None else beside.fit, where[0], parts)
+        if not self.stopped and (guarded or (guarded is None and last.puzzling and beside is None)):
+            self.tell(stages.BANDWIDTH)
+            bandwidths = check_bandwidth(self.measurements, layout, final.x)
         return Diagnosis(
             set_name=self.measurements.name,
             verdict=taken[0].verdict,
@@ -264,7 +266,7 @@ class _Pipeline:
             seconds=time.perf_counter() - self.began,
             stopped=self.stopped,
             notes=(
-                *(beside.notes(context, parts, final, prior) if beside is not None else ()),
+                *(beside.notes(context, parts, final) if beside is not None else ()),
                 *last.notes(errors[-1], search.model_error_variance, curve, bandwidths),
             ),
             model=layout.model(final.x),

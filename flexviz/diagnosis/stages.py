@@ -12,7 +12,7 @@ LOCATION = "locating the residual"
 BANDWIDTH = "checking parameters against the observer's bandwidth"
 
 LATE_STAGES = {
-    STAIRS: 0.65, NEED: 0.75, PLACE: 0.8, FINAL_REFIT: 0.9, FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95,
+    STAIRS: 0.65, NEED: 0.75, PLACE: 0.6, FINAL_REFIT: 0.9, FREE_CURVE: 0.92, LOCATION: 0.93, BANDWIDTH: 0.95,
 }  # fmt: skip
 """By runs on sets of 2 to 7 joints."""
 

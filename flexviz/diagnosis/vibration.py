@@ -8,14 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.residuals import SLOW_HERTZ, SlowResidual
+from flexviz.diagnosis.thresholds import THRESHOLDS
 
 Array = NDArray[np.float64]
 
-CYCLES = 3.0  # least number of periods in the longest stretch
-FINENESS = 8  # trial frequencies per 1/T, T being the length of the longest stretch
-LEAST_SHARE = 0.5  # of a joint's residual that the sine has to explain
-MOTION_SHARE = 0.05  # of the velocity, from which the motion at a frequency may cause its harmonics
-SUBHARMONICS = (1, 2, 3)
+LIMITS = THRESHOLDS.vibration
 
 
 @dataclass(frozen=True)
@@ -33,18 +30,22 @@ def vibration(data: SlowResidual, joint: int) -> Vibration | None:
     if not stretches:
         return None
     longest = max(float(data.time[rows[-1]] - data.time[rows[0]]) for rows in stretches)
-    hertz = np.arange(CYCLES / longest, SLOW_HERTZ, 1 / (FINENESS * longest))
+    hertz = np.arange(LIMITS.cycles / longest, SLOW_HERTZ, 1 / (LIMITS.fineness * longest))
     if not len(hertz):
         return None
-    shares = _shares(data.time, data.residual[:, joint], stretches, hertz)
-    best = float(hertz[np.argmax(shares)])
-    around = best + np.linspace(-1, 1, 33) / (FINENESS * longest)
+    power = np.zeros(len(hertz))
+    for rows in stretches:
+        step, padded = data.step[rows[0]], LIMITS.fineness * len(rows)
+        there = np.abs(np.fft.rfft(data.residual[rows, joint], padded)) ** 2 / len(rows)
+        power += np.interp(hertz, np.fft.rfftfreq(padded, step), there)
+    best = float(hertz[np.argmax(power)])
+    around = best + np.linspace(-1, 1, 33) / (LIMITS.fineness * longest)
     finer = _shares(data.time, data.residual[:, joint], stretches, around)
     found = Vibration(float(around[np.argmax(finer)]), float(finer.max()))
-    motion = _shares(
-        data.time, data.theta[1, :, joint], stretches, found.hertz / np.array(SUBHARMONICS, float)
-    )
-    return found if found.share > LEAST_SHARE and motion.max() < MOTION_SHARE else None
+    slower = found.hertz / np.array(LIMITS.subharmonics, float)
+    motions = data.theta[1].T  # of all joints: a law may depend on the motion of another
+    motion = max(float(_shares(data.time, velocity, stretches, slower).max()) for velocity in motions)
+    return found if found.share > LIMITS.least_share and motion < LIMITS.motion_share else None
 
 
 def _shares(time: Array, values: Array, stretches: list[NDArray[np.intp]], hertz: Array) -> Array:

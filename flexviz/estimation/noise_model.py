@@ -23,7 +23,7 @@ class NoiseModel:
         every: spacing of the samples at which the predictor is computed, interpolated in between; 1 is exact.
         ridge: share of the noise variance added to that of the preceding samples in the prediction.
         model_error: shape (n,), variance of the model error [Nm²].
-        unknown_input: a torque of unknown course.
+        unknown_input: an arbitrary torque at one place.
     """
 
     order: int

@@ -88,17 +88,28 @@ def noise_paths(layout: Layout, x: Array, link: LinkTerms) -> list[NoisePath]:
     """
     direct, elastic = signal_sensitivity(layout, x, link)
     lag = time_constants(layout, x)
-    out = []
-    for sensor, joints in _kinds(lag):
-        orders = tuple(range(DEPTH[sensor]))
-        mine, through = (part[sensor][..., joints] for part in (direct, elastic))
-        delay = (float(lag[joints[0]]),) * len(orders)
-        if lag[joints[0]] == 0.0:
-            out.append(NoisePath(sensor, joints, mine + through, orders, delay))
-        else:
-            both, none = np.concatenate((mine, through)), (0.0,) * len(orders)
-            out.append(NoisePath(sensor, joints, both, orders * 2, none + delay))
-    return out
+    return [
+        path_through(sensor, joints, direct[sensor], elastic[sensor], float(lag[joints[0]]))
+        for sensor, joints in _kinds(lag)
+    ]
+
+
+def path_through(
+    sensor: int, joints: NDArray[np.intp], direct: Array, elastic: Array, lag: float
+) -> NoisePath:
+    """Path of the sensors of joints with the same time constant D/K [s].
+
+    Args:
+        sensor: THETA or TAU.
+        joints: shape (m,).
+        direct, elastic: parts of the sensitivity of this sensor (`signal_sensitivity`), shape (D, N, n, n).
+        lag: the time constant; 0 without damping.
+    """
+    mine, through = direct[..., joints], elastic[..., joints]
+    orders, none = tuple(range(len(direct))), (0.0,) * len(direct)
+    if lag == 0.0:
+        return NoisePath(sensor, joints, mine + through, orders, none)
+    return NoisePath(sensor, joints, np.concatenate((mine, through)), orders * 2, none + (lag,) * len(direct))
 
 
 def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoisePath]]:

@@ -48,6 +48,9 @@ Array = NDArray[np.float64]
 NARROW_HERTZ = 6.0
 SAMPLES_PER_CYCLE = 3.6  # Nyquist rate: the flat filter ends at 1.8 w
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
+# variance due to an unknown input relative to the noise: up to 1e6 on robots
+LARGEST_INPUT = 1e7
+INPUT_RIDGE = 1e-11  # least ridge relative to that variance: what it hides stays well-conditioned
 NOISE_SAMPLES = 60  # samples from which the noise level is computed
 
 
@@ -132,7 +135,7 @@ class TwoBandData:
         return other
 
     def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
-        """The same data beside a torque of unknown course."""
+        """The same data beside an arbitrary torque."""
         other = copy(self)
         other.noise_model = replace(self.noise_model, unknown_input=unknown)
         return other
@@ -159,10 +162,14 @@ class TwoBandData:
             cov = paths_covariance(paths, kernels[: len(paths)], self.noise, block.rows)
             size, ridge = np.trace(cov[0].mean(axis=0)) / self.layout.n, model.ridge
             cov[0] += np.diag(1e-9 * size + model.model_error)
-            if model.unknown_input is not None:  # the ridge is a share of the noise without it
-                cov[0] += ridge * size * np.eye(self.layout.n)
+            if model.unknown_input is not None:
                 matrices, variance = inputs[0].matrices[:, block.rows], model.unknown_input.variance
-                cov += lagged_covariance(matrices, kernels[-1], variance)
+                added = lagged_covariance(matrices, kernels[-1], variance)
+                ratio = np.trace(added[0].mean(axis=0)) / self.layout.n / size
+                kept = min(ratio, LARGEST_INPUT)
+                cov += added * (kept / max(ratio, 1e-300))
+                # the ridge is a share of the noise without the input
+                cov[0] += max(ridge, INPUT_RIDGE * kept) * size * np.eye(self.layout.n)
                 ridge = 0.0
             out.append(whitener(cov, model.every, ridge))
         return out
@@ -250,7 +257,7 @@ class TwoBandData:
     def noise_score_covariance(
         self, x: Array, link: LinkTerms, z: Array, weightings: list[NoiseWeighting]
     ) -> Array:
-        """Covariance of Zᵀ W r due to measurement noise, model error and unknown input, shape (P, P).
+        """Covariance of Zᵀ W r due to measurement noise and model error, shape (P, P).
 
         Args:
             x: shape (P,).
@@ -258,22 +265,20 @@ class TwoBandData:
             z: shape (N, n, P), whitened instruments; zero for unused samples.
             weightings: one per block.
         """
-        paths = [(path, path.variance(self.noise)) for path in noise_paths(self.layout, x, link)]
-        if (unknown := self.noise_model.unknown_input) is not None:
-            paths.append((unknown.path(self.layout, x, link), unknown.variance))
+        paths = noise_paths(self.layout, x, link)
         deviation = np.sqrt(self.noise_model.model_error)
         total = np.zeros((self.layout.size, self.layout.size))
         for block, weighting in zip(self.blocks, weightings, strict=True):
             rows, raw = block.rows, block.segment.step
             weights = weighting.transposed(z[rows])
             steps = (raw * block.stride, raw)
-            for path, variance in paths:
-                observer = self.wide.signals.observer
-                total += noise_score_covariance(weights, path.rows(rows), variance, observer, *steps)
+            for path in paths:
+                variance, here = path.variance(self.noise), path.rows(rows)
+                total += noise_score_covariance(weights, here, variance, self.wide.signals.observer, *steps)
             scaled = (weights * deviation[:, None]).reshape(-1, self.layout.size)
             total += scaled.T @ scaled
-            pulses_share = weighting.unknown_share(z[rows])
-            total += pulses_share @ pulses_share.T
+            unknown = weighting.unknown_share(z[rows])
+            total += unknown @ unknown.T
         return total
 
 

@@ -1,4 +1,4 @@
-"""Unknown input: a torque of unknown course at one place of the robot, as noise of large variance.
+"""Unknown input: an arbitrary torque at one place of the robot, as noise of large variance.
 
 A fit beside an unknown input relies only on what the input cannot change. If a law that no model describes
 acts at this place, everything else agrees with the noise; an input at another place leaves a residual. (The
@@ -15,7 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.equation import Layout, LinkTerms
-from flexviz.estimation.noise_propagation import TAU, NoisePath, signal_sensitivity
+from flexviz.estimation.noise_propagation import (
+    TAU,
+    NoisePath,
+    path_through,
+    signal_sensitivity,
+    time_constants,
+)
 
 Array = NDArray[np.float64]
 
@@ -25,7 +31,7 @@ SIDES: tuple[Side, ...] = ("motor", "transmission", "link")
 
 @dataclass(frozen=True)
 class UnknownInput:
-    """A torque u of unknown course.
+    """An arbitrary torque u.
 
     On the motor side, u adds to the motor torque: it passes to the link and deflects the joint. In the
     transmission, u/K adds to the deflection alone. On the link side, u adds to the torque of the link alone.
@@ -47,7 +53,10 @@ class UnknownInput:
 
     def path(self, layout: Layout, x: Array, link: LinkTerms) -> NoisePath:
         """Path of u through the equation."""
-        one = np.array([self.joint])
-        direct, elastic = (part[TAU][..., one] for part in signal_sensitivity(layout, x, link))
-        matrices = {"motor": direct + elastic, "transmission": elastic, "link": direct}[self.side]
-        return NoisePath(TAU, one, matrices, tuple(range(len(matrices))), (0.0,) * len(matrices))
+        direct, elastic = (part[TAU] for part in signal_sensitivity(layout, x, link))
+        lag = float(time_constants(layout, x)[self.joint])
+        if self.side == "transmission":
+            direct = np.zeros_like(direct)
+        if self.side == "link":
+            elastic, lag = np.zeros_like(elastic), 0.0
+        return path_through(TAU, np.array([self.joint]), direct, elastic, lag)

@@ -89,7 +89,8 @@ def verdict_text(
         return f"{beginning} {changing}."
     acting = next((f"; {note.text}" for note in diagnosis.typed_notes if note.kind == "place"), "")
     unknown = f"{beginning} no effect of the library explains the structured residual"
-    place, clearest = location(diagnosis.where, worst), location(diagnosis.where)
+    clearest = location(diagnosis.where)
+    place = clearest if acting else location(diagnosis.where, worst)
     if place is None or clearest is None:
         return f"{unknown}{acting}."
     other = "" if place.joint == clearest.joint else f" {place.joint}; it is clearest on"

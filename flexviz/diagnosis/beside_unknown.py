@@ -1,0 +1,92 @@
+"""What a model leaves, and its parameters, where a law of no library does not bias them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexviz.diagnosis.fit_context import Fit, FitContext
+from flexviz.diagnosis.residual_location import Located, locate_residual
+from flexviz.diagnosis.residuals import JointResiduals, samples
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.unknown_place import UnknownPlace
+from flexviz.diagnosis.vibration import vibration
+from flexviz.estimation import Covariance
+from flexviz.identification import parameter_estimates
+from flexviz.results import Note
+from flexviz.wording import interval, number, plain_name
+
+Array = NDArray[np.float64]
+
+LIMITS = THRESHOLDS.unknown_place
+
+COMPARED = ("stiffness", "motor_inertia")  # parameters of which a note says how the unknown law biases them
+
+
+@dataclass(frozen=True, eq=False)
+class BesideUnknown:
+    """A model whose parameters an unknown law does not bias.
+
+    Attributes:
+        place: of the law.
+        fit: in units of the noise without the input.
+        covariance: of the parameters.
+    """
+
+    place: UnknownPlace
+    fit: Fit
+    covariance: Covariance
+
+    @staticmethod
+    def of(context: FitContext, fit: Fit, place: UnknownPlace | None) -> BesideUnknown | None:
+        """The model of a fit beside the input at a place; None if there is no place for this model."""
+        if place is None or place.layout != fit.layout:
+            return None
+        beside = context.with_unknown_input(place.unknown)
+        covariance = beside.covariance(beside.fit(fit.layout, place.x, iterations=0))
+        again = context.fit(fit.layout, place.x, iterations=0, near=fit)
+        return BesideUnknown(place, replace(again, unbiased=True), covariance)
+
+    def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
+        """The place, and parameters that are clearly different in a fit without the input."""
+        shaken = vibration(samples(context, self.fit, parts), self.place.unknown.joint)
+        text = self.place.text
+        if shaken is not None:
+            text += f"; it is a vibration of {shaken.hertz:.3g} Hz, whatever the robot does"
+        yield Note("place", text)
+        told = self._told(context, biased) if self.place.complete else {}
+        if told:
+            largest = sorted(told, key=lambda text: -told[text])[: LIMITS.told]
+            yield Note("unbiased", f"beside this arbitrary torque: {', '.join(largest)}")
+
+    def _told(self, context: FitContext, biased: Fit) -> dict[str, float]:
+        """What is said of each parameter that differs clearly, with its relative change."""
+        layout, start = self.fit.layout, context.start(self.fit.layout)
+        at_bound = np.isclose(self.fit.x, start.bounds.lower) | np.isclose(self.fit.x, start.bounds.upper)
+        here, without = (
+            parameter_estimates(layout, x, start.prior.centre, self.covariance, at_bound, start.prior)
+            for x in (self.fit.x, biased.x)
+        )
+        told = {}
+        for one, other in zip(here, without, strict=True):
+            change = abs(one.value - other.value)
+            clear = change > max(LIMITS.told_deviations * one.std, LIMITS.told_share * abs(one.value))
+            # what acts on its motor or within it may pass for a property of the joint
+            on_link = self.place.sure and self.place.unknown.side == "link"
+            apart = on_link or one.joint != self.place.joint
+            if one.name in COMPARED and apart and one.identifiable == "yes" and clear:
+                value, half = interval(one.value, one.std)
+                text = f"{plain_name(one.name)} of {one.joint} {value} ± {half} {one.unit}"
+                told[f"{text} instead of {number(other.value, 4)}"] = change / abs(one.value)
+        return told
+
+
+def locate_unknown(context: FitContext, fit: Fit, beside: BesideUnknown | None) -> Located:
+    """Where the residual lies: with the parameters beside the input, and its joint first, if there is one."""
+    if beside is None:
+        return locate_residual(context, fit)
+    found = locate_residual(context, beside.fit)
+    return found._replace(places=tuple(sorted(found.places, key=lambda p: p.joint != beside.place.joint)))
