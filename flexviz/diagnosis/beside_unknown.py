@@ -70,16 +70,18 @@ class BesideUnknown:
             parameter_estimates(layout, x, start.prior.centre, self.covariance, at_bound, start.prior)
             for x in (self.fit.x, biased.x)
         )
-        told = {}
+        told, roughly = {}, self.place.unknown.side == "motor"
+        least = LIMITS.told_share_roughly if roughly else LIMITS.told_share
         for one, other in zip(here, without, strict=True):
             change = abs(one.value - other.value)
-            clear = change > max(LIMITS.told_deviations * one.std, LIMITS.told_share * abs(one.value))
+            clear = change > max(LIMITS.told_deviations * one.std, least * abs(one.value))
             # what acts on its motor or within it may pass for a property of the joint
             on_link = self.place.sure and self.place.unknown.side == "link"
             apart = on_link or one.joint != self.place.joint
             if one.name in COMPARED and apart and one.identifiable == "yes" and clear:
                 value, half = interval(one.value, one.std)
-                text = f"{plain_name(one.name)} of {one.joint} {value} ± {half} {one.unit}"
+                shown = f"about {number(one.value, 3)}" if roughly else f"{value} ± {half}"
+                text = f"{plain_name(one.name)} of {one.joint} {shown} {one.unit}"
                 told[f"{text} instead of {number(other.value, 4)}"] = change / abs(one.value)
         return told
 

@@ -113,7 +113,11 @@ class UnknownPlaceThresholds:
     imitations: int = 4  # most effects that a search backwards has put in place of one law of no library
     told: int = 3  # parameters that a note compares at most, if the input changes them by ...
     told_deviations: float = 4.0  # ... this many standard errors ...
-    told_share: float = 0.02  # ... and this share
+    told_share: float = (
+        0.02  # ... and this share; more for an input on the motor side, which also changes the
+    )
+    # deflection: a torque that jumps then leaves errors of 0.1 to 5 %, beyond the standard errors
+    told_share_roughly: float = 0.2
 
 
 @dataclass(frozen=True)
