@@ -193,7 +193,8 @@ def test_a_vibration_is_found_unless_the_motion_explains_it() -> None:
 
 
 def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
-    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, complete)
+    left = 0.5 if complete else 5.0
+    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left)
 
 
 @pytest.mark.parametrize(
@@ -268,3 +269,32 @@ def test_the_search_for_a_place_can_be_stopped(demo: MeasurementSet) -> None:
 
     with pytest.raises(Interrupted):
         unknown_place(context, fit, stop)
+
+
+@pytest.mark.parametrize(("excess_with", "added"), [(8.0, 0), (2.0, 1)])
+def test_effects_beside_a_model_error_have_to_explain_more_than_an_arbitrary_torque(
+    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch, excess_with: float, added: int
+) -> None:
+    layout = Layout(demo.joints)
+    context = FitContext(demo, layout)
+    base = context.fit(layout, context.start(layout).x, iterations=0)
+    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
+    scored = ScoredCandidate(ChosenEffect("coulomb_friction", 1), 1.0, np.zeros(1), np.zeros(1))
+    step = SearchStep(base, RefittedCandidate(scored, base), {})
+
+    class Confirmed:
+        variance = np.ones(2)
+
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def run(self, _: Fit) -> list[SearchStep]:
+            return [step]
+
+    monkeypatch.setattr(forward_search, "unknown_place", lambda _, fit, __: place_at(1, fit.layout, False))
+    monkeypatch.setattr(forward_search, "ModelErrorSearch", Confirmed)
+    monkeypatch.setattr(forward_search, "excess", lambda _: 100.0)
+    monkeypatch.setattr(search, "_left", lambda _: excess_with)
+    search.explain_the_rest(apply=True)
+    assert len(search.steps) == added
+    assert (search.place is None) == (search.model_error_variance is not None) == bool(added)

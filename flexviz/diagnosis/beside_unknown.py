@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexviz.diagnosis.constancy import ChangingSize
 from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.residual_location import Located, locate_residual
 from flexviz.diagnosis.residuals import JointResiduals, samples
@@ -86,9 +87,13 @@ class BesideUnknown:
         return told
 
 
-def locate_unknown(context: FitContext, fit: Fit, beside: BesideUnknown | None) -> Located:
-    """Where the residual lies: with the parameters beside the input, and its joint first, if there is one."""
-    if beside is None:
-        return locate_residual(context, fit)
-    found = locate_residual(context, beside.fit)
-    return found._replace(places=tuple(sorted(found.places, key=lambda p: p.joint != beside.place.joint)))
+def locate_unknown(
+    context: FitContext, fit: Fit, beside: BesideUnknown | None, changing: ChangingSize | None
+) -> Located:
+    """Where the residual lies: with the parameters beside the input, if there is one.
+
+    The joint of the input, or of a size that changes, comes first.
+    """
+    found = locate_residual(context, fit if beside is None else beside.fit)
+    first = changing.named[1] if changing else beside.place.joint if beside else None
+    return found._replace(places=tuple(sorted(found.places, key=lambda p: first not in (None, p.joint))))

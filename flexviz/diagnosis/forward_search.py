@@ -127,13 +127,20 @@ class ForwardSearch:
         limits = THRESHOLDS.model_error
         self.steps = list(takewhile(lambda s: not imitates(self.search, s, self.final), self.steps))
         self.find_place()
-        done = self.place is not None or (self.steps and not apply)
+        place = self.place
+        done = (place is not None and place.complete) or (self.steps and not apply)
         if done or excess(self.final) < limits.needed_excess:
             return
         search = ModelErrorSearch(self.search, limits.effects if apply else 1)
-        if steps := search.run(self.final):
-            self.steps += steps
-            self.model_error_variance = search.variance
+        steps = search.run(self.final)
+        if not steps or (place is not None and self._left(steps[-1].after) > place.left):
+            return  # the effects imitate what acts at the place
+        self.steps += steps
+        self.model_error_variance, self.place = search.variance, None
+
+    def _left(self, fit: Fit) -> float:
+        """Excess of a model in units of the noise alone."""
+        return excess(self.context.fit(fit.layout, fit.x, iterations=0))
 
     def find_place(self) -> None:
         """Find the place of a law of no library, and withdraw effects elsewhere, which imitate it."""

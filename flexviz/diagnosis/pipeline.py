@@ -26,7 +26,7 @@ from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import verdict_on
+from flexviz.diagnosis.rich_result import near_noise
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import unknown_place
@@ -166,7 +166,7 @@ class _Pipeline:
     def one_law_explains(self, rich: RichModel, begun: bool) -> bool:
         """Whether one law of no library explains all that a search backwards found, effects elsewhere too."""
         added = rich.added(self.layout)
-        if verdict_on(rich) != "unknown" or len(added) > THRESHOLDS.unknown_place.imitations:
+        if near_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
             return False
         if not begun:
             self.prepare()
@@ -246,7 +246,7 @@ class _Pipeline:
         final, layout = last.fit, last.fit.layout
         prior = context.start(layout).prior
         beside = BesideUnknown.of(context, final, search.place)
-        where, maps, parts = locate_unknown(context, final, beside)
+        where, maps, parts = locate_unknown(context, final, beside, last.changing)
         curve = bandwidths = None
         if not self.stopped and last.verdict == "unknown":
             curve = fit_free_curve(context, final if beside is None else beside.fit, where[0], parts)

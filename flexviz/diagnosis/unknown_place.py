@@ -40,14 +40,19 @@ class UnknownPlace:
         unknown: the input that explains what the model leaves.
         layout, x: the model, and its parameters beside the input, shape (P,).
         sure: whether inputs on the other sides of the joint explain clearly less.
-        complete: whether all joints agree with the noise beside the input; otherwise it explains most.
+        left: excess beside the input.
     """
 
     unknown: UnknownInput
     layout: Layout
     x: Array
     sure: bool
-    complete: bool
+    left: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether all joints agree with the noise beside the input; otherwise it explains most."""
+        return self.left <= LIMITS.reached
 
     @property
     def joint(self) -> str:
@@ -110,7 +115,7 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
         return None
     others = [t for t in trials if t.unknown.joint == best.unknown.joint and t.unknown != best.unknown]
     sure = all(t.left > least for t in others)
-    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left <= LIMITS.reached)
+    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left)
 
 
 def _loudest(context: FitContext, fit: Fit) -> list[int]:
