@@ -194,7 +194,7 @@ def test_a_vibration_is_found_unless_the_motion_explains_it() -> None:
 
 def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
     left = 0.5 if complete else 5.0
-    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left)
+    return UnknownPlace(UnknownInput(joint, "link", 1.0), layout, np.zeros(layout.size), True, left, True)
 
 
 @pytest.mark.parametrize(
@@ -269,6 +269,26 @@ def test_the_search_for_a_place_can_be_stopped(demo: MeasurementSet) -> None:
 
     with pytest.raises(Interrupted):
         unknown_place(context, fit, stop)
+
+
+def test_part_of_a_period_is_no_vibration() -> None:
+    """Short stretches with constants beside a long one: a sine slower than they are fits any constant."""
+    rng = np.random.default_rng(4)
+    step, lengths = 0.02, [3000, *[500] * 5]
+    ends = np.cumsum(lengths)
+    stretches = tuple(slice(end - n, end) for n, end in zip(lengths, ends, strict=True))
+    residual = 0.1 * rng.standard_normal(ends[-1])
+    for k, rows in enumerate(stretches[1:]):
+        residual[rows] += 1.0 + 0.2 * k
+    time = step * np.concatenate([np.arange(n, dtype=float) for n in lengths])
+    theta = np.zeros((3, ends[-1], 2))
+    theta[1] = np.sin(2 * np.pi * 0.55 * time)[:, None]
+    count = int(ends[-1])
+    data = SlowResidual(
+        ("joint1", "joint2"), ("a",), np.zeros(count, int), stretches, np.ones(count, bool), time,
+        np.full(count, step), np.stack((residual, residual), axis=1), theta, np.zeros((count, 2)),
+    )  # fmt: skip
+    assert vibration(data, 0) is None
 
 
 @pytest.mark.parametrize(("excess_with", "added"), [(8.0, 0), (2.0, 1)])

@@ -47,8 +47,11 @@ class BesideUnknown:
         if place is None or place.layout != fit.layout:
             return None
         beside = context.with_unknown_input(place.unknown)
-        covariance = beside.covariance(beside.fit(fit.layout, place.x, iterations=0))
-        again = context.fit(fit.layout, place.x, iterations=0, near=fit)
+        try:
+            covariance = beside.covariance(beside.fit(fit.layout, place.x, iterations=0))
+            again = context.fit(fit.layout, place.x, iterations=0, near=fit)
+        except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
+            return None
         return BesideUnknown(place, replace(again, unbiased=True), covariance)
 
     def notes(self, context: FitContext, parts: list[JointResiduals], biased: Fit) -> Iterator[Note]:
@@ -58,7 +61,7 @@ class BesideUnknown:
         if shaken is not None:
             text += f"; it is a vibration of {shaken.hertz:.3g} Hz, whatever the robot does"
         yield Note("place", text)
-        told = self._told(context, biased) if self.place.complete else {}
+        told = self._told(context, biased) if self.place.complete and self.place.converged else {}
         if told:
             largest = sorted(told, key=lambda text: -told[text])[: LIMITS.told]
             yield Note("unbiased", f"beside this arbitrary torque: {', '.join(largest)}")
@@ -92,8 +95,11 @@ def locate_unknown(
 ) -> Located:
     """Where the residual lies: with the parameters beside the input, if there is one.
 
-    The joint of the input, or of a size that changes, comes first.
+    The joint of an input that explains everything comes first, or that of a size that changes.
     """
     found = locate_residual(context, fit if beside is None else beside.fit)
-    first = changing.named[1] if changing else beside.place.joint if beside else None
+    joints = [changing.named[1]] if changing is not None else []
+    if beside is not None:
+        joints.insert(0 if beside.place.complete else len(joints), beside.place.joint)
+    first = next((joint for joint in joints if joint is not None), None)
     return found._replace(places=tuple(sorted(found.places, key=lambda p: first not in (None, p.joint))))

@@ -140,15 +140,23 @@ class ForwardSearch:
 
     def _left(self, fit: Fit) -> float:
         """Excess of a model in units of the noise alone."""
-        return excess(self.context.fit(fit.layout, fit.x, iterations=0))
+        try:
+            return excess(self.context.fit(fit.layout, fit.x, iterations=0))
+        except np.linalg.LinAlgError:
+            return np.inf
 
     def find_place(self) -> None:
-        """Find the place of a law of no library, and withdraw effects elsewhere, which imitate it."""
+        """Find the place of a law of no library."""
         self.say(stages.PLACE)
-        place = unknown_place(self.context, self.base, self.search.check)
+        self.settle(unknown_place(self.context, self.base, self.search.check))
+
+    def settle(self, place: UnknownPlace | None) -> None:
+        """Withdraw effects elsewhere than at the place of what the set's own model lacks: they imitate it."""
         if place is not None and place.complete:
             joint = place.unknown.joint
             self.steps = list(takewhile(lambda s: s.chosen.effect.joint == joint, self.steps))
         if self.steps:  # what is missing beside them may act elsewhere
             place = unknown_place(self.context, self.final, self.search.check)
+        elif place is not None and not self.base.converged:
+            self.replace_final(self.search.continued(self.base, LIMITS.last_refit))
         self.place = place

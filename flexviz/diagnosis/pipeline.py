@@ -168,18 +168,19 @@ class _Pipeline:
         added = rich.added(self.layout)
         if near_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
             return False
-        if not begun:
-            self.prepare()
-        search = self.forward
         with contextlib.suppress(Interrupted):
+            self.say(stages.PLACE)
+            if not begun:
+                self.prepare()
+            search = self.forward
             place = unknown_place(search.context, search.base, search.search.check)
             if place is not None and place.complete:
                 elsewhere = any(e.joint != place.unknown.joint for e in added)
                 if elsewhere or not added:
-                    search.place, search.steps = place, []
+                    search.settle(place)
                     return True
         if not begun:
-            del self.forward  # it takes memory
+            self.__dict__.pop("forward", None)  # it takes memory
         return False
 
     def with_curve(self, result: Diagnosis) -> Diagnosis:
@@ -281,6 +282,9 @@ class _Pipeline:
         search = self.forward
         context = search.context
         changing = None if self.stopped else changing_size(context, final)
+        place = search.place
+        if changing is not None and place is not None and place.complete and place.joint != changing.named[1]:
+            changing = None  # all joints agree with the noise beside a torque elsewhere, with a constant size
         if not apply and search.steps:
             return Conclusion(search.base, "missing", context.covariance(search.base), changing=changing)
         if changing is not None:

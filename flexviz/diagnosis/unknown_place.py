@@ -41,6 +41,7 @@ class UnknownPlace:
         layout, x: the model, and its parameters beside the input, shape (P,).
         sure: whether inputs on the other sides of the joint explain clearly less.
         left: excess beside the input.
+        converged: whether x is a minimum.
     """
 
     unknown: UnknownInput
@@ -48,6 +49,7 @@ class UnknownPlace:
     x: Array
     sure: bool
     left: float
+    converged: bool
 
     @property
     def complete(self) -> bool:
@@ -98,13 +100,14 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
             found = beside.fit(fit.layout, x, iterations=iterations, check=check)
         except np.linalg.LinAlgError:  # far from the noise, weights may be ill-conditioned
             return _Trial(unknown, x, np.inf, True)
-        return _Trial(unknown, found.x, excess(found), found.converged)
+        left = excess(found)
+        return _Trial(unknown, found.x, left if np.isfinite(left) else np.inf, found.converged)
 
     rms = np.sqrt(np.mean(context.two_band.narrow.signals.tau[0] ** 2, axis=0))
     joints = _loudest(context, fit) if n > LIMITS.joints else range(n)
     first = shared(tried, [UnknownInput(j, side, float(rms[j])) for j in joints for side in SIDES])
     leaders = [_best(t for t in first if t.unknown.joint == j) for j in joints]
-    more = [(t.unknown, t.x) for t in first if not t.converged and t.left > LIMITS.reached]
+    more = [(t.unknown, t.x) for t in first if not t.converged]
     more += [(t.unknown, fit.x) for t in leaders if t.left > LIMITS.reached]
     trials = [*first, *shared(lambda at: tried(*at, LIMITS.more_iterations), more)]
     best = _best(trials)
@@ -115,7 +118,7 @@ def unknown_place(context: FitContext, fit: Fit, check: Callable[[], None]) -> U
         return None
     others = [t for t in trials if t.unknown.joint == best.unknown.joint and t.unknown != best.unknown]
     sure = all(t.left > least for t in others)
-    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left)
+    return UnknownPlace(best.unknown, fit.layout, best.x, sure, best.left, best.converged)
 
 
 def _loudest(context: FitContext, fit: Fit) -> list[int]:

@@ -35,12 +35,13 @@ def vibration(data: SlowResidual, joint: int) -> Vibration | None:
         return None
     power = np.zeros(len(hertz))
     for rows in stretches:
-        step, padded = data.step[rows[0]], LIMITS.fineness * len(rows)
+        step, padded = float(data.step[rows[0]]), LIMITS.fineness * len(rows)
         there = np.abs(np.fft.rfft(data.residual[rows, joint], padded)) ** 2 / len(rows)
-        power += np.interp(hertz, np.fft.rfftfreq(padded, step), there)
+        seen = hertz * len(rows) * step >= LIMITS.cycles
+        power += seen * np.interp(hertz, np.fft.rfftfreq(padded, step), there)
     best = float(hertz[np.argmax(power)])
     around = best + np.linspace(-1, 1, 33) / (LIMITS.fineness * longest)
-    finer = _shares(data.time, data.residual[:, joint], stretches, around)
+    finer = _shares(data.time, data.residual[:, joint], stretches, around, LIMITS.cycles)
     found = Vibration(float(around[np.argmax(finer)]), float(finer.max()))
     slower = found.hertz / np.array(LIMITS.subharmonics, float)
     motions = data.theta[1].T  # of all joints: a law may depend on the motion of another
@@ -48,15 +49,21 @@ def vibration(data: SlowResidual, joint: int) -> Vibration | None:
     return found if found.share > LIMITS.least_share and motion < LIMITS.motion_share else None
 
 
-def _shares(time: Array, values: Array, stretches: list[NDArray[np.intp]], hertz: Array) -> Array:
-    """Share of the sum of squares that a sine of each frequency explains, shape (F,)."""
+def _shares(
+    time: Array, values: Array, stretches: list[NDArray[np.intp]], hertz: Array, cycles: float = 0.0
+) -> Array:
+    """Share of the sum of squares that a sine of each frequency explains, shape (F,).
+
+    Stretches of fewer periods than `cycles` have none explained: part of a period resembles any slow course.
+    """
     total, explained = 0.0, np.zeros(len(hertz))
     for rows in stretches:
-        v = values[rows]
+        v, elapsed = values[rows], time[rows] - time[rows[0]]
         total += float(v @ v)
-        phase = 2 * np.pi * hertz[:, None] * (time[rows] - time[rows[0]])
+        phase = 2 * np.pi * hertz[:, None] * elapsed
         pair = np.stack((np.sin(phase), np.cos(phase)), axis=1)  # (F, 2, N)
         along = pair @ v
         gram = pair @ pair.transpose(0, 2, 1)
-        explained += np.einsum("fi,fi->f", along, np.linalg.solve(gram, along[..., None])[..., 0])
+        there = np.einsum("fi,fi->f", along, np.linalg.solve(gram, along[..., None])[..., 0])
+        explained += there * (hertz * elapsed[-1] >= cycles)
     return explained / max(total, 1e-300)

@@ -48,8 +48,8 @@ Array = NDArray[np.float64]
 NARROW_HERTZ = 6.0
 SAMPLES_PER_CYCLE = 3.6  # Nyquist rate: the flat filter ends at 1.8 w
 EDGE = 0.4  # [s] dropped at both ends, at WIDE_HERTZ
-# variance due to an unknown input relative to the noise: up to 1e6 on robots
-LARGEST_INPUT = 1e7
+# variance due to an unknown input relative to the noise: up to 1e6 on robots, little in a stiff, light wrist
+LEAST_INPUT, LARGEST_INPUT = 1e3, 1e7
 INPUT_RIDGE = 1e-11  # least ridge relative to that variance: what it hides stays well-conditioned
 NOISE_SAMPLES = 60  # samples from which the noise level is computed
 
@@ -166,7 +166,7 @@ class TwoBandData:
                 matrices, variance = inputs[0].matrices[:, block.rows], model.unknown_input.variance
                 added = lagged_covariance(matrices, kernels[-1], variance)
                 ratio = np.trace(added[0].mean(axis=0)) / self.layout.n / size
-                kept = min(ratio, LARGEST_INPUT)
+                kept = float(np.clip(ratio, LEAST_INPUT, LARGEST_INPUT)) if ratio > 1e-9 else ratio
                 cov += added * (kept / max(ratio, 1e-300))
                 # the ridge is a share of the noise without the input
                 cov[0] += max(ridge, INPUT_RIDGE * kept) * size * np.eye(self.layout.n)

@@ -89,7 +89,8 @@ def verdict_text(
         return f"{beginning} {changing}."
     acting = next((f"; {note.text}" for note in diagnosis.typed_notes if note.kind == "place"), "")
     unknown = f"{beginning} no effect of the library explains the structured residual"
-    clearest = location(diagnosis.where)
+    places = [p for p in diagnosis.where if not acting or p.joint == diagnosis.where[0].joint]
+    clearest = location(places)
     place = clearest if acting else location(diagnosis.where, worst)
     if place is None or clearest is None:
         return f"{unknown}{acting}."
