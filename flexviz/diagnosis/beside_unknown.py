@@ -95,11 +95,9 @@ def locate_unknown(
 ) -> Located:
     """Where the residual lies: with the parameters beside the input, if there is one.
 
-    The joint of an input that explains everything comes first, or that of a size that changes.
+    The joint of a size that changes comes first, or else that of the input.
     """
     found = locate_residual(context, fit if beside is None else beside.fit)
-    joints = [changing.named[1]] if changing is not None else []
-    if beside is not None:
-        joints.insert(0 if beside.place.complete else len(joints), beside.place.joint)
-    first = next((joint for joint in joints if joint is not None), None)
+    named = None if changing is None else changing.named[1]
+    first = named or (None if beside is None else beside.place.joint)
     return found._replace(places=tuple(sorted(found.places, key=lambda p: first not in (None, p.joint))))

@@ -140,18 +140,17 @@ class FitContext:
 
     def with_model_error(self, variance: Array) -> FitContext:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
-        other = copy(self)
-        other.two_band = self.two_band.with_model_error(variance)
-        if self.validation is not None:
-            other.validation = self.validation.with_model_error(variance)
-        return other
+        return self._with_noise(lambda data: data.with_model_error(variance))
 
     def with_unknown_input(self, unknown: UnknownInput) -> FitContext:
         """The same data beside an arbitrary torque at one place."""
+        return self._with_noise(lambda data: data.with_unknown_input(unknown))
+
+    def _with_noise(self, change: Callable[[TwoBandData], TwoBandData]) -> FitContext:
         other = copy(self)
-        other.two_band = self.two_band.with_unknown_input(unknown)
+        other.two_band = change(self.two_band)
         if self.validation is not None:
-            other.validation = self.validation.with_unknown_input(unknown)
+            other.validation = change(self.validation)
         return other
 
     def start(self, layout: Layout) -> Start:

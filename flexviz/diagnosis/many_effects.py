@@ -20,7 +20,7 @@ from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.records import FreeCurve
 from flexviz.diagnosis.residual_location import Located, locate_residual
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import features, findings, staircase, steps, verdict_on
+from flexviz.diagnosis.rich_result import features, findings, leaves_only_noise, staircase, steps, verdict_on
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
@@ -94,8 +94,7 @@ class ManyEffects:
     def useful(self, rich: RichModel) -> RichModel | None:
         """The model, if the set hides many effects, or if two that are found together explain everything."""
         added, noise = rich.added(self.layout), self.context.noise_floor
-        complete = not rich.curves and bool(np.all(rich.fit.rms < LIMITS.small_left * noise))
-        if len(added) >= LIMITS.many or (complete and len(added) > 1):
+        if len(added) >= LIMITS.many or (leaves_only_noise(rich) and len(added) > 1):
             return rich
         unknown = {curve.joint for curve in rich.curves}
         if not unknown or not all(effect.joint in unknown for effect in added):

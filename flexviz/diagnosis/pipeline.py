@@ -26,7 +26,7 @@ from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.own_start import GivenStart, OwnStart
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.result import Diagnosis
-from flexviz.diagnosis.rich_result import near_noise
+from flexviz.diagnosis.rich_result import leaves_only_noise
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.unknown_place import unknown_place
@@ -166,7 +166,7 @@ class _Pipeline:
     def one_law_explains(self, rich: RichModel, begun: bool) -> bool:
         """Whether one law of no library explains all that a search backwards found, effects elsewhere too."""
         added = rich.added(self.layout)
-        if near_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
+        if leaves_only_noise(rich) or len(added) > THRESHOLDS.unknown_place.imitations:
             return False
         with contextlib.suppress(Interrupted):
             self.say(stages.PLACE)

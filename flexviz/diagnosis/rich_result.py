@@ -92,7 +92,7 @@ def verdict_on(rich: RichModel) -> Verdict:
     return "unknown" if rich.curves or np.any(ratio > LIMITS.unexplained) else "nothing-missing"
 
 
-def near_noise(rich: RichModel) -> bool:
+def leaves_only_noise(rich: RichModel) -> bool:
     """Whether the final model is complete and leaves hardly more than noise on any joint."""
     ratio = rich.fit.rms / rich.fit.context.noise_floor
     return not rich.curves and bool(np.all(ratio < LIMITS.small_left))

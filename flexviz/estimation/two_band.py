@@ -21,7 +21,7 @@ from flexviz.equation import (
     pulses,
 )
 from flexviz.estimation.instrument_bias import lookback, shared_noise
-from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, WeightingSettings
+from flexviz.estimation.noise_model import REFINING, WIDE_HERTZ, NoiseModel, WeightingSettings
 from flexviz.estimation.noise_propagation import (
     NoisePath,
     instrument_paths,
@@ -130,14 +130,15 @@ class TwoBandData:
 
     def with_model_error(self, variance: Array) -> TwoBandData:
         """The same data with white model error of variance (n,) [Nm²] added to the measurement noise."""
-        other = copy(self)
-        other.noise_model = self.noise_model.with_model_error(variance)
-        return other
+        return self._with_noise_model(self.noise_model.with_model_error(variance))
 
     def with_unknown_input(self, unknown: UnknownInput) -> TwoBandData:
         """The same data beside an arbitrary torque."""
+        return self._with_noise_model(replace(self.noise_model, unknown_input=unknown))
+
+    def _with_noise_model(self, model: NoiseModel) -> TwoBandData:
         other = copy(self)
-        other.noise_model = replace(self.noise_model, unknown_input=unknown)
+        other.noise_model = model
         return other
 
     def evaluate(
