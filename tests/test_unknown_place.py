@@ -198,10 +198,16 @@ def place_at(joint: int, layout: Layout, complete: bool = True) -> UnknownPlace:
 
 
 @pytest.mark.parametrize(
-    ("joint", "complete", "kept"), [(0, True, 1), (1, True, 0), (0, False, 2), (None, True, 2)]
+    ("joint", "complete", "apply", "kept"),
+    [(0, True, True, 1), (0, True, False, 1), (1, True, True, 0), (0, False, True, 2), (None, True, True, 2)],
 )
 def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
-    demo: MeasurementSet, monkeypatch: pytest.MonkeyPatch, joint: int | None, complete: bool, kept: int
+    demo: MeasurementSet,
+    monkeypatch: pytest.MonkeyPatch,
+    joint: int | None,
+    complete: bool,
+    apply: bool,
+    kept: int,
 ) -> None:
     layout = Layout(demo.joints)
     context = FitContext(demo, layout)
@@ -212,7 +218,7 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
         before, fit = fit, replace(fit, layout=added.layout, x=added.x)
         scored = ScoredCandidate(effect, 1.0, np.zeros(1), np.zeros(1))
         steps.append(SearchStep(before, RefittedCandidate(scored, fit), {}))
-    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None)
+    search = ForwardSearch(context, base, lambda text: None, lambda fit: None, lambda start: None, apply)
     search.steps = list(steps)
     asked = []
 
@@ -223,9 +229,9 @@ def test_effects_elsewhere_are_withdrawn_if_one_torque_explains_everything(
     monkeypatch.setattr(forward_search, "unknown_place", answer)
     search.find_place()
     assert search.steps == steps[:kept]
-    # with effects left, the place is that of what is missing beside them
-    assert asked == ([layout, search.final.layout] if kept else [layout])
-    assert (search.place is None) == (joint is None)
+    # with effects left, the place is that of what is missing beside them; of use only if they are applied
+    assert asked == ([layout, search.final.layout] if kept and apply else [layout])
+    assert (search.place is None) == (joint is None or not apply)
     assert search.place is None or search.place.layout == search.final.layout
 
 
@@ -315,6 +321,6 @@ def test_effects_beside_a_model_error_have_to_explain_more_than_an_arbitrary_tor
     monkeypatch.setattr(forward_search, "ModelErrorSearch", Confirmed)
     monkeypatch.setattr(forward_search, "excess", lambda _: 100.0)
     monkeypatch.setattr(search, "_left", lambda _: excess_with)
-    search.explain_the_rest(apply=True)
+    search.explain_the_rest()
     assert len(search.steps) == added
     assert (search.place is None) == (search.model_error_variance is not None) == bool(added)

@@ -34,6 +34,7 @@ class ForwardSearch:
         say: called with a progress message; may raise to stop.
         fitted: called with the fit of each model that is accepted.
         foresee: called with a model that may be the last one.
+        apply: add effects one by one; otherwise only the first one is found.
 
     Attributes:
         reference: the same parameters as of `base` without any effects.
@@ -50,8 +51,10 @@ class ForwardSearch:
         say: Callable[[str], None],
         fitted: Callable[[Fit], None],
         foresee: Callable[[ModelStart], None],
+        apply: bool = True,
     ) -> None:
         self.context, self.base, self.say, self.fitted, self.foresee = context, base, say, fitted, foresee
+        self.apply = apply
         self.search = Search(context, say)
         self.reference = context.without_effects(base)
         self.steps: list[SearchStep] = []
@@ -69,12 +72,12 @@ class ForwardSearch:
         """Whether the final model leaves more than noise and the change of a size."""
         return unexplained(self.context, self.final, self.reference)
 
-    def add_effects(self, apply: bool, near: NearNoise | None = None) -> None:
+    def add_effects(self, near: NearNoise | None = None) -> None:
         """Add effects until no candidate is acceptable; `near`: a model that may explain all."""
         for number in range(LIMITS.rounds):
             fit = self.final
             self.say("scoring candidate effects")
-            if (apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
+            if (self.apply or not self.steps) and verdict(fit, self.reference) == "nothing-missing":
                 self.foresee(ModelStart(fit.layout, fit.x))
             gained = self.reference.objective - fit.objective
             if self.steps and exhausted(fit, gained):
@@ -92,7 +95,7 @@ class ForwardSearch:
             self.steps.append(SearchStep(fit, best, compared.objectives, scores.shortened()))
             self.fitted(best.fit)
             del fit, best, compared, scores  # the next round needs as much memory
-            if not apply:
+            if not self.apply:
                 break
             self.drop_superfluous()
 
@@ -119,19 +122,19 @@ class ForwardSearch:
             before = again.fit
         self.steps = [*steps, replace(last, before=before, chosen=replace(last.chosen, fit=simpler))]
 
-    def explain_the_rest(self, apply: bool) -> None:
+    def explain_the_rest(self) -> None:
         """Find the place of a law of no library; else add effects that held-out groups confirm.
 
-        Imitations are withdrawn. A model error is allowed for then; without `apply`, one effect is added.
+        Imitations are withdrawn. A model error is allowed for then.
         """
         limits = THRESHOLDS.model_error
         self.steps = list(takewhile(lambda s: not imitates(self.search, s, self.final), self.steps))
         self.find_place()
         place = self.place
-        done = (place is not None and place.complete) or (self.steps and not apply)
+        done = (place is not None and place.complete) or (self.steps and not self.apply)
         if done or excess(self.final) < limits.needed_excess:
             return
-        search = ModelErrorSearch(self.search, limits.effects if apply else 1)
+        search = ModelErrorSearch(self.search, limits.effects if self.apply else 1)
         steps = search.run(self.final)
         if not steps or (place is not None and self._left(steps[-1].after) > place.left):
             return  # the effects imitate what acts at the place
@@ -156,7 +159,7 @@ class ForwardSearch:
             joint = place.unknown.joint
             self.steps = list(takewhile(lambda s: s.chosen.effect.joint == joint, self.steps))
         if self.steps:  # what is missing beside them may act elsewhere
-            place = unknown_place(self.context, self.final, self.search.check)
+            place = unknown_place(self.context, self.final, self.search.check) if self.apply else None
         elif place is not None and not self.base.converged:
             self.replace_final(self.search.continued(self.base, LIMITS.last_refit))
         self.place = place

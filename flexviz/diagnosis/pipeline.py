@@ -70,9 +70,9 @@ def diagnose(
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
     with threadpool_limits(1, "blas"), stopped_by(should_stop or never):
-        pipeline = _Pipeline(measurements, start, progress, should_stop)
+        pipeline = _Pipeline(measurements, apply, start, progress, should_stop)
         with pipeline.beside:
-            result = pipeline.run(apply, guarded)
+            result = pipeline.run(guarded)
         if apply and free_curve and not why_no_curve(result):
             result = pipeline.with_curve(result)
         if result.stopped and not result.findings and (best := pipeline.news.so_far) is not None:
@@ -93,11 +93,13 @@ class _Pipeline:
     def __init__(
         self,
         measurements: MeasurementSet,
+        apply: bool,
         start: GivenStart,
         progress: ProgressCallback | None,
         should_stop: StopCallback | None,
     ) -> None:
-        self.measurements, self.progress, self.should_stop = measurements, progress, should_stop
+        self.measurements, self.apply = measurements, apply
+        self.progress, self.should_stop = progress, should_stop
         self.began, self.stopped = time.perf_counter(), False
         self.pace, self.news = stages.pace(measurements.n), Progress()
         self.layout = layout_of(measurements)
@@ -127,7 +129,7 @@ class _Pipeline:
         if self.progress is not None:
             self.progress(self.news)
 
-    def run(self, apply: bool, guarded: bool | None) -> Diagnosis:
+    def run(self, guarded: bool | None) -> Diagnosis:
         many = ManyEffects(self.measurements, self.layout, self.error_band, self.say, self.standing)
         rich, begun = None, False
         try:
@@ -135,9 +137,9 @@ class _Pipeline:
             if near is not None:
                 many.search.forget()
                 self.refit.begin(near)
-                self.prepare(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
+                self.forward = self.prepared(LIMITS.short_refit if near.rivals else LIMITS.first_iterations)
             if begun := near is not None or self.near_noise_beside_reversals(many):
-                self.forward.add_effects(apply, near)
+                self.forward.add_effects(near)
             if not begun or self.forward.unexplained:
                 rich = many.find()
         except Interrupted:
@@ -146,22 +148,22 @@ class _Pipeline:
                 self.start.use(best.fit.layout.model(best.fit.x))
         if rich is not None and not self.stopped and self.one_law_explains(rich, begun):
             del many, rich
-            return self.result(apply, guarded)
+            return self.result(guarded)
         if rich is not None:
-            result = many.result(rich, apply, bool(guarded) and not self.stopped, self.tell)
+            result = many.result(rich, self.apply, bool(guarded) and not self.stopped, self.tell)
             return replace(result, seconds=time.perf_counter() - self.began, stopped=self.stopped)
         if not begun:
             del many  # its fits take as much memory as what follows
-            self.prepare(0 if self.stopped else LIMITS.first_iterations)
+            self.forward = self.prepared(0 if self.stopped else LIMITS.first_iterations)
         try:
             self.check_stop()
             if not begun:
-                self.forward.add_effects(apply)
+                self.forward.add_effects()
             if self.forward.unexplained:
-                self.forward.explain_the_rest(apply)
+                self.forward.explain_the_rest()
         except Interrupted:
             pass  # the result contains the findings so far
-        return self.result(apply, guarded)
+        return self.result(guarded)
 
     def one_law_explains(self, rich: RichModel, begun: bool) -> bool:
         """Whether one law of no library explains all that a search backwards found, effects elsewhere too."""
@@ -170,17 +172,14 @@ class _Pipeline:
             return False
         with contextlib.suppress(Interrupted):
             self.say(stages.PLACE)
-            if not begun:
-                self.prepare()
-            search = self.forward
+            search = self.forward if begun else self.prepared()
             place = unknown_place(search.context, search.base, search.search.check)
             if place is not None and place.complete:
                 elsewhere = any(e.joint != place.unknown.joint for e in added)
                 if elsewhere or not added:
+                    self.forward = search
                     search.settle(place)
                     return True
-        if not begun:
-            self.__dict__.pop("forward", None)  # it takes memory
         return False
 
     def with_curve(self, result: Diagnosis) -> Diagnosis:
@@ -191,25 +190,26 @@ class _Pipeline:
             return replace(result, stopped=True)
         return replace(longer, seconds=time.perf_counter() - self.began)
 
-    def prepare(self, iterations: int = LIMITS.first_iterations) -> None:
-        """Fit the set's own model in units of the noise."""
+    def prepared(self, iterations: int = LIMITS.first_iterations) -> ForwardSearch:
+        """A search forwards from the set's own model, fitted in units of the noise."""
         context = FitContext(self.measurements, self.layout)
         x = self.layout.vector(self.start.model())
         base = context.fit(self.layout, x, iterations=iterations)
-        self.forward = ForwardSearch(context, base, self.say, self.standing.fitted, self.refit.begin)
-        self.beside.callback(self.forward.search.restart.foreseen.close)
+        search = ForwardSearch(context, base, self.say, self.standing.fitted, self.refit.begin, self.apply)
+        self.beside.callback(search.search.restart.foreseen.close)
+        return search
 
     def near_noise_beside_reversals(self, many: ManyEffects) -> bool:
         """Prepare the search on a model with friction if its fit, which knows reversals, is near noise."""
         if not self.layout.has_reversals:
             return False
         self.say(stages.OWN_MODEL)
-        self.prepare()
-        if near := quiet(self.forward.base):
+        search = self.prepared()
+        if near := quiet(search.base):
             many.search.forget()
+            self.forward = search
         else:
-            self.start.use(self.layout.model(self.forward.base.x))
-            del self.forward  # it takes memory
+            self.start.use(self.layout.model(search.base.x))
         return near
 
     def check_stop(self) -> None:
@@ -217,7 +217,7 @@ class _Pipeline:
 
     # -- the result -------------------------------------------------------------------------------------
 
-    def result(self, apply: bool, guarded: bool | None) -> Diagnosis:
+    def result(self, guarded: bool | None) -> Diagnosis:
         """Findings, final model and residuals."""
         search = self.forward
         context, base, steps = search.context, search.base, search.steps
@@ -237,11 +237,11 @@ class _Pipeline:
             )
             for step, before, after in zip(steps, errors, errors[1:], strict=False)
         ]
-        last = self.conclude(in_noise_units, apply)
+        last = self.conclude(in_noise_units)
         findings = last.doubted(findings)
         if last.refined:
             fits[-1], errors[-1] = last.fit, self.error_band.errors(last.fit)
-        added = [None, *findings] if apply else [None]
+        added = [None, *findings] if self.apply else [None]
         verdicts: list[Verdict] = [*("missing" for _ in steps), last.verdict]
         taken = [evidence.made_step(*each) for each in zip(added, fits, errors, verdicts, strict=False)]
         final, layout = last.fit, last.fit.layout
@@ -277,7 +277,7 @@ class _Pipeline:
             torque_spread=self.measurements.torque_spread,
         )  # fmt: skip
 
-    def conclude(self, final: Fit, apply: bool) -> Conclusion:
+    def conclude(self, final: Fit) -> Conclusion:
         """The final model, refitted if complete; the set's own model if effects are not applied."""
         search = self.forward
         context = search.context
@@ -285,7 +285,7 @@ class _Pipeline:
         place = search.place
         if changing is not None and place is not None and place.complete and place.joint != changing.named[1]:
             changing = None  # all joints agree with the noise beside a torque elsewhere, with a constant size
-        if not apply and search.steps:
+        if not self.apply and search.steps:
             return Conclusion(search.base, "missing", context.covariance(search.base), changing=changing)
         if changing is not None:
             return Conclusion(final, "unknown", context.covariance(final), changing=changing)
