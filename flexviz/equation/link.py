@@ -67,10 +67,11 @@ class LinkDynamics:
         with self._under(gravity):
             for rows, parameters in blocks:
                 self._set(parameters)
-                for k in range(*rows.indices(count)):
-                    dq[k], dv[k], mass[k] = derivatives(model, data, q[k], v[k], a[k])
+                states = zip(q[rows], v[rows], a[rows], strict=True)
+                for k, state in zip(range(*rows.indices(count)), states, strict=True):
+                    dq[k], dv[k], mass[k] = derivatives(model, data, *state)
                     if regressor is not None:
-                        regressor[k] = joint_regressor(model, data, q[k], v[k], a[k])
+                        regressor[k] = joint_regressor(model, data, *state)
         if self._sorted:
             return LinkTerms(dq, dv, mass)
         if regressor is not None:

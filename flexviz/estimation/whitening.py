@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from flexviz._scipy import sp
@@ -71,14 +72,17 @@ class Whitener:
         `start`: sample of the stretch with which y begins; it counts as zero before.
         """
         flat = y.reshape(*y.shape[:2], -1)
+        order, n = self.order, y.shape[1]
         out = np.empty(flat.shape)  # C order, whatever that of y: weightings change it in place
         for first, last in _chunks(len(flat)):
             predictor, scale = self.maps(np.arange(start + first, start + last))
-            rest = flat[first:last].copy()
-            for k, matrix in enumerate(predictor):
-                skipped = max(k + 1 - first, 0)
-                rest[skipped:] -= matrix[skipped:] @ flat[first + skipped - k - 1 : max(last - k - 1, 0)]
-            out[first:last] = scale @ rest
+            weights = predictor[::-1].transpose(1, 2, 0, 3).reshape(last - first, n, order * n)
+            here = np.ascontiguousarray(flat[max(first - order, 0) : last])
+            if first < order:
+                here = np.concatenate([np.zeros((order - first, *flat.shape[1:])), here])
+            # the predecessors of a sample follow one another in memory: one product instead of one for each
+            past = as_strided(here, (last - first, order * n, flat.shape[2]), here.strides, writeable=False)
+            out[first:last] = scale @ (here[order:] - weights @ past)
         return out.reshape(y.shape)
 
     def transposed(self, z: Array) -> Array:
