@@ -308,6 +308,16 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
     assert np.all((ratio > 0.7) & (ratio < 1.2)), ratio
 
 
+def test_rounding_of_a_large_score_leaves_the_uncertainty_of_the_prior():
+    """Only the sum of two parameters is measured, and the model errs a lot: their difference is the prior's."""
+    information = 1e10 * np.ones((2, 2))
+    score = 1e10 * information
+    score[0, 0] -= 2 * np.spacing(score[0, 0])
+    found = sandwich(information, score, np.eye(2))
+    assert np.all(found.standard_errors >= 0.99 * np.sqrt(0.5))
+    assert np.all(found.prior_share <= 1.0 + 1e-9)
+
+
 def test_transients_at_the_ends_are_found():
     rng = np.random.default_rng(0)
     r = rng.standard_normal((800, 2))

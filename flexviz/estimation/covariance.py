@@ -57,7 +57,10 @@ def sandwich(
     inverse = scaled_inverse(information[index] + prior[index])
     from_prior = inverse @ prior[index] @ inverse
     matrix, share = np.zeros((size, size)), np.ones(size)
-    matrix[index] = inverse @ score[index] @ inverse + from_prior
+    from_data = inverse @ score[index] @ inverse
+    # far from the noise, rounding of a large score may exceed what little the data say: the prior's part stays
+    np.fill_diagonal(from_data, np.maximum(np.diag(from_data), 0.0))
+    matrix[index] = from_data + from_prior
     share[free] = np.diag(from_prior) / np.maximum(np.diag(matrix)[free], 1e-300)
     return Covariance(matrix, share)
 
