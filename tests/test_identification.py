@@ -309,7 +309,7 @@ def test_sandwich_matches_monte_carlo_for_coloured_noise():
 
 
 def test_rounding_of_a_large_score_leaves_the_uncertainty_of_the_prior():
-    """Only the sum of two parameters is measured, and the model errs a lot: their difference is the prior's."""
+    """Only the sum of two parameters is measured; the model errs a lot: the prior holds their difference."""
     information = 1e10 * np.ones((2, 2))
     score = 1e10 * information
     score[0, 0] -= 2 * np.spacing(score[0, 0])

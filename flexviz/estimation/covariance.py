@@ -58,7 +58,7 @@ def sandwich(
     from_prior = inverse @ prior[index] @ inverse
     matrix, share = np.zeros((size, size)), np.ones(size)
     from_data = inverse @ score[index] @ inverse
-    # far from the noise, rounding of a large score may exceed what little the data say: the prior's part stays
+    # far from the noise, rounding of a large score may exceed what the data say: the part of the prior stays
     np.fill_diagonal(from_data, np.maximum(np.diag(from_data), 0.0))
     matrix[index] = from_data + from_prior
     share[free] = np.diag(from_prior) / np.maximum(np.diag(matrix)[free], 1e-300)
