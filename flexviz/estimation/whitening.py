@@ -127,7 +127,7 @@ def noise_kernel(
         gain = count.gains(observer.transfer, omega)
     else:
         gain = [observer.transfer(omega, k) for k in range(count)]
-    return _correlation(gain, gain, length, raw_step / joint_step)[: lags + 1]
+    return _correlation(gain, gain, length, raw_step / joint_step, lags)[lags:]
 
 
 def shared_kernel(
@@ -152,8 +152,7 @@ def shared_kernel(
     length = max(_length(observer, joint_step, lags) for observer in observers)
     omega = _frequencies(length, joint_step)
     one, other = (path.gains(o.transfer, omega) for path, o in zip(paths, observers, strict=True))
-    out = _correlation(one, other, length, raw_step / joint_step)
-    return np.concatenate((out[len(out) - lags :], out[: lags + 1]))
+    return _correlation(one, other, length, raw_step / joint_step, lags)
 
 
 def _length(observer: Observer, joint_step: float, lags: int) -> int:
@@ -168,15 +167,23 @@ def _frequencies(length: int, step: float) -> Array:
 
 
 def _correlation(
-    one: Sequence[NDArray[np.inexact]], other: Sequence[NDArray[np.inexact]], length: int, share: float
+    one: Sequence[NDArray[np.inexact]],
+    other: Sequence[NDArray[np.inexact]],
+    length: int,
+    share: float,
+    lags: int,
 ) -> Array:
-    """Inverse transform of every product of two gains, shape (length, D, E); negative lags at the end."""
-    out = np.empty((length, len(one), len(other)))
+    """Covariance at lags −lags … lags from the product of every two gains, shape (2·lags + 1, D, E)."""
+    out = np.empty((2 * lags + 1, len(one), len(other)))
+    kept = np.arange(-lags, lags + 1)
     for j, gain in enumerate(one):
         for k, with_it in enumerate(other):
+            if one is other and k < j:  # E[x_j(t) x_k(t − lag)] = E[x_k(t) x_j(t + lag)]
+                out[:, j, k] = out[::-1, k, j]
+                continue
             density = gain * np.conj(with_it) * share
             density[-1] = density[-1].real
-            out[:, j, k] = sp.fft.irfft(density, length)
+            out[:, j, k] = sp.fft.irfft(density, length)[kept]
     return out
 
 
@@ -292,15 +299,13 @@ def _predict(covariance: Array, t: NDArray[np.intp], ridge: float) -> tuple[Arra
     order, n = len(covariance) - 1, covariance.shape[2]
     past = np.empty((len(t), order, n, order, n))
     for i in range(order):
-        for j in range(i, order):
-            block = covariance[j - i, np.maximum(t - 1 - i, 0)]
-            missing = t - 1 - j < 0
-            if missing.any():  # before the first sample: independent, of unit variance
-                block = block.copy()
-                block[missing] = np.eye(n) if i == j else 0.0
-            past[:, i, :, j, :] = block
-            if i != j:
-                past[:, j, :, i, :] = block.transpose(0, 2, 1)
+        row = covariance[: order - i, np.maximum(t - 1 - i, 0)]  # Cov(r_{t−1−i}, r_{t−1−j}) for j = i … p − 1
+        missing = t - 1 - np.arange(i, order)[:, None] < 0
+        if missing.any():  # before the first sample: independent, of unit variance
+            row[missing] = 0.0
+            row[0, missing[0]] = np.eye(n)
+        past[:, i, :, i:, :] = row.transpose(1, 2, 0, 3)
+        past[:, i + 1 :, :, i, :] = row[1:].transpose(1, 0, 3, 2)
     cross = np.stack(
         [covariance[k + 1, t] for k in range(order)], axis=1
     )  # (T, p, n, n): Cov(r_t, r_{t−1−k})
