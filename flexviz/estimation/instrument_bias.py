@@ -29,11 +29,11 @@ class Lookback:
 
     Attributes:
         at: shape (T,), index of the samples.
-        weights: p + 1 arrays of shape (T, n, n).
+        weights: shape (p + 1, T, n, n).
     """
 
     at: NDArray[np.intp]
-    weights: list[Array]
+    weights: Array
 
 
 def lookback(whitener: Whitener) -> Lookback:
@@ -41,7 +41,7 @@ def lookback(whitener: Whitener) -> Lookback:
     order, count = whitener.order, whitener.count
     at = np.arange(order, count, max(SAMPLE_SPACING, -(-(count - order) // MAX_SAMPLES)))
     predictor, scale = whitener.maps(at)
-    return Lookback(at, [scale, *(-scale @ matrix for matrix in predictor)])
+    return Lookback(at, np.concatenate((scale[None], -scale @ predictor)))
 
 
 def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel: Array) -> Array:
@@ -74,5 +74,7 @@ def shared_noise(w: Lookback, instrument: NoisePath, residual: NoisePath, kernel
 
 def _weighted(w: Lookback, matrices: Array) -> Array:
     """W times the matrices (D, N, n, m) of a path: shape ((p + 1)·D, T·n·m)."""
-    passed = np.stack([weight @ matrices[:, w.at - k] for k, weight in enumerate(w.weights)])
-    return passed.reshape(passed.shape[0] * passed.shape[1], -1)
+    depth, count, n, m = matrices.shape
+    wide = matrices.transpose(1, 2, 0, 3).reshape(count, n, depth * m)
+    passed = w.weights @ wide[w.at - np.arange(len(w.weights))[:, None]]
+    return passed.reshape(*passed.shape[:3], depth, m).transpose(0, 3, 1, 2, 4).reshape(len(passed) * depth, -1)

@@ -6,6 +6,7 @@ extension stay within the filter's memory, which `settling` drops.
 """
 
 from abc import abstractmethod
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -55,11 +56,10 @@ class _Continued:
         """What is subtracted before the reflection, at every stride-th sample, shape (N', m)."""
         return self._first + self.slope * (self._step * np.arange(0, self._count, stride))[:, None]
 
-    def spectrum(self) -> tuple[Array, NDArray[np.complex128]]:
-        """ω [rad/s], shape (F,), up to the decimated Nyquist rate, and the transform there, shape (m, F)."""
+    def spectrum(self) -> tuple[float, NDArray[np.complex128]]:
+        """Length in time [s], and the transform up to the decimated Nyquist rate, shape (m, F)."""
         kept = self.length // 2 + 1
-        omega = 2 * np.pi * np.arange(kept) / (self._values.shape[1] * self._step)
-        return omega, sp.fft.rfft(self._values)[:, :kept]
+        return self._values.shape[1] * self._step, sp.fft.rfft(self._values)[:, :kept]
 
     def samples(self, spectrum: NDArray[np.complex128], stride: int) -> Array:
         """Every stride-th sample of the record itself, shape (N', m), from a spectrum like `spectrum`'s."""
@@ -98,22 +98,39 @@ class ZeroPhaseObserver(Observer):
         if band is not None:
             inner = largest_divisor(stride, np.pi / (band * step))
         continued = _Continued(y, step, 3 * self.memory(), inner, odd=position)
-        bandwidth = self.bandwidth_of(y.shape[1]) if self._bandwidth.size > 1 else self._bandwidth
-        omega, filtered = continued.spectrum()
-        filtered *= self.gain(omega, bandwidth).T / inner
+        span, filtered = continued.spectrum()
+        grid = filtered.shape[1], span
+        if self._bandwidth.size == 1:
+            filtered *= _common_gain(type(self), float(self._bandwidth[0]), *grid)
+        else:
+            filtered *= self.gain(_frequencies(*grid), self.bandwidth_of(y.shape[1])).T
+        if inner > 1:
+            filtered *= 1 / inner
+        differentiation = 1j * _frequencies(*grid)
         if delay:
-            filtered *= np.exp(-1j * omega * delay)
+            filtered *= np.exp(-delay * differentiation)
         if continued.length % 2 == 0:
             filtered[:, -1] = 0.0  # the Nyquist bin has no sign, so its odd derivatives have no meaning
         out = np.empty((count, -(-len(y) // stride), y.shape[1]))
         for k in range(count):
             if k:
-                filtered *= 1j * omega
+                filtered *= differentiation
             out[k] = continued.samples(filtered, stride)
         out[0] += continued.trend(stride) - continued.slope * delay
         if count > 1:
             out[1] += continued.slope
         return out
+
+
+def _frequencies(count: int, span: float) -> Array:
+    """The first frequencies of a transform over `span` [s], shape (count,) [rad/s]."""
+    return 2 * np.pi * np.arange(count) / span
+
+
+@lru_cache(maxsize=8)
+def _common_gain(kind: type[ZeroPhaseObserver], bandwidth: float, count: int, span: float) -> Array:
+    """Gain of a bandwidth common to all joints at `_frequencies(count, span)`, shape (count,)."""
+    return kind(bandwidth).gain(_frequencies(count, span), np.array([bandwidth]))[:, 0]
 
 
 class ButterworthZeroPhase(ZeroPhaseObserver):
