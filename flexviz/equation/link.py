@@ -82,10 +82,10 @@ class LinkDynamics:
     def torque(self, parameters: Array, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """Y Γ for bodies with `parameters` (n, 10), shape (N, n) [Nm]; `gravity` as in `evaluate`."""
         self._set(parameters)
-        model, data = self._model, self._data
-        rows = zip(*self._rows(q, v, a), strict=True)
-        with self._under(gravity):
-            return self._robot.from_pin(np.array([pin.rnea(model, data, *row) for row in rows]))
+        states = [level.T for level in self._rows(q, v, a)]
+        with self._under(gravity):  # one thread, like `evaluate`: the other cores have work of their own
+            pool = pin.ModelPool(self._model, 1)
+            return self._robot.from_pin(pin.rneaInParallel(1, pool, *states).T)
 
     def gravity_torque(self, parameters: Array, q: Array, axis: int) -> Array:
         """Y Γ at rest under an acceleration of 1 m/s² along a base axis, shape (N, n) [Nm]."""

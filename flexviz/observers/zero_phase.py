@@ -17,7 +17,7 @@ from flexviz.observers.base import Observer, largest_divisor
 
 Array = NDArray[np.float64]
 
-NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
+NEGLIGIBLE = 1e-6  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
 
 
 class _Continued:
