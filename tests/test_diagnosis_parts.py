@@ -29,6 +29,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Equation, Layout, build_signals
 from flexviz.estimation import ESTIMATION, TrackingWhitening
+from flexviz.estimation.noise_propagation import NoiseDerivatives
 from flexviz.estimation.score_test import Projection, ScoredCandidate, explained
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import identify
@@ -72,7 +73,7 @@ def test_signatures_of_the_model_itself_explain_nothing() -> None:
 def test_a_cheaper_whitener_still_gives_unit_variance(every: int, ridge: float) -> None:
     rng = np.random.default_rng(3)
     count, n, order = 200, 2, 12
-    kernel = noise_kernel(FlatZeroPhase(2 * np.pi * 8), 0.05, 1e-3, 3, count - 1)
+    kernel = noise_kernel(FlatZeroPhase(2 * np.pi * 8), 0.05, 1e-3, NoiseDerivatives.plain(3), count - 1)
     slow = np.cos(0.02 * np.arange(count))[None, :, None, None]  # as slow as a pose
     sensitivity = rng.standard_normal((3, 1, n, n)) * (1 + 0.3 * slow)
     lagged = lagged_covariance(sensitivity, kernel, np.array([1.0, 2.0]))

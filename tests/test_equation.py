@@ -226,7 +226,7 @@ def test_noise_on_its_ways_against_noise(damped: bool):
 
     def predicted(model: Layout) -> np.ndarray:
         ways = noise_paths(model, x[: model.size], link)
-        kernels = [noise_kernel(observer, *steps, way, 0) for way in ways]
+        kernels = [noise_kernel(observer, *steps, way.derivatives, 0) for way in ways]
         return paths_covariance(ways, kernels, noise, block.rows)[0].mean(axis=0).diagonal()
 
     np.testing.assert_allclose(found, predicted(layout), rtol=0.08)

@@ -12,6 +12,7 @@ from flexviz.errors import InputError
 from flexviz.estimation.base_inertials import base_parameters
 from flexviz.estimation.covariance import sandwich, score_covariance
 from flexviz.estimation.least_squares import Bounds, bounded_step, gauss_newton
+from flexviz.estimation.noise_propagation import NoiseDerivatives
 from flexviz.estimation.transients import outside_transients
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, whitener
 from flexviz.identification import Identification, identify, sweep
@@ -260,7 +261,7 @@ def test_noise_kernel_against_filtered_noise():
     rng = np.random.default_rng(2)
     observer, raw, stride = FlatZeroPhase(2 * np.pi * 10), 1e-3, 25
     out = observer.derivatives(rng.standard_normal((400_000, 1)), raw, 5, stride=stride)[:, 200:-200, 0]
-    kernel = noise_kernel(observer, raw * stride, raw, 5, 3)
+    kernel = noise_kernel(observer, raw * stride, raw, NoiseDerivatives.plain(5), 3)
     for lag in range(4):
         ahead, behind = out[:, lag:], out[:, : out.shape[1] - lag]
         empirical = ahead @ behind.T / behind.shape[1]
@@ -272,7 +273,7 @@ def test_whitening_inverts_the_covariance():
     rng = np.random.default_rng(3)
     count, n = 60, 2
     observer = FlatZeroPhase(2 * np.pi * 8)
-    kernel = noise_kernel(observer, 0.05, 1e-3, 3, count - 1)
+    kernel = noise_kernel(observer, 0.05, 1e-3, NoiseDerivatives.plain(3), count - 1)
     sensitivity = rng.standard_normal((3, 1, n, n)) + 0.3 * rng.standard_normal((3, count, n, n))
     lagged = lagged_covariance(sensitivity, kernel, np.array([1.0, 2.0]))
     lagged[0] += 1e-3 * np.eye(n) * np.trace(lagged[0].mean(axis=0))

@@ -17,7 +17,13 @@ from flexviz.equation.link import LinkTerms
 from flexviz.estimation import instrument_bias
 from flexviz.estimation.instrument_bias import lookback, shared_noise
 from flexviz.estimation.instrumental_variables import refine
-from flexviz.estimation.noise_propagation import THETA, NoisePath, instrument_paths, noise_paths
+from flexviz.estimation.noise_propagation import (
+    THETA,
+    NoiseDerivatives,
+    NoisePath,
+    instrument_paths,
+    noise_paths,
+)
 from flexviz.estimation.two_band import TwoBandData
 from flexviz.estimation.weighted_point import Point, Whitening
 from flexviz.estimation.whitening import lagged_covariance, noise_kernel, shared_kernel, whitener
@@ -36,7 +42,7 @@ def way(rng: np.random.Generator, depth: int, count: int, n: int) -> NoisePath:
     """Of the torque sensors of all joints, changing with time."""
     matrices = rng.standard_normal((depth, 1, n, n)) + 0.3 * rng.standard_normal((depth, count, n, n))
     matrices /= (2 * np.pi * 5) ** np.arange(depth)[:, None, None, None]
-    return NoisePath(1, np.arange(n), matrices, tuple(range(depth)), (0.0,) * depth)
+    return NoisePath(1, np.arange(n), matrices, NoiseDerivatives.plain(depth))
 
 
 def test_shared_kernel_is_that_of_filtered_noise() -> None:
@@ -44,9 +50,9 @@ def test_shared_kernel_is_that_of_filtered_noise() -> None:
     raw, stride = 1e-3, 25
     noise = rng.standard_normal((400_000, 1))
     one, other = (o.derivatives(noise, raw, 3, stride=stride)[:, 200:-200, 0] for o in (NARROW, WIDE))
-    two = NoisePath(1, np.array([0]), np.zeros((3, 1, 1, 1)), (0, 1, 2), (0.0,) * 3)
+    two = NoiseDerivatives.plain(3)
     kernel = shared_kernel((NARROW, WIDE), raw * stride, raw, (two, two), 3)
-    sizes = (noise_kernel(o, raw * stride, raw, 3, 0)[0] for o in (NARROW, WIDE))
+    sizes = (noise_kernel(o, raw * stride, raw, two, 0)[0] for o in (NARROW, WIDE))
     scale = np.sqrt(np.outer(*(np.diag(size) for size in sizes)))
     for lag in range(-3, 4):
         here = slice(max(0, lag), one.shape[1] + min(0, lag))
@@ -59,14 +65,15 @@ def test_shared_noise_is_the_trace_of_the_dense_product(monkeypatch: pytest.Monk
     monkeypatch.setattr(instrument_bias, "SAMPLE_SPACING", 1)
     rng, (count, n, order), (step, raw) = np.random.default_rng(5), (40, 2, 6), (0.03, 1e-3)
     instrument, residual = way(rng, 3, count, n), way(rng, 2, count, n)
-    kernel = noise_kernel(WIDE, step, raw, residual, order)
+    kernel = noise_kernel(WIDE, step, raw, residual.derivatives, order)
     lagged = lagged_covariance(residual.matrices, kernel, np.ones(n))
     lagged[0] += 0.05 * np.eye(n)
     tool = whitener(lagged)
     paths = instrument, residual
-    found = shared_noise(lookback(tool), *paths, shared_kernel((NARROW, WIDE), step, raw, paths, order))
+    derivatives = instrument.derivatives, residual.derivatives
+    found = shared_noise(lookback(tool), *paths, shared_kernel((NARROW, WIDE), step, raw, derivatives, order))
 
-    kernel = shared_kernel((NARROW, WIDE), step, raw, paths, count)
+    kernel = shared_kernel((NARROW, WIDE), step, raw, derivatives, count)
     apply = tool.apply(np.eye(count * n).reshape(count, n, count * n)).reshape(count * n, -1)
     for j in range(n):
         dense = np.zeros((count, n, count, n))  # E[z_j(t) r(u)ᵀ] from sensor j alone
@@ -93,7 +100,7 @@ def test_ways_of_the_instruments_are_slopes_of_those_of_the_residual(size: float
     def response(path: NoisePath, j: int) -> Array:
         """Of r, or of its slope, to what sensor j says, shape (F, n)."""
         column = list(path.joints).index(j)
-        gains = path.gains(WIDE.transfer, omega)
+        gains = path.derivatives.gains(WIDE.transfer, omega)
         return np.sum([g[:, None] * m[0, :, column] for g, m in zip(gains, path.matrices, strict=True)], 0)
 
     def residual(layout: Layout, sensor: int, j: int, at: Array) -> Array:

@@ -98,7 +98,7 @@ def test_the_residual_follows_the_path_of_an_unknown_torque(side: Side, damped: 
     by_motor = prepared(u)[1] - before
     path = UnknownInput(0, side, 1.0).path(layout, x, equation.at(x).link_terms(x))
     wave = 1e-3 * np.exp(1j * pulse * equation.signals.time)
-    passed = np.array(path.gains(observer.transfer, np.array([pulse])))[:, 0, None] * wave
+    passed = np.array(path.derivatives.gains(observer.transfer, np.array([pulse])))[:, 0, None] * wave
     found = np.einsum("dtim,dt->ti", path.matrices, passed.imag)
     on_link = np.zeros_like(by_motor)
     on_link[:, 0] = wave.imag

@@ -19,7 +19,7 @@ from flexviz.diagnosis.residuals import joint_residuals, noise_density
 from flexviz.diagnosis.spectrum import periodogram, spectra, whiteness
 from flexviz.effects import choose_effects
 from flexviz.equation import Layout
-from flexviz.estimation.noise_propagation import NoisePath
+from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
 from flexviz.estimation.two_band import residual_noise
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
@@ -216,7 +216,7 @@ def test_whiteness_of_noise(clean):
             step = block.segment.step * block.stride
             hertz, power = periodogram(noise, step)
             inside = (hertz > 0.2) & (hertz < 18)
-            way = NoisePath(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), (2,), (0.0,))
+            way = NoisePath(0, np.zeros(1, int), np.ones((1, 1, 1, 1)), NoiseDerivatives((2,), (0.0,)))
             scale = np.full(1, sigma), np.zeros(1)
             floor = noise_density([way], scale, observer.transfer, block.segment.step, hertz)
             ratio = power[inside] / floor[inside]

@@ -77,4 +77,5 @@ def _weighted(w: Lookback, matrices: Array) -> Array:
     depth, count, n, m = matrices.shape
     wide = matrices.transpose(1, 2, 0, 3).reshape(count, n, depth * m)
     passed = w.weights @ wide[w.at - np.arange(len(w.weights))[:, None]]
-    return passed.reshape(*passed.shape[:3], depth, m).transpose(0, 3, 1, 2, 4).reshape(len(passed) * depth, -1)
+    each = passed.reshape(*passed.shape[:3], depth, m).transpose(0, 3, 1, 2, 4)
+    return each.reshape(len(passed) * depth, -1)

@@ -20,6 +20,42 @@ DEPTH = (5, 3)  # number of derivatives of θ and τ in the equation
 
 
 @dataclass(frozen=True)
+class NoiseDerivatives:
+    """The derivatives of filtered noise that reach the residual.
+
+    Attributes:
+        orders: shape (D,), order of each derivative.
+        lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
+        alone: only the sensitivity of a damped joint reaches it, 1/(1 + iω·lag)².
+    """
+
+    orders: tuple[int, ...]
+    lags: tuple[float, ...]
+    alone: bool = False
+
+    @classmethod
+    def plain(cls, count: int) -> NoiseDerivatives:
+        """Derivatives 0 … count−1 without an additional low-pass."""
+        return cls(tuple(range(count)), (0.0,) * count)
+
+    def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
+        """Complex gains from the raw samples to each of the D derivatives, shape (F,) each.
+
+        The difference between a damped joint and a spring is computed from filtered signals and, like every
+        effect, filtered again.
+        """
+        out = []
+        for order, lag in zip(self.orders, self.lags, strict=True):
+            gain = transfer(omega, order)
+            if self.alone:
+                gain = gain * transfer(omega, 0) / (1 + 1j * omega * lag) ** 2
+            elif lag:
+                gain = gain * (1 - transfer(omega, 0) * (1 - 1 / (1 + 1j * omega * lag)))
+            out.append(gain)
+        return out
+
+
+@dataclass(frozen=True)
 class NoisePath:
     """Path of the white noise of some sensors through the equation.
 
@@ -27,17 +63,13 @@ class NoisePath:
         sensor: THETA or TAU.
         joints: shape (m,), joints of the sensors.
         matrices: shape (D, N, n, m), sensitivity of r to each derivative of the noise.
-        orders: shape (D,), order of each derivative.
-        lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
-        alone: the path contains only the sensitivity of a damped joint, 1/(1 + iω·lag)².
+        derivatives: these derivatives.
     """
 
     sensor: int
     joints: NDArray[np.intp]
     matrices: Array
-    orders: tuple[int, ...]
-    lags: tuple[float, ...]
-    alone: bool = False
+    derivatives: NoiseDerivatives
 
     def rows(self, rows: slice) -> NoisePath:
         """The path at some of the samples."""
@@ -45,6 +77,9 @@ class NoisePath:
 
     def by_bandwidth(self, observer: Observer) -> Iterator[tuple[NoisePath, Observer]]:
         """The path of the sensors of each bandwidth, with the observer of these sensors' signals."""
+        if isinstance(observer.bandwidth, float):
+            yield self, observer.torque if self.sensor == TAU else observer
+            return
         widths = observer.bandwidth_of(self.matrices.shape[2])[self.joints]
         for width in np.unique(widths):
             kept = widths == width
@@ -55,19 +90,6 @@ class NoisePath:
     def variance(self, noise: tuple[Array, Array]) -> Array:
         """Variance of the raw samples, shape (m,), from standard deviations of θ and τ, shape (n,) each."""
         return noise[self.sensor][self.joints] ** 2
-
-    def gains(self, transfer: Transfer, omega: Array) -> Sequence[NDArray[np.inexact]]:
-        """Complex gains from the raw samples to each of the D derivatives, shape (F,) each.
-
-        The difference between a damped joint and a spring is computed from filtered signals and, like every
-        effect, filtered again.
-        """
-        passed = transfer(omega, 0)
-        if self.alone:
-            passes = [passed / (1 + 1j * omega * lag) ** 2 for lag in self.lags]
-            return [transfer(omega, k) * share for k, share in zip(self.orders, passes, strict=True)]
-        lacking = [passed * (1 - 1 / (1 + 1j * omega * lag)) for lag in self.lags]
-        return [transfer(omega, k) * (1 - lost) for k, lost in zip(self.orders, lacking, strict=True)]
 
 
 def time_constants(layout: Layout, x: Array) -> Array:
@@ -106,10 +128,11 @@ def path_through(
         lag: the time constant; 0 without damping.
     """
     mine, through = direct[..., joints], elastic[..., joints]
-    orders, none = tuple(range(len(direct))), (0.0,) * len(direct)
+    plain = NoiseDerivatives.plain(len(direct))
     if lag == 0.0:
-        return NoisePath(sensor, joints, mine + through, orders, none)
-    return NoisePath(sensor, joints, np.concatenate((mine, through)), orders * 2, none + (lag,) * len(direct))
+        return NoisePath(sensor, joints, mine + through, plain)
+    derivatives = NoiseDerivatives(plain.orders * 2, plain.lags + (lag,) * len(direct))
+    return NoisePath(sensor, joints, np.concatenate((mine, through)), derivatives)
 
 
 def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[NDArray[np.intp], NoisePath]]:
@@ -128,14 +151,15 @@ def instrument_paths(layout: Layout, x: Array, link: LinkTerms) -> list[tuple[ND
     damping = {e.joint: at.start for e, at in layout.effect_slices() if EFFECTS[e.effect].damps_deflection}
     out = []
     for sensor, joints in _kinds(lag):
-        orders, none = tuple(range(DEPTH[sensor])), (0.0,) * DEPTH[sensor]
-        spring = NoisePath(sensor, joints, elastic[sensor][..., joints], orders, none)
+        plain = NoiseDerivatives.plain(DEPTH[sensor])
+        spring = NoisePath(sensor, joints, elastic[sensor][..., joints], plain)
         out.append((layout.compliance.start + joints, spring))
         for j in sorted(set(joints) & set(damping)):
             one, compliance = np.array([j]), x[layout.compliance][j]
             matrices = -(compliance**2) * elastic[sensor][..., one]
-            higher, delay = tuple(k + 1 for k in orders), (float(lag[j]),) * len(orders)
-            out.append((np.array([damping[j]]), NoisePath(sensor, one, matrices, higher, delay, True)))
+            higher, delay = tuple(k + 1 for k in plain.orders), (float(lag[j]),) * DEPTH[sensor]
+            path = NoisePath(sensor, one, matrices, NoiseDerivatives(higher, delay, alone=True))
+            out.append((np.array([damping[j]]), path))
     return out
 
 
@@ -166,7 +190,7 @@ def noise_density(
         scaled = (path.matrices * np.sqrt(path.variance(noise))).transpose(2, 0, 1, 3)
         flat = scaled.reshape(*scaled.shape[:2], -1)  # (n, D, N m)
         products = flat @ flat.transpose(0, 2, 1) / path.matrices.shape[1]
-        gain = np.array(path.gains(transfer, omega))
+        gain = np.array(path.derivatives.gains(transfer, omega))
         total += np.einsum("ijf,jf->fi", products @ gain, gain.conj()).real
     return 2 * step * total
 

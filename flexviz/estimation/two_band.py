@@ -195,13 +195,10 @@ class TwoBandData:
         return out
 
     def _kernels(self, paths: Sequence[NoisePath]) -> list[list[Array]]:
-        """One kernel per path, for every block; blocks with the same steps share them."""
-        observer, made = self.wide.signals.observer, {}
-        keys = [(b.segment.step * b.stride, b.segment.step) for b in self.blocks]
-        for key in keys:
-            if key not in made:
-                made[key] = [noise_kernel(observer, *key, path, self.noise_model.order) for path in paths]
-        return [made[key] for key in keys]
+        """One kernel per path, for every block."""
+        observer, order = self.wide.signals.observer, self.noise_model.order
+        steps = [(b.segment.step * b.stride, b.segment.step) for b in self.blocks]
+        return [[noise_kernel(observer, *step, path.derivatives, order) for path in paths] for step in steps]
 
     def instrument_bias(self, x: Array, link: LinkTerms, whiteners: Sequence[Whitener]) -> list[Array]:
         """Mean of (W z)ᵀ W r per sample due to shared noise, shape (P,), one per block."""
@@ -212,13 +209,11 @@ class TwoBandData:
         for parameters, into_z in instrument_paths(self.layout, x, link):
             into_r = paths[into_z.sensor, into_z.joints[0]]
             variance = into_z.variance(self.noise)
-            kernels: dict[tuple[float, float, int], Array] = {}
+            derivatives = into_z.derivatives, into_r.derivatives
             for mean, block, w in zip(out, self.blocks, seen, strict=True):
                 raw, rows = block.segment.step, block.rows
-                key = (raw * block.stride, raw, len(w.weights) - 1)
-                if key not in kernels:
-                    kernels[key] = shared_kernel(observers, *key[:2], (into_z, into_r), key[2])
-                shared = shared_noise(w, into_z.rows(rows), into_r.rows(rows), kernels[key])
+                kernel = shared_kernel(observers, raw * block.stride, raw, derivatives, len(w.weights) - 1)
+                shared = shared_noise(w, into_z.rows(rows), into_r.rows(rows), kernel)
                 mean[parameters] += variance * shared
         return out
 
@@ -229,12 +224,7 @@ class TwoBandData:
         raw, stride = self.blocks[0].segment.step, self.blocks[0].stride
         variance = np.zeros(self.layout.n)
         for path in noise_paths(self.layout, x, part):
-            key = ("kernel", path.orders, path.lags)
-            kernel = self._shared.get(key)
-            if kernel is None:
-                kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, path, 0)[0]
-                if not any(path.lags):  # the others change with the parameters
-                    self._shared[key] = kernel
+            kernel = noise_kernel(self.wide.signals.observer, raw * stride, raw, path.derivatives, 0)[0]
             variance += np.einsum(
                 "dtim,de,etim,m->i", path.matrices, kernel, path.matrices, path.variance(self.noise)
             )
@@ -303,7 +293,7 @@ def residual_noise(
         for path, observer in whole.by_bandwidth(signals.observer):
             for block in signals.blocks:
                 raw = block.segment.step
-                kernel = noise_kernel(observer, raw, raw, path, 0)
+                kernel = noise_kernel(observer, raw, raw, path.derivatives, 0)
                 cov = lagged_covariance(path.matrices[:, block.rows], kernel, path.variance(noise))
                 total += np.einsum("tii->i", cov[0])
     return total / signals.count

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from flexviz._scipy import sp
-from flexviz.estimation.noise_propagation import NoisePath
+from flexviz.estimation.noise_propagation import NoiseDerivatives, NoisePath
 from flexviz.observers import Observer
 
 Array = NDArray[np.float64]
@@ -106,8 +107,9 @@ def _chunks(count: int) -> list[tuple[int, int]]:
     return [(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
 
 
+@lru_cache(maxsize=256)  # without dampers, they are the same in the whole of a search
 def noise_kernel(
-    observer: Observer, joint_step: float, raw_step: float, count: int | NoisePath, lags: int
+    observer: Observer, joint_step: float, raw_step: float, derivatives: NoiseDerivatives, lags: int
 ) -> Array:
     """Covariance of the derivatives of filtered white noise of unit variance per raw sample.
 
@@ -115,43 +117,40 @@ def noise_kernel(
         observer: whose transfer functions the noise passes.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
-        count: derivatives 0 … count−1, or the D ones of a noise path.
+        derivatives: D of them.
         lags: 0 … lags.
 
     Returns:
-        shape (lags + 1, D, D): E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
+        shape (lags + 1, D, D), not to be changed: E[x_j(t) x_k(t − lag)], x_k the k-th derivative.
     """
     length = _length(observer, joint_step, lags)
-    omega = _frequencies(length, joint_step)
-    if isinstance(count, NoisePath):
-        gain = count.gains(observer.transfer, omega)
-    else:
-        gain = [observer.transfer(omega, k) for k in range(count)]
+    gain = derivatives.gains(observer.transfer, _frequencies(length, joint_step))
     return _correlation(gain, gain, length, raw_step / joint_step, lags)[lags:]
 
 
+@lru_cache(maxsize=16)
 def shared_kernel(
     observers: tuple[Observer, Observer],
     joint_step: float,
     raw_step: float,
-    paths: tuple[NoisePath, NoisePath],
+    derivatives: tuple[NoiseDerivatives, NoiseDerivatives],
     lags: int,
 ) -> Array:
-    """Covariance of the same white noise, of unit variance per raw sample, after two observers and paths.
+    """Covariance of the same white noise, of unit variance per raw sample, after two observers.
 
     Args:
         observers: x and y pass these.
         joint_step: step of the equation's samples [s].
         raw_step: step of the raw samples [s].
-        paths: of x, with D derivatives, and of y, with E.
+        derivatives: D of x and E of y.
         lags: −lags … lags.
 
     Returns:
-        shape (2·lags + 1, D, E): E[x_j(t) y_k(t − lag)].
+        shape (2·lags + 1, D, E), not to be changed: E[x_j(t) y_k(t − lag)].
     """
     length = max(_length(observer, joint_step, lags) for observer in observers)
     omega = _frequencies(length, joint_step)
-    one, other = (path.gains(o.transfer, omega) for path, o in zip(paths, observers, strict=True))
+    one, other = (d.gains(o.transfer, omega) for d, o in zip(derivatives, observers, strict=True))
     return _correlation(one, other, length, raw_step / joint_step, lags)
 
 
@@ -184,6 +183,7 @@ def _correlation(
             density = gain * np.conj(with_it) * share
             density[-1] = density[-1].real
             out[:, j, k] = sp.fft.irfft(density, length)[kept]
+    out.flags.writeable = False  # kept
     return out
 
 
@@ -262,7 +262,7 @@ def noise_score_covariance(
     scale = np.sqrt(share[:, None] / length * variance * raw_step / joint_step)
     size = weights.shape[2]
     total = np.zeros((len(omega), len(variance), size), complex)
-    for matrix, gain in zip(path.matrices, path.gains(observer.transfer, omega), strict=True):
+    for matrix, gain in zip(path.matrices, path.derivatives.gains(observer.transfer, omega), strict=True):
         passed = sp.fft.rfft(matrix.transpose(0, 2, 1) @ weights, length, axis=0)
         total += np.conj(gain)[:, None, None] * passed
     flat = (total * scale[:, :, None]).reshape(-1, size)

@@ -17,7 +17,7 @@ from flexviz.observers.base import Observer, largest_divisor
 
 Array = NDArray[np.float64]
 
-NEGLIGIBLE = 1e-6  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
+NEGLIGIBLE = 1e-8  # gain times a power of ω, relative to that power of the bandwidth, above a cutoff
 
 
 class _Continued:
@@ -83,7 +83,7 @@ class ZeroPhaseObserver(Observer):
         """Length of the filter's impulse response to either side [s]."""
 
     def transfer(self, omega: Array, order: int) -> Array:
-        return self.gain(omega, self._bandwidth[:1])[:, 0] * (1j * omega) ** order  # type: ignore[return-value]
+        return self.gain(omega, self._bandwidth[:1])[:, 0] * omega**order * 1j**order  # type: ignore[return-value]
 
     def settling(self) -> tuple[float, float]:
         return self.memory(), self.memory()
@@ -124,7 +124,7 @@ class ZeroPhaseObserver(Observer):
 
 def _frequencies(count: int, span: float) -> Array:
     """The first frequencies of a transform over `span` [s], shape (count,) [rad/s]."""
-    return 2 * np.pi * np.arange(count) / span
+    return np.arange(count, dtype=float) * (2 * np.pi / span)
 
 
 @lru_cache(maxsize=8)
