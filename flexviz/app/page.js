@@ -1,4 +1,5 @@
-// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; a button at every plot.
+// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; a button at every plot;
+// small numbers in plots; tooltips that are in the way.
 // The values go into the page's own controls, as if they had been typed, and are checked there.
 if (!window.flexvizPage) {
   window.flexvizPage = true;
@@ -6,8 +7,8 @@ if (!window.flexvizPage) {
   document.documentElement.classList.toggle('fv-dark', asksForDark);
   const CLICK = 4;  // [px] a press may move; more is a drag, which zooms
   const over = e => (e.target.closest ? e.target.closest('.u-over') : null);
-  const timed = place => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart)
-    .find(one => one.over === place && one.series[0].label === 'AXIS');
+  const charts = () => Object.values((window.__viserTestpoints || {}).uplots || {}).map(one => one.chart);
+  const timed = place => charts().find(one => one.over === place && one.series[0].label === 'AXIS');
   const type = (input, text) => {
     Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set.call(input, text);
     input.dispatchEvent(new Event('input', { bubbles: true }));
@@ -61,6 +62,34 @@ if (!window.flexvizPage) {
       inputs('PICTURE').slice(0, 1).forEach(input => type(input, `${saved} ${title}`));
     };
     box.append(button);
+  }, true);
+
+  // uPlot rounds to thousandths, and all smaller values would read 0
+  const usual = new Intl.NumberFormat(undefined, { maximumSignificantDigits: 6 });
+  const number = value => {
+    if (value === null || value === undefined) return '';
+    if (value === 0 || Math.abs(value) >= 1e-3) return usual.format(value);
+    return Number(value.toPrecision(4)).toExponential().replaceAll('-', '−');
+  };
+  setInterval(() => charts().filter(one => !one.flexvizNumbers).forEach(one => {
+    one.flexvizNumbers = true;
+    one.axes[1].values = (_, splits) => splits.map(number);
+    one.series.slice(1).forEach(each => { each.value = (_, value) => number(value) || '--'; });
+    one.redraw(false, true);
+  }), 200);
+
+  // a tooltip goes with the press, as what the press does may appear beneath it
+  let pressed = null;
+  document.addEventListener('mousedown', e => {
+    const button = e.target.closest ? e.target.closest('button') : null;
+    pressed = button && { button, x: e.clientX, y: e.clientY };
+    document.documentElement.classList.toggle('fv-pressed', pressed !== null);
+  }, true);
+  document.addEventListener('mousemove', e => {  // also where what is under a resting pointer moves
+    if (!pressed || Math.hypot(e.clientX - pressed.x, e.clientY - pressed.y) <= CLICK) return;
+    if (pressed.button.parentElement && pressed.button.parentElement.contains(e.target)) return;
+    pressed = null;
+    document.documentElement.classList.remove('fv-pressed');
   }, true);
 
   const tip = document.createElement('div');

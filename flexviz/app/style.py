@@ -213,8 +213,8 @@ class Tooltips:
             "padding: 0.35em 0.6em; border-radius: 4px; background: #212529; color: #fff; font-size: 12px; "
             f"line-height: 1.4; pointer-events: none; animation: fv-appear 0.1s {TOOLTIP_DELAY}s both;"
         )
-        own = [
-            f"{box}:hover::after {{ content: {css_text(button.hint)}; "
+        own = [  # not after a press: what it does may appear beneath
+            f":root:not(.fv-pressed) {box}:hover::after {{ content: {css_text(button.hint)}; "
             f"{'right' if button._impl.uuid in self._right else 'left'}: 6px; }}"
             for box, button in zip(boxes, shown, strict=True)
         ]

@@ -236,11 +236,25 @@ def test_effects_are_ticked_on_all_joints_or_one(page: Any, shot: Any) -> None:
 SPANS = """() => Object.fromEntries(Object.values(window.__viserTestpoints.uplots).map(u =>
     [u.chart.root.querySelector('.u-title').textContent, [u.chart.scales.x.min, u.chart.scales.x.max]]))"""
 
+WRITTEN = """values => values.map(value => {
+    const one = Object.values(window.__viserTestpoints.uplots)[0].chart;
+    const [axis] = one.axes[1].values(one, [value]), legend = one.series[1].value(one, value);
+    return axis === legend ? axis : [axis, legend];
+})"""
+TOOLTIP = """name => getComputedStyle([...document.querySelectorAll('button')]
+    .find(one => one.textContent.trim() === name).parentElement, '::after').content"""
+
 
 def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path: Path) -> None:
     button(page, "Pause").click()
     button(page, "Identify").click()
-    button(page, "Run").click()
+    button(page, "Run").hover()
+    assert page.evaluate(TOOLTIP, "Run") != "none"
+    button(page, "Run").click()  # what a press does is not hidden by the button's tooltip
+    assert page.evaluate(TOOLTIP, "Run") == "none"
+    button(page, "Undo").hover()
+    button(page, "Run").hover()
+    assert page.evaluate(TOOLTIP, "Run") != "none"
     until(lambda: any(title.startswith("Simulated −") for title in charts(page)), what="the model's motion")
     over = page.locator(".uplot").filter(has_text="Torque, joint1").first.locator(".u-over").bounding_box()
     y = over["y"] + over["height"] / 2
@@ -274,6 +288,9 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
         return [span for title, span in page.evaluate(SPANS).items() if title.startswith(over_time)]
 
     assert within(SOON, spans, lambda seen: seen == [wanted] * 3) == [wanted] * 3
+
+    # small numbers are no zeros
+    assert page.evaluate(WRITTEN, [1.25e-4, -2e-7, 0, 0.5]) == ["1.25e−4", "−2e−7", "0", "0.5"]
 
     # only that span is played and drawn, in all tabs, until a double click; the slider shows it
     first, last = span()
