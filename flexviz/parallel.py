@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import gc
 import os
 import signal
 import sys
@@ -63,6 +64,22 @@ def stopped_by(should_stop: StopCallback) -> Iterator[None]:
         yield
     finally:
         _should_stop.reset(token)
+
+
+@contextlib.contextmanager
+def existing_objects_kept() -> Iterator[None]:
+    """Search only objects made in this context for garbage.
+
+    There are tens of thousands of others, most of imported modules; forked copies would also copy them.
+    """
+    own = gc.get_freeze_count() == 0  # else the caller's, which stay as they are
+    if own:
+        gc.freeze()
+    try:
+        yield
+    finally:
+        if own:
+            gc.unfreeze()
 
 
 class Background(Generic[Result]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import time
@@ -9,7 +10,16 @@ import time
 import pytest
 
 from flexviz import parallel
-from flexviz.parallel import Background, Foreseen, alongside, on_cores, shared, stopped_by, usable_cores
+from flexviz.parallel import (
+    Background,
+    Foreseen,
+    alongside,
+    existing_objects_kept,
+    on_cores,
+    shared,
+    stopped_by,
+    usable_cores,
+)
 
 TWO = pytest.mark.skipif(usable_cores() < 2, reason="one core, or a system on which processes are not forked")
 
@@ -169,3 +179,14 @@ def test_without_more_processes_or_files_one_core_works(monkeypatch: pytest.Monk
         assert shared(lambda k: k**2, range(4)) == [0, 1, 4, 9]
         assert Background(lambda: 7).result() == 7
         Background(lambda: 7).close()
+
+
+def test_existing_objects_are_kept_from_the_garbage_collector_for_a_while() -> None:
+    assert gc.get_freeze_count() == 0
+    with pytest.raises(ZeroDivisionError), existing_objects_kept():
+        assert (kept := gc.get_freeze_count()) > 0
+        with existing_objects_kept():
+            pass
+        assert gc.get_freeze_count() == kept  # those of whoever froze them
+        _ = 1 / 0
+    assert gc.get_freeze_count() == 0

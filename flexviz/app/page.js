@@ -1,5 +1,5 @@
-// What viser reports to no program: clicks into plots, zooming them, the link under the pointer; a button at every plot;
-// small numbers in plots; tooltips that are in the way.
+// What viser reports to no program: clicks into plots, zooming them, the link under the pointer. What it lacks: a button
+// at every plot, small numbers in plots, tooltips that close.
 // The values go into the page's own controls, as if they had been typed, and are checked there.
 if (!window.flexvizPage) {
   window.flexvizPage = true;
@@ -68,8 +68,9 @@ if (!window.flexvizPage) {
   const usual = new Intl.NumberFormat(undefined, { maximumSignificantDigits: 6 });
   const number = value => {
     if (value === null || value === undefined) return '';
-    if (value === 0 || Math.abs(value) >= 1e-3) return usual.format(value);
-    return Number(value.toPrecision(4)).toExponential().replaceAll('-', '−');
+    const small = value !== 0 && Math.abs(value) < 1e-3;
+    const text = small ? Number(value.toPrecision(4)).toExponential() : usual.format(value || 0);
+    return text.replaceAll('-', '−');
   };
   setInterval(() => charts().filter(one => !one.flexvizNumbers).forEach(one => {
     one.flexvizNumbers = true;
@@ -85,7 +86,7 @@ if (!window.flexvizPage) {
     pressed = button && { button, x: e.clientX, y: e.clientY };
     document.documentElement.classList.toggle('fv-pressed', pressed !== null);
   }, true);
-  document.addEventListener('mousemove', e => {  // also where what is under a resting pointer moves
+  document.addEventListener('mousemove', e => {  // not for a pointer at rest over a page that moves
     if (!pressed || Math.hypot(e.clientX - pressed.x, e.clientY - pressed.y) <= CLICK) return;
     if (pressed.button.parentElement && pressed.button.parentElement.contains(e.target)) return;
     pressed = null;

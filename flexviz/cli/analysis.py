@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -81,7 +80,6 @@ def diagnose(
     cores = on_cores(usable_cores())
     with Reporter(f"reading {measurement_set}") as report, interruptible() as should_stop, cores:
         measurements = with_plausibility_warnings(read_set(measurement_set))
-        gc.freeze()  # what was imported need not be searched for garbage, here or in forked copies
         result = search(
             measurements,
             apply=apply,

@@ -33,7 +33,7 @@ from flexviz.diagnosis.unknown_place import unknown_place
 from flexviz.equation import layout_of
 from flexviz.identification import parameter_estimates
 from flexviz.measurements import MeasurementSet
-from flexviz.parallel import stopped_by
+from flexviz.parallel import existing_objects_kept, stopped_by
 from flexviz.progress import BestSoFar, Progress, ProgressCallback, StopCallback, never
 from flexviz.results import Note, Verdict
 
@@ -69,7 +69,7 @@ def diagnose(
         progress: called between fits.
         should_stop: called between fits; True ends the diagnosis with the findings so far.
     """
-    with threadpool_limits(1, "blas"), stopped_by(should_stop or never):
+    with threadpool_limits(1, "blas"), stopped_by(should_stop or never), existing_objects_kept():
         pipeline = _Pipeline(measurements, apply, start, progress, should_stop)
         with pipeline.beside:
             result = pipeline.run(guarded)

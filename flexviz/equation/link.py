@@ -85,7 +85,8 @@ class LinkDynamics:
         states = [level.T for level in self._rows(q, v, a)]
         with self._under(gravity):  # one thread, like `evaluate`: the other cores have work of their own
             pool = pin.ModelPool(self._model, 1)
-            return self._robot.from_pin(pin.rneaInParallel(1, pool, *states).T)
+            torque = pin.rneaInParallel(1, pool, *states).T
+        return self._robot.from_pin(torque.reshape(q.shape))  # Pinocchio drops an axis of length 1
 
     def gravity_torque(self, parameters: Array, q: Array, axis: int) -> Array:
         """Y Γ at rest under an acceleration of 1 m/s² along a base axis, shape (N, n) [Nm]."""

@@ -26,7 +26,7 @@ class NoiseDerivatives:
     Attributes:
         orders: shape (D,), order of each derivative.
         lags: shape (D,), time constant of an additional low-pass [s]; 0 for none.
-        alone: only the sensitivity of a damped joint reaches it, 1/(1 + iω·lag)².
+        alone: only through the sensitivity of a damped joint: filtered again, times 1/(1 + iω·lag)².
     """
 
     orders: tuple[int, ...]
@@ -44,13 +44,14 @@ class NoiseDerivatives:
         The difference between a damped joint and a spring is computed from filtered signals and, like every
         effect, filtered again.
         """
+        again: NDArray[np.inexact] = transfer(omega, 0) if self.alone or any(self.lags) else np.ones(0)
         out = []
         for order, lag in zip(self.orders, self.lags, strict=True):
             gain = transfer(omega, order)
             if self.alone:
-                gain = gain * transfer(omega, 0) / (1 + 1j * omega * lag) ** 2
+                gain = gain * again / (1 + 1j * omega * lag) ** 2
             elif lag:
-                gain = gain * (1 - transfer(omega, 0) * (1 - 1 / (1 + 1j * omega * lag)))
+                gain = gain * (1 - again * (1 - 1 / (1 + 1j * omega * lag)))
             out.append(gain)
         return out
 
@@ -63,7 +64,7 @@ class NoisePath:
         sensor: THETA or TAU.
         joints: shape (m,), joints of the sensors.
         matrices: shape (D, N, n, m), sensitivity of r to each derivative of the noise.
-        derivatives: these derivatives.
+        derivatives: which ones, and through which low-pass.
     """
 
     sensor: int
@@ -77,7 +78,7 @@ class NoisePath:
 
     def by_bandwidth(self, observer: Observer) -> Iterator[tuple[NoisePath, Observer]]:
         """The path of the sensors of each bandwidth, with the observer of these sensors' signals."""
-        if isinstance(observer.bandwidth, float):
+        if isinstance(observer.bandwidth, float):  # the observer itself: kernels are kept by it
             yield self, observer.torque if self.sensor == TAU else observer
             return
         widths = observer.bandwidth_of(self.matrices.shape[2])[self.joints]

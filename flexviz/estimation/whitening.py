@@ -107,7 +107,7 @@ def _chunks(count: int) -> list[tuple[int, int]]:
     return [(first, min(first + CHUNK, count)) for first in range(0, count, CHUNK)]
 
 
-@lru_cache(maxsize=256)  # without dampers, they are the same in the whole of a search
+@lru_cache(maxsize=256)  # without dampers, they are the same for all models fitted to the same signals
 def noise_kernel(
     observer: Observer, joint_step: float, raw_step: float, derivatives: NoiseDerivatives, lags: int
 ) -> Array:

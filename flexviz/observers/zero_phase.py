@@ -101,7 +101,7 @@ class ZeroPhaseObserver(Observer):
         span, filtered = continued.spectrum()
         grid = filtered.shape[1], span
         if self._bandwidth.size == 1:
-            filtered *= _common_gain(type(self), float(self._bandwidth[0]), *grid)
+            filtered *= _common_gain(self, *grid)
         else:
             filtered *= self.gain(_frequencies(*grid), self.bandwidth_of(y.shape[1])).T
         if inner > 1:
@@ -128,9 +128,11 @@ def _frequencies(count: int, span: float) -> Array:
 
 
 @lru_cache(maxsize=8)
-def _common_gain(kind: type[ZeroPhaseObserver], bandwidth: float, count: int, span: float) -> Array:
-    """Gain of a bandwidth common to all joints at `_frequencies(count, span)`, shape (count,)."""
-    return kind(bandwidth).gain(_frequencies(count, span), np.array([bandwidth]))[:, 0]
+def _common_gain(observer: ZeroPhaseObserver, count: int, span: float) -> Array:
+    """Gain of an observer of one bandwidth at `_frequencies(count, span)`, shape (count,), read-only."""
+    gain = observer.gain(_frequencies(count, span), np.atleast_1d(observer.bandwidth))[:, 0]
+    gain.flags.writeable = False
+    return gain
 
 
 class ButterworthZeroPhase(ZeroPhaseObserver):

@@ -290,7 +290,7 @@ def test_plots_are_zoomed_clicked_read_and_saved(page: Any, shot: Any, tmp_path:
     assert within(SOON, spans, lambda seen: seen == [wanted] * 3) == [wanted] * 3
 
     # small numbers are no zeros
-    assert page.evaluate(WRITTEN, [1.25e-4, -2e-7, 0, 0.5]) == ["1.25e−4", "−2e−7", "0", "0.5"]
+    assert page.evaluate(WRITTEN, [1.25e-4, -2e-7, 0, -0.5]) == ["1.25e−4", "−2e−7", "0", "−0.5"]
 
     # only that span is played and drawn, in all tabs, until a double click; the slider shows it
     first, last = span()
