@@ -22,7 +22,7 @@ from flexviz.recent import Recent
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-INSTRUMENTS = partial(Recent, "instruments", 6, attrgetter("nbytes"), 2e8)  # of long records one point's
+INSTRUMENTS = partial(Recent, "instruments", 2, attrgetter("nbytes"), 2e8)  # of long records one point's
 
 
 @dataclass(frozen=True, eq=False)
