@@ -15,6 +15,7 @@ from flexviz.diagnosis.elimination import Elimination, Necessity, eliminate
 from flexviz.diagnosis.many_effects import ManyEffects
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.rich_search import RichSearch
 from flexviz.diagnosis.so_far import Standing
@@ -169,9 +170,11 @@ def test_where_all_candidates_together_do_not_help_the_clear_ones_are_tried_alon
 def test_a_joint_that_rests_all_the_time_has_no_error(demo, monkeypatch):
     """Its standstill is judged apart, and nothing else of it is left."""
     context = search_of(read_set(DEMO)).context
-    context.apart[0] = True
-    for name in ("_moving", "_judged_moving"):
-        monkeypatch.setitem(context.__dict__, name, getattr(context, name) & [False, True])
+    context.apart[0] = Phase.MOTION
+    for name in ("_phases", "_judged_phases"):
+        monkeypatch.setitem(
+            context.__dict__, name, np.minimum(getattr(context, name), [Phase.REST, Phase.MOTION])
+        )
     layout = Layout(demo.own.joints)
     fit = context.fit(layout, context.start(layout).x)
     assert fit.rms[0] == fit.held_out_rms()[0] == 0

@@ -15,6 +15,7 @@ from flexviz.diagnosis.fit_context import Fit, FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
 from flexviz.diagnosis.model_family import PlainModel, RichModel, without_curves
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
+from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.notes import notes
 from flexviz.diagnosis.prediction_errors import PredictionErrorBand
 from flexviz.diagnosis.records import FreeCurve
@@ -31,6 +32,7 @@ from flexviz.measurements import MeasurementSet
 from flexviz.parallel import stopped_by
 from flexviz.progress import never
 from flexviz.results import Note, Verdict
+from flexviz.wording import listed
 
 LIMITS = THRESHOLDS.motion
 LISTED_CANDIDATES = 8
@@ -184,12 +186,7 @@ class ManyEffects:
         values = ", ".join(f"{j} {100 * max(v, 0.0):.3g} %" for j, v in zip(joints, share, strict=True))
         out = [Note("explained", f"share of the {which} torque that the model explains: {values}")]
         if self.context.apart.any():
-            names = ", ".join(j for j, apart in zip(joints, self.context.apart, strict=True) if apart)
-            text = (
-                f"samples at standstill of {names} are excluded, here and from the errors: static friction "
-                "can take any value up to its limit, so the model is much less accurate there"
-            )
-            out.append(Note("standstill", text))
+            out.append(Note("standstill", standstill_text(joints, self.context.apart)))
         ratio = final.rms / self.context.noise_floor
         complete = last == "nothing-missing" and not curves
         if complete and LIMITS.small_left < ratio.max() < LIMITS.unexplained:
@@ -208,6 +205,17 @@ class ManyEffects:
             )
             out.append(Note("other", text))
         return out
+
+
+def standstill_text(joints: Sequence[str], apart: Phases) -> str:
+    """Which samples do not count; `apart`, shape (n,): the first phase of each joint that does."""
+    names = listed([j for j, first in zip(joints, apart, strict=True) if first])
+    starts = [j for j, first in zip(joints, apart, strict=True) if first == Phase.MOTION]
+    also = f", of {listed(starts)} also the first {LIMITS.start_angle:g} rad after it" if starts else ""
+    return (
+        f"samples at standstill of {names} are excluded{also}, here and from the errors: static friction can "
+        "take any value up to its limit, so the model is much less accurate there"
+    )
 
 
 def doubtful(rich: RichModel, added: Sequence[ChosenEffect]) -> bool:

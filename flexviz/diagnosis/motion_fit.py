@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.firm_start import firm_start
-from flexviz.diagnosis.motion_samples import in_motion, loud_at_rest, robust_weights
+from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
@@ -182,7 +182,7 @@ class MotionContext:
     Attributes:
         measurements: the set.
         signals: of the fit groups.
-        apart: shape (n,), joints whose standstill is judged apart (`set_standstill_apart`).
+        apart: shape (n,), the first phase of each joint that counts (`set_standstill_apart`).
         stand_ins: free curves only stand for what has no law (`firm_start`).
     """
 
@@ -193,7 +193,7 @@ class MotionContext:
         held = measurements.validation_groups
         self.signals = self._signals(measurements.fit_groups)
         self._held = self._signals(held) if held else None
-        self.apart = np.zeros(len(joints), bool)
+        self.apart: Phases = np.full(len(joints), Phase.REST, np.int8)
         self._shared, self._held_shared = dict[object, Any](), dict[object, Any]()
         bare = Equation(measurements.robot, self.signals, Layout(joints), self._shared)
         self._start = start_values(measurements, bare)
@@ -214,22 +214,22 @@ class MotionContext:
         )
 
     @cached_property
-    def _moving(self) -> NDArray[np.bool_]:
-        return in_motion(self.signals)
+    def _phases(self) -> Phases:
+        return phases(self.signals)
 
     @cached_property
-    def _judged_moving(self) -> NDArray[np.bool_]:
-        return self._moving if self._held is None else in_motion(self._held)
+    def _judged_phases(self) -> Phases:
+        return self._phases if self._held is None else phases(self._held)
 
     @property
     def used(self) -> NDArray[np.bool_]:
         """Samples of the fit groups that count, shape (N, n)."""
-        return self._moving | ~self.apart
+        return self._phases >= self.apart
 
     @property
     def judged_used(self) -> NDArray[np.bool_]:
         """Samples of `judged_signals` that count, shape (N, n)."""
-        return self._judged_moving | ~self.apart
+        return self._judged_phases >= self.apart
 
     def equation(self, layout: Layout) -> Equation:
         """Equation of the fit groups."""
@@ -247,12 +247,16 @@ class MotionContext:
         hold, and controllers drift: no law of the motion describes the torque there.
         """
         before = self.apart
-        self.apart = before | self.louder_at_rest(fit)
-        return bool(np.any(self.apart & ~before))
+        self.apart = np.where(self.louder_before_motion(fit), np.int8(Phase.MOTION), before)
+        return bool(np.any(self.apart > before))
 
-    def louder_at_rest(self, fit: MotionFit) -> NDArray[np.bool_]:
-        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,)."""
-        return loud_at_rest(fit.residual, self._moving, self.noise_floor)
+    def louder_before_motion(self, fit: MotionFit) -> NDArray[np.bool_]:
+        """Joints where a fit errs much more at rest and just after it than in motion, shape (n,).
+
+        At rest only where it counts.
+        """
+        moving = self._phases == Phase.MOTION
+        return louder(fit.residual, ~moving & (self._phases >= self.apart), moving, self.noise_floor)
 
     @property
     def judged_signals(self) -> Signals:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.equation import Signals
 
 Array = NDArray[np.float64]
+Phases = NDArray[np.int8]
 
 LIMITS = THRESHOLDS.motion
 
@@ -41,10 +44,19 @@ def robust_weights(residual: Array, floor: Array, used: NDArray[np.bool_]) -> tu
     return weights, sigma, 2 * float(used.sum(axis=0) @ np.log(sigma)) + float(loss.sum())
 
 
-def in_motion(signals: Signals) -> NDArray[np.bool_]:
-    """Samples at which a joint moves, or has moved from rest by more than `LIMITS.start_angle`: (N, n)."""
+class Phase(IntEnum):
+    """Of a joint's motion. Where standstill is left out, a joint has the number of the first that counts."""
+
+    REST = 0
+    START = 1  # moving, but not yet by more than `LIMITS.start_angle` from where it rested
+    MOTION = 2
+
+
+def phases(signals: Signals) -> Phases:
+    """The `Phase` of each sample and joint, shape (N, n)."""
     position, speed = signals.theta[0], np.abs(signals.theta[1])
     moving = speed > LIMITS.standstill_speed * np.quantile(speed, 0.95, axis=0)
+    phase = np.where(moving, Phase.MOTION, Phase.REST).astype(np.int8)
     for block in signals.blocks:
         rows = block.rows
         for j in range(moving.shape[1]):
@@ -53,14 +65,16 @@ def in_motion(signals: Signals) -> NDArray[np.bool_]:
             for start in starts:
                 away = np.abs(position[start : rows.stop, j] - position[start, j]) > LIMITS.start_angle
                 stop = start + (int(np.argmax(away)) if away.any() else rows.stop - start)
-                moving[start:stop, j] = False
-    return moving
+                phase[start:stop, j] = np.minimum(phase[start:stop, j], Phase.START)
+    return phase
 
 
-def loud_at_rest(residual: Array, moving: NDArray[np.bool_], floor: Array) -> NDArray[np.bool_]:
-    """Joints whose residual (N, n) is much larger where they do not move than where they do, shape (n,)."""
+def louder(
+    residual: Array, here: NDArray[np.bool_], moving: NDArray[np.bool_], floor: Array
+) -> NDArray[np.bool_]:
+    """Joints whose residual (N, n) is much larger in samples `here` than in those of motion, shape (n,)."""
     squares = residual**2
-    rest = np.sum(squares * ~moving, axis=0) / np.maximum((~moving).sum(axis=0), 1)
+    there = np.sum(squares * here, axis=0) / np.maximum(here.sum(axis=0), 1)
     moved = np.sum(squares * moving, axis=0) / np.maximum(moving.sum(axis=0), 1)
-    loud = np.sqrt(rest) > LIMITS.far_off * floor
-    return loud & (rest > LIMITS.standstill_ratio**2 * moved)
+    loud = np.sqrt(there) > LIMITS.far_off * floor
+    return loud & (there > LIMITS.standstill_ratio**2 * moved)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
-from flexviz.diagnosis.motion_samples import in_motion
+from flexviz.diagnosis.motion_samples import Phases, phases
 from flexviz.equation import Equation, Layout, OperatingPoint, build_signals, layout_of
 from flexviz.estimation import residual_noise
 from flexviz.measurements import MeasurementSet
@@ -70,12 +70,12 @@ class PredictionErrorBand:
         self.stated = "validation" if held_out else "fit"
 
     @cached_property
-    def moving(self) -> NDArray[np.bool_]:
-        """Samples at which a joint moves, shape (N, n)."""
-        return in_motion(self.signals)
+    def phases(self) -> Phases:
+        """Whether a joint rests, starts or moves, shape (N, n)."""
+        return phases(self.signals)
 
-    def errors(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> PredictionErrors:
-        """Residuals of a model; `apart`, shape (n,): joints whose standstill does not count."""
+    def errors(self, fit: Fitted, apart: Phases | None = None) -> PredictionErrors:
+        """Residuals of a model; `apart`, shape (n,): the first phase of each joint that counts."""
         point, residual, used = self._residual(fit, apart)
         held_out = {g.name: g.validation for g in self.signals.groups}
         groups = tuple(
@@ -86,19 +86,17 @@ class PredictionErrorBand:
         floor = np.sqrt(residual_noise(self.signals, fit.layout, fit.x, point.link_terms(fit.x), self.noise))
         return PredictionErrors(*self._rms(residual, used), groups, tuple(map(float, floor)), residual)
 
-    def stated_rms(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> tuple[float, ...]:
+    def stated_rms(self, fit: Fitted, apart: Phases | None = None) -> tuple[float, ...]:
         """The stated one of `errors`, per joint [Nm], without the noise floor, which costs most."""
         _, residual, used = self._residual(fit, apart)
         fitted, held_out = self._rms(residual, used)
         return held_out or fitted
 
-    def _residual(
-        self, fit: Fitted, apart: NDArray[np.bool_] | None
-    ) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
+    def _residual(self, fit: Fitted, apart: Phases | None) -> tuple[OperatingPoint, Array, NDArray[np.bool_]]:
         """A model, its residual, and which of it counts."""
         point = Equation(self.measurements.robot, self.signals, fit.layout, self._shared).at(fit.x)
         residual = point.residual(fit.x)
-        return point, residual, np.ones(residual.shape, bool) if apart is None else self.moving | ~apart
+        return point, residual, np.ones(residual.shape, bool) if apart is None else self.phases >= apart
 
     def _rms(
         self, residual: Array, used: NDArray[np.bool_]

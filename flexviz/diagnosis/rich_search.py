@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexviz.diagnosis.candidates import NearNoise, candidates, is_episode, without_effect
+from flexviz.diagnosis.after_rest import AfterRest
+from flexviz.diagnosis.candidates import NearNoise, is_episode, without_effect
 from flexviz.diagnosis.elimination import Necessity
 from flexviz.diagnosis.model_family import RichModel
 from flexviz.diagnosis.motion_fit import MotionContext, MotionFit
 from flexviz.diagnosis.so_far import Standing
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.diagnosis.what_is_left import WhatIsLeft
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Layout
 from flexviz.estimation import ScoredCandidate
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 LIMITS = THRESHOLDS.motion
 
 
-class RichSearch(WhatIsLeft):
+class RichSearch(AfterRest):
     """A search on one set.
 
     Args:
@@ -141,6 +141,7 @@ class RichSearch(WhatIsLeft):
             merged, kept = self.with_all_found(*self.refined(merged, kept, joints))
         merged, kept = self.with_original_laws(merged, kept)
         fit, needed = self.without_absent(*self.without_superfluous_curves(merged, kept))
+        fit, needed = self.with_first_movements(fit, needed)
         return RichModel(fit, needed, self.curves)
 
     def keep(self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]) -> None:
@@ -174,24 +175,6 @@ class RichSearch(WhatIsLeft):
                 self._refused |= {s.effect for s in chosen}
                 idle += 1
         return fit, needed
-
-    def with_starts(
-        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
-    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
-        """The model with effects that act after a standstill, on joints that err much more there."""
-        loud = self.context.louder_at_rest(fit)
-        wanted = [
-            e
-            for e in candidates(fit.layout, self.context.measurements.groups, many=True)
-            if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]
-        ]
-        chosen = self.best_of_each_joint(fit, self.scored(fit, wanted))
-        if not chosen:
-            return fit, needed
-        self.say(f"adding: {EFFECTS[chosen[0].effect.effect].title}")
-        larger, kept = self.thinned(self.usual_fit(beside=self.with_candidates(fit, chosen)))
-        better = larger.objective < fit.objective and not self.worse_joints(fit, larger)
-        return (larger, kept) if better else (fit, needed)
 
     def beside_curve(
         self, fit: MotionFit, curve: ChosenEffect
@@ -255,11 +238,6 @@ class RichSearch(WhatIsLeft):
             return None
         self._refused |= effects - set(kept)
         return larger, kept
-
-    def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
-        """Joints whose held-out residual is clearly larger than before."""
-        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
-        return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
 
     def with_original_laws(
         self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexviz.diagnosis.fit_context import Fitted
+from flexviz.diagnosis.motion_samples import Phases
 from flexviz.diagnosis.prediction_errors import Known, PredictionErrorBand
 from flexviz.effects import ChosenEffect
 from flexviz.equation import Layout
@@ -32,7 +32,7 @@ class Standing:
         self.own, self.band, self._tell = own, band, tell
         self.spread = band.measurements.torque_spread
         self._own_fit: Known | None = None
-        self._own_errors: dict[bytes, Sequence[float]] = {}  # by the joints whose standstill is apart
+        self._own_errors: dict[bytes, Sequence[float]] = {}  # by what of the joints' standstill is apart
         self._best = np.inf  # its share of the torque
 
     def own_model(self, fit: Fitted) -> None:
@@ -54,8 +54,8 @@ class Standing:
         if self._tell is not None:
             self._tell(BestSoFar(self._names([effect]), "scores best of all candidates, not fitted yet"))
 
-    def fitted(self, fit: Fitted, apart: NDArray[np.bool_] | None = None) -> None:
-        """A larger model is fitted; `apart`, shape (n,): joints whose standstill does not count."""
+    def fitted(self, fit: Fitted, apart: Phases | None = None) -> None:
+        """A larger model is fitted; `apart`, shape (n,): the first phase of each joint that counts."""
         added = [effect for effect in fit.layout.effects if effect not in self.own.effects]
         if self._tell is None or self._own_fit is None or not added:
             return
@@ -72,7 +72,7 @@ class Standing:
         more = len(names) - NAMED
         return listed([*names[:NAMED], f"{more} more"] if more > 1 else names)
 
-    def _own_rms(self, apart: NDArray[np.bool_] | None) -> Sequence[float]:
+    def _own_rms(self, apart: Phases | None) -> Sequence[float]:
         """Error of the set's own model per joint [Nm]."""
         assert self._own_fit is not None
         key = b"" if apart is None else apart.tobytes()

@@ -144,6 +144,11 @@ class MotionThresholds:
     standstill_ratio: float = 1.5  # residual at rest relative to that in motion from which it is judged apart
     standstill_speed: float = 0.01  # of a joint's 95 % speed: it rests below
     start_angle: float = 0.01  # [rad] after rest that counts as standstill
+    # largest held-out residual of a joint with start-up friction, relative to that without it ...
+    start_gain: float = 0.85
+    start_harm: float = (
+        1.05  # ... and that in motion, relative to a fit without the first movement after rest
+    )
     split_spread: float = 0.2  # prior standard deviation of the link's viscous friction, relative ...
     split_torque: float = 0.003  # ... plus this share of the rms torque at the rms velocity
     massless: float = 1e-3  # share of the heaviest body's mass below which a CAD body is a dummy ...

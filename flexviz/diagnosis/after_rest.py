@@ -1,0 +1,84 @@
+"""Effects that act after a standstill: sought where a model errs much more there than in motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexviz.diagnosis.candidates import candidates
+from flexviz.diagnosis.elimination import Necessity, necessities
+from flexviz.diagnosis.motion_fit import MotionFit
+from flexviz.diagnosis.motion_samples import Phase
+from flexviz.diagnosis.thresholds import THRESHOLDS
+from flexviz.diagnosis.what_is_left import WhatIsLeft
+from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.statistics import NORMAL_95
+
+LIMITS = THRESHOLDS.motion
+
+
+class AfterRest(WhatIsLeft):
+    """Adds them to a model, with and without the standstill itself."""
+
+    def with_starts(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with effects that act after a standstill, on joints that err much more there."""
+        chosen = self.best_of_each_joint(fit, self.scored(fit, self.after_rest(fit)))
+        if not chosen:
+            return fit, needed
+        self.say(f"adding: {EFFECTS[chosen[0].effect.effect].title}")
+        larger, kept = self.thinned(self.usual_fit(beside=self.with_candidates(fit, chosen)))
+        better = larger.objective < fit.objective and not self.worse_joints(fit, larger)
+        return (larger, kept) if better else (fit, needed)
+
+    def with_first_movements(
+        self, fit: MotionFit, needed: dict[ChosenEffect, Necessity]
+    ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
+        """The model with effects that describe the first movement after a standstill that was left out.
+
+        The movement counts from then on, except where the model still errs much more there than later.
+        """
+        context, before = self.context, self.context.apart
+        if not np.any(before == Phase.MOTION):
+            return fit, needed
+        self.say("fitting the first movement after standstill")
+        with_all = np.minimum(before, np.int8(Phase.START))
+        context.apart = with_all
+        again = self.fit(fit.layout, fit.x)
+        chosen = self.best_of_each_joint(again, self.scored(again, self.after_rest(again)))
+        larger = self.with_candidates(again, chosen)
+        needs = necessities(larger)
+        useful = [s for s in chosen if self.clearly_better(again, larger, s.effect, needs[s.effect])]
+        loud, useful_on = context.louder_before_motion(larger), {s.effect.place.own_joint for s in useful}
+        context.apart = before
+        in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
+        harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
+        described = harmless & (~loud | np.isin(np.arange(self.own.n), list(useful_on)))
+        context.apart = np.where(described, with_all, before)
+        if np.all(context.apart == before):
+            return fit, needed
+        found = self.with_candidates(fit, [s for s in useful if described[s.effect.place.own_joint]])
+        return found, necessities(found)
+
+    def clearly_better(
+        self, fit: MotionFit, larger: MotionFit, effect: ChosenEffect, need: Necessity
+    ) -> bool:
+        """Whether an effect describes what follows a standstill: a few short stretches, all much alike.
+
+        Held-out groups decide, if there are any: what is the same in them was not fitted.
+        """
+        joint = effect.place.own_joint
+        falls = larger.held_out_rms()[joint] < LIMITS.start_gain * fit.held_out_rms()[joint]
+        least = NORMAL_95 if fit.held_out else LIMITS.significant
+        return bool(falls and need.credible and need.deviations > least)
+
+    def after_rest(self, fit: MotionFit) -> list[ChosenEffect]:
+        """Effects after a standstill that a model lacks on joints that err much more there."""
+        every = candidates(fit.layout, self.context.measurements.groups, many=True)
+        loud = self.context.louder_before_motion(fit)
+        return [e for e in every if EFFECTS[e.effect].after_rest and e.joint is not None and loud[e.joint]]
+
+    def worse_joints(self, fit: MotionFit, larger: MotionFit) -> set[int]:
+        """Joints whose held-out residual is clearly larger than before."""
+        allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
+        return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
