@@ -3,6 +3,7 @@
     make     simulate the sets that are not in DIR yet: DIR/cases, and what is hidden in them: DIR/truth
     run      diagnose those without a result, each in a process of its own: DIR/results
     report   print what was found, at which cost, and how far the stated confidences hold
+    oracle   compare the held-out error of each diagnosis with that of a fit that is given the hidden effects
 
 Each can be interrupted and goes on where it was.
 """
@@ -20,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads wo
 from benchmarks.diagnosis_study.running import say
 from benchmarks.robotlike_study.cases import DURATION, SHARES, cases, parse_shares
 from benchmarks.robotlike_study.effects import DRAWS
+from benchmarks.robotlike_study.oracle import compare_all
 from benchmarks.robotlike_study.report import report as text
 from benchmarks.robotlike_study.report import scored_cases
 from benchmarks.robotlike_study.running import COMMAND, LONGEST, DiagnosisRunner, made_cases, make_all
@@ -56,6 +58,13 @@ def report(options: argparse.Namespace) -> int:
     return int(len(found) < len(planned) or any(case.error is not None for case in found))
 
 
+def oracle(options: argparse.Namespace) -> int:
+    """Print each set's held-out error, and that of a fit that is given the hidden effects."""
+    for compared in compare_all(options.work, options.only):
+        print(compared.text(), flush=True)
+    return 0
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     out = argparse.ArgumentParser(
@@ -81,7 +90,9 @@ def parser() -> argparse.ArgumentParser:
     ran.add_argument("--command", default="", help="the command flexviz; by default that of this Python")
     told = commands.add_parser("report", help="print what was found")
     told.set_defaults(act=report)
-    for command in (made, ran, told):
+    known = commands.add_parser("oracle", help="compare with fits that are given the hidden effects")
+    known.set_defaults(act=oracle)
+    for command in (made, ran, told, known):
         command.add_argument(
             "--work", type=Path, required=True, help="folder of the sets, truths and results"
         )

@@ -1,0 +1,107 @@
+"""The diagnosis beside a fit that is given the hidden effects of the library, started from their true values.
+
+That fit is made twice, weighted by the sensors' noise and by its own residual in the band of the motion, as
+the diagnosis fits sets with few and with many effects; the better of the two in the held-out groups counts.
+It lacks laws of no library, for which its parameters stand in as far as they can. The diagnosis determines
+them beside such a law and offers a free curve for it: its error is stated without and with that curve.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.diagnosis_study.making import case_folder
+from benchmarks.diagnosis_study.oracle import chosen, errors, with_hidden
+from benchmarks.robotlike_study.judging import UNKNOWN
+from benchmarks.robotlike_study.running import made_cases
+from flexviz.diagnosis import FitContext, diagnose, why_no_curve, with_free_curve
+from flexviz.diagnosis.motion_fit import MotionContext
+from flexviz.effects import choose_effects
+from flexviz.equation import Layout
+from flexviz.identification import identify
+from flexviz.measurements import MeasurementSet, read_set
+from flexviz.model import EffectValue, FlexibleModel
+
+Json = dict[str, Any]
+
+ITERATIONS = 40
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Held-out errors of one set: norm over the joints of the rms, each relative to its torque's spread.
+
+    Attributes:
+        found: of the last model of the diagnosis.
+        with_curve: the same with the free curve that it offers; None if the last verdict is not "unknown".
+        oracle: of the fit that is given the hidden effects.
+        laws: number of hidden laws of no library, which neither has.
+    """
+
+    name: str
+    found: float
+    with_curve: float | None
+    oracle: float
+    laws: int
+
+    def text(self) -> str:
+        """One line."""
+
+        def stated(error: float) -> str:
+            return f"{100 * error:.3f} % of the torque (×{error / self.oracle:.3f})"
+
+        curve = "" if self.with_curve is None else f", with its free curve {stated(self.with_curve)}"
+        laws = f", without {self.laws} hidden law(s) of no library" if self.laws else ""
+        return f"{self.name}: {stated(self.found)}{curve}; given the effects{laws} {100 * self.oracle:.3f} %"
+
+
+def compare_all(work: Path, only: str) -> Iterator[Compared]:
+    """Each set in turn."""
+    for name in made_cases(work, only):
+        truth = json.loads((work / "truth" / f"{name}.json").read_text())
+        measurements = read_set(case_folder(work, name))
+        result = diagnose(measurements, apply=True)
+        laws = sum(e["effect"] == UNKNOWN for e in truth["effects"])
+        oracle = min(_norm(measurements, model) for model in _given(measurements, truth))
+        curve = None if why_no_curve(result) else with_free_curve(measurements, result).model
+        yield Compared(
+            name,
+            _norm(measurements, result.model),
+            None if curve is None else _norm(measurements, curve),
+            oracle,
+            laws,
+        )
+
+
+def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
+    assert model is not None
+    return float(np.linalg.norm(np.array(errors(measurements, model)) / measurements.torque_spread))
+
+
+def _given(measurements: MeasurementSet, truth: Json) -> Iterator[FlexibleModel]:
+    """Fits of the model with the hidden effects."""
+    joints = measurements.joints
+    hidden = tuple(
+        EffectValue(e["effect"], e["joint"], e["parameters"], e.get("group"), e.get("payload"))
+        for e in truth["effects"]
+        if e["effect"] != UNKNOWN
+    )
+    start = replace(
+        identify(measurements).model,
+        stiffness=np.array(truth["stiffness"]),
+        motor_inertia=np.array(truth["motor_inertia"]),
+    )
+    start = replace(start, effects=(*start.effects, *hidden))
+    base = Layout(joints, choose_effects(measurements.effects, joints))
+    layout = with_hidden(base, [chosen(e, joints) for e in hidden])
+    x = layout.vector(start)
+    by_noise = FitContext(measurements, layout).fit(layout, x, iterations=ITERATIONS)
+    by_residual = MotionContext(measurements, joints).fit(layout, x, iterations=ITERATIONS)
+    for fit in (by_noise, by_residual):
+        yield layout.model(fit.x)
