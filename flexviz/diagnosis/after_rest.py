@@ -36,28 +36,26 @@ class AfterRest(WhatIsLeft):
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with effects that describe the first movement after a standstill that was left out.
 
-        The movement counts from then on, except where the model still errs much more there than later.
+        On the joints of these and of those found before, the movement counts from then on.
         """
         context, before = self.context, self.context.apart
         if not np.any(before == Phase.MOTION):
             return fit, needed
         self.say("fitting the first movement after standstill")
-        with_all = np.minimum(before, np.int8(Phase.START))
-        context.apart = with_all
+        context.apart = np.minimum(before, np.int8(Phase.START))
         again = self.fit(fit.layout, fit.x)
         chosen = self.best_of_each_joint(again, self.scored(again, self.after_rest(again)))
         larger = self.with_candidates(again, chosen)
         needs = necessities(larger)
         useful = [s for s in chosen if self.clearly_better(again, larger, s.effect, needs[s.effect])]
-        loud, useful_on = context.louder_before_motion(larger), {s.effect.place.own_joint for s in useful}
         context.apart = before
         in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
         harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
-        described = harmless & (~loud | np.isin(np.arange(self.own.n), list(useful_on)))
-        context.apart = np.where(described, with_all, before)
+        useful = [s for s in useful if harmless[s.effect.place.own_joint]]
+        context.count_starts((*fit.layout.effects, *(s.effect for s in useful)))
         if np.all(context.apart == before):
             return fit, needed
-        found = self.with_candidates(fit, [s for s in useful if described[s.effect.place.own_joint]])
+        found = self.with_candidates(fit, useful)
         return found, necessities(found)
 
     def clearly_better(

@@ -74,6 +74,7 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
+            context.count_starts(own.effects)
         tell(stages.FREE_CURVE)
         fits: list[MotionFit] = []
         for name in curve.effects:
