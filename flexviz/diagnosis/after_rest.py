@@ -11,6 +11,7 @@ from flexviz.diagnosis.motion_samples import Phase
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.what_is_left import WhatIsLeft
 from flexviz.effects import EFFECTS, ChosenEffect
+from flexviz.estimation import ScoredCandidate
 from flexviz.statistics import NORMAL_95
 
 LIMITS = THRESHOLDS.motion
@@ -42,13 +43,11 @@ class AfterRest(WhatIsLeft):
         if not np.any(before == Phase.MOTION):
             return fit, needed
         self.say("fitting the first movement after standstill")
-        context.apart = np.minimum(before, np.int8(Phase.START))
-        again = self.fit(fit.layout, fit.x)
-        chosen = self.best_of_each_joint(again, self.scored(again, self.after_rest(again)))
-        larger = self.with_candidates(again, chosen)
-        needs = necessities(larger)
-        useful = [s for s in chosen if self.clearly_better(again, larger, s.effect, needs[s.effect])]
-        context.apart = before
+        try:
+            context.apart = np.minimum(before, np.int8(Phase.START))
+            larger, useful = self.with_useful_starts(self.fit(fit.layout, fit.x))
+        finally:  # a search that is stopped here, too, shows the model that it had
+            context.apart = before
         in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
         harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
         useful = [s for s in useful if harmless[s.effect.place.own_joint]]
@@ -57,6 +56,13 @@ class AfterRest(WhatIsLeft):
             return fit, needed
         found = self.with_candidates(fit, useful)
         return found, necessities(found)
+
+    def with_useful_starts(self, fit: MotionFit) -> tuple[MotionFit, list[ScoredCandidate]]:
+        """The model with the best effect after a standstill on each joint, and which of them are of use."""
+        chosen = self.best_of_each_joint(fit, self.scored(fit, self.after_rest(fit)))
+        larger = self.with_candidates(fit, chosen)
+        needs = necessities(larger)
+        return larger, [s for s in chosen if self.clearly_better(fit, larger, s.effect, needs[s.effect])]
 
     def clearly_better(
         self, fit: MotionFit, larger: MotionFit, effect: ChosenEffect, need: Necessity
