@@ -171,7 +171,7 @@ def test_a_joint_that_rests_all_the_time_has_no_error(demo, monkeypatch):
     """Its standstill is judged apart, and nothing else of it is left."""
     context = search_of(read_set(DEMO)).context
     context.apart[0] = Phase.MOTION
-    for name in ("_phases", "_judged_phases"):
+    for name in ("_phases", "judged_phases"):
         monkeypatch.setitem(
             context.__dict__, name, np.minimum(getattr(context, name), [Phase.REST, Phase.MOTION])
         )

@@ -20,6 +20,7 @@ from flexviz.measurements import MeasurementSet, Segment, read_set
 from flexviz.simulation import make_plan, simulate_plan, write_plan
 
 COULOMB, STARTUP = ChosenEffect("coulomb_friction", 0), ChosenEffect("startup_friction", 0)
+TILT = ChosenEffect("base_tilt")
 HIDDEN = ["coulomb_friction:joint1:coulomb=4", "startup_friction:joint1:startup=3,angle=0.02"]
 
 
@@ -97,7 +98,7 @@ def test_the_first_movement_counts_where_start_up_friction_describes_it(
 ) -> None:
     """Standstill says nothing where a brake holds the joint; what follows it does."""
     search = search_on(with_brakes(moves if hidden else without, 0))
-    context, layout = search.context, Layout(moves.joints, (COULOMB,))
+    context, layout = search.context, Layout(moves.joints, (COULOMB, TILT))
     fit = search.fit(layout, context.start(layout).x)
     assert context.set_standstill_apart(fit) and context.apart[0] == Phase.MOTION
     found, needed = search.with_first_movements(search.fit(layout, fit.x), {})

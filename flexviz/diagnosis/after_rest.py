@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexviz.diagnosis.candidates import candidates
-from flexviz.diagnosis.elimination import Necessity, necessities
+from flexviz.diagnosis.elimination import Necessity, necessities, sizes
 from flexviz.diagnosis.motion_fit import MotionFit
-from flexviz.diagnosis.motion_samples import Phase
+from flexviz.diagnosis.motion_samples import Phase, Phases
 from flexviz.diagnosis.thresholds import THRESHOLDS
 from flexviz.diagnosis.what_is_left import WhatIsLeft
 from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.estimation import ScoredCandidate
 from flexviz.statistics import NORMAL_95
+
+Array = NDArray[np.float64]
 
 LIMITS = THRESHOLDS.motion
 
@@ -37,7 +40,7 @@ class AfterRest(WhatIsLeft):
     ) -> tuple[MotionFit, dict[ChosenEffect, Necessity]]:
         """The model with effects that describe the first movement after a standstill that was left out.
 
-        On the joints of these and of those found before, the movement counts from then on.
+        Where these, or those found before, describe it, it counts from then on.
         """
         context, before = self.context, self.context.apart
         if not np.any(before == Phase.MOTION):
@@ -51,10 +54,11 @@ class AfterRest(WhatIsLeft):
         in_motion = self.fit(larger.layout, larger.x, iterations=0).held_out_rms()
         harmless = in_motion < LIMITS.start_harm * fit.held_out_rms()
         useful = [s for s in useful if harmless[s.effect.place.own_joint]]
-        context.count_starts((*fit.layout.effects, *(s.effect for s in useful)))
+        found = self.with_candidates(fit, useful)
+        context.apart = with_described_starts(found)
         if np.all(context.apart == before):
             return fit, needed
-        found = self.with_candidates(fit, useful)
+        found = self.fit(found.layout, found.x)
         return found, necessities(found)
 
     def with_useful_starts(self, fit: MotionFit) -> tuple[MotionFit, list[ScoredCandidate]]:
@@ -86,3 +90,26 @@ class AfterRest(WhatIsLeft):
         """Joints whose held-out residual is clearly larger than before."""
         allowed = np.maximum(LIMITS.worse * fit.held_out_rms(), LIMITS.quiet * self.context.noise_floor)
         return {int(j) for j in np.flatnonzero(larger.held_out_rms() > allowed)}
+
+
+def with_described_starts(fit: MotionFit) -> Phases:
+    """The first phases that count, shape (n,), with first movements that a model's effects describe.
+
+    That is where the error of the held-out ones, or of the fitted ones without any, is smaller with them.
+    """
+    context, layout = fit.context, fit.layout
+    equation = context.held_out_equation(layout) or context.equation(layout)
+    start, apart = context.judged_phases == Phase.START, context.apart.copy()
+
+    def misfit(x: Array, joint: int) -> float:
+        residual = equation.at(x).residual(x)[:, joint]
+        return float(np.sum(residual[start[:, joint]] ** 2))
+
+    for effect, where in layout.effect_slices():
+        if not EFFECTS[effect.effect].after_rest or apart[effect.place.own_joint] != Phase.MOTION:
+            continue
+        joint, without = effect.place.own_joint, fit.x.copy()
+        without[sizes(effect, where)] = 0.0
+        if misfit(fit.x, joint) < misfit(without, joint):
+            apart[joint] = Phase.START
+    return apart

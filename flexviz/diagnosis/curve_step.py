@@ -8,6 +8,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from flexviz.diagnosis import stages
+from flexviz.diagnosis.after_rest import with_described_starts
 from flexviz.diagnosis.evidence import effect_values, explained_residual, made_step
 from flexviz.diagnosis.fit_context import FitContext
 from flexviz.diagnosis.free_curve import fit_free_curve
@@ -74,7 +75,7 @@ def with_free_curve(
         before = context.fit(own, own.vector(model), iterations=0)
         if any(note.kind == "standstill" for note in diagnosis.notes):
             context.set_standstill_apart(before)
-            context.count_starts(own.effects)
+            context.apart = with_described_starts(before)
         tell(stages.FREE_CURVE)
         fits: list[MotionFit] = []
         for name in curve.effects:

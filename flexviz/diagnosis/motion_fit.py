@@ -7,7 +7,7 @@ priors are firm (`firm_start`), so that a quantity that the data do not show sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Any
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from flexviz.diagnosis.firm_start import firm_start
 from flexviz.diagnosis.motion_samples import Phase, Phases, louder, phases, robust_weights
 from flexviz.diagnosis.thresholds import THRESHOLDS
-from flexviz.effects import EFFECTS, ChosenEffect
 from flexviz.equation import Chain, Equation, Layout, LinkTerms, OperatingPoint, Signals, build_signals
 from flexviz.estimation import (
     Bounds,
@@ -219,7 +218,8 @@ class MotionContext:
         return phases(self.signals)
 
     @cached_property
-    def _judged_phases(self) -> Phases:
+    def judged_phases(self) -> Phases:
+        """Of `judged_signals`, shape (N, n)."""
         return self._phases if self._held is None else phases(self._held)
 
     @property
@@ -230,7 +230,7 @@ class MotionContext:
     @property
     def judged_used(self) -> NDArray[np.bool_]:
         """Samples of `judged_signals` that count, shape (N, n)."""
-        return self._judged_phases >= self.apart
+        return self.judged_phases >= self.apart
 
     def equation(self, layout: Layout) -> Equation:
         """Equation of the fit groups."""
@@ -250,12 +250,6 @@ class MotionContext:
         before = self.apart
         self.apart = np.where(self.louder_before_motion(fit), np.int8(Phase.MOTION), before)
         return bool(np.any(self.apart > before))
-
-    def count_starts(self, effects: Iterable[ChosenEffect]) -> None:
-        """Count the first movement after a standstill that is left out, where effects act on it."""
-        joints = [e.place.own_joint for e in effects if EFFECTS[e.effect].after_rest]
-        described = np.isin(np.arange(len(self.apart)), joints)
-        self.apart = np.where(described, np.minimum(self.apart, np.int8(Phase.START)), self.apart)
 
     def louder_before_motion(self, fit: MotionFit) -> NDArray[np.bool_]:
         """Joints where a fit errs much more at rest and just after it than in motion, shape (n,).
