@@ -3,13 +3,14 @@
 That fit is made twice, weighted by the sensors' noise and by its own residual in the band of the motion, as
 the diagnosis fits sets with few and with many effects; the better of the two in the held-out groups counts.
 It lacks laws of no library, for which its parameters stand in as far as they can. The diagnosis determines
-them beside such a law and offers a free curve for it: its error is stated without and with that curve.
+them beside such a law and offers a free curve for it: both errors are also stated with that curve, fitted
+together with everything else.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from benchmarks.robotlike_study.judging import UNKNOWN
 from benchmarks.robotlike_study.running import made_cases
 from flexviz.diagnosis import FitContext, diagnose, why_no_curve, with_free_curve
 from flexviz.diagnosis.motion_fit import MotionContext
-from flexviz.effects import choose_effects
+from flexviz.effects import choose_effects, free_curve
 from flexviz.equation import Layout
 from flexviz.identification import identify
 from flexviz.measurements import MeasurementSet, read_set
@@ -39,26 +40,27 @@ class Compared:
 
     Attributes:
         found: of the last model of the diagnosis.
-        with_curve: the same with the free curve that it offers; None if the last verdict is not "unknown".
         oracle: of the fit that is given the hidden effects.
-        laws: number of hidden laws of no library, which neither has.
+        with_curve: both with the free curve that the diagnosis offers; None unless it ends with "unknown".
+        laws: number of hidden laws of no library.
     """
 
     name: str
     found: float
-    with_curve: float | None
     oracle: float
+    with_curve: tuple[float, float] | None
     laws: int
 
     def text(self) -> str:
         """One line."""
 
-        def stated(error: float) -> str:
-            return f"{100 * error:.3f} % of the torque (×{error / self.oracle:.3f})"
+        def stated(found: float, oracle: float) -> str:
+            ratio = found / oracle
+            return f"{100 * found:.3f} % of the torque, given the effects {100 * oracle:.3f} % (×{ratio:.3f})"
 
-        curve = "" if self.with_curve is None else f", with its free curve {stated(self.with_curve)}"
-        laws = f", without {self.laws} hidden law(s) of no library" if self.laws else ""
-        return f"{self.name}: {stated(self.found)}{curve}; given the effects{laws} {100 * self.oracle:.3f} %"
+        laws = f" ({self.laws} hidden law(s) of no library)" if self.laws else ""
+        curve = "" if self.with_curve is None else f"; with the free curve {stated(*self.with_curve)}"
+        return f"{self.name}{laws}: {stated(self.found, self.oracle)}{curve}"
 
 
 def compare_all(work: Path, only: str) -> Iterator[Compared]:
@@ -68,15 +70,17 @@ def compare_all(work: Path, only: str) -> Iterator[Compared]:
         measurements = read_set(case_folder(work, name))
         result = diagnose(measurements, apply=True)
         laws = sum(e["effect"] == UNKNOWN for e in truth["effects"])
-        oracle = min(_norm(measurements, model) for model in _given(measurements, truth))
-        curve = None if why_no_curve(result) else with_free_curve(measurements, result).model
-        yield Compared(
-            name,
-            _norm(measurements, result.model),
-            None if curve is None else _norm(measurements, curve),
-            oracle,
-            laws,
-        )
+        both = None
+        if not why_no_curve(result):
+            more = with_free_curve(measurements, result)
+            curve = [e for e in more.model.effects if free_curve(e.effect)] if more.model else []
+            both = _norm(measurements, more.model), _least(measurements, truth, curve)
+        found = _norm(measurements, result.model)
+        yield Compared(name, found, _least(measurements, truth), both, laws)
+
+
+def _least(measurements: MeasurementSet, truth: Json, more: Sequence[EffectValue] = ()) -> float:
+    return min(_norm(measurements, model) for model in _given(measurements, truth, more))
 
 
 def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
@@ -84,8 +88,8 @@ def _norm(measurements: MeasurementSet, model: FlexibleModel | None) -> float:
     return float(np.linalg.norm(np.array(errors(measurements, model)) / measurements.torque_spread))
 
 
-def _given(measurements: MeasurementSet, truth: Json) -> Iterator[FlexibleModel]:
-    """Fits of the model with the hidden effects."""
+def _given(measurements: MeasurementSet, truth: Json, more: Sequence[EffectValue]) -> Iterator[FlexibleModel]:
+    """Fits of the model with the hidden effects, and with more that start from given values."""
     joints = measurements.joints
     hidden = tuple(
         EffectValue(e["effect"], e["joint"], e["parameters"], e.get("group"), e.get("payload"))
@@ -97,6 +101,7 @@ def _given(measurements: MeasurementSet, truth: Json) -> Iterator[FlexibleModel]
         stiffness=np.array(truth["stiffness"]),
         motor_inertia=np.array(truth["motor_inertia"]),
     )
+    hidden = (*hidden, *more)
     start = replace(start, effects=(*start.effects, *hidden))
     base = Layout(joints, choose_effects(measurements.effects, joints))
     layout = with_hidden(base, [chosen(e, joints) for e in hidden])
